@@ -1,12 +1,12 @@
 """Verdicts of each mitigation level on a campaign, beside the truth.
 
 The results hold what the receiver measured (`measured_columns`), so its processor can judge them again, at the level of
-the scenario or at another one: `level_verdicts`. The verdicts are those of `vestige process`, of the same code. What is
-added here is the truth:
+the scenario or at another one: `level_verdicts`. The verdicts are those of `vestige process`: the same code makes them.
+This module adds the truth:
 
-**Error of a range in use.** What a RECS authenticates is the time since the RECS before. So the error of a range of E1
-that is in use is the largest that the attack made in that time. Where the earliest of several signals is in use
-instead, it is the error of that.
+**Error of a range in use.** A RECS authenticates the time since the RECS before. So the error of a range of E1 that is
+in use is the largest that the attack made in that time. Where the earliest of several signals is in use instead, the
+error is that of this signal.
 """
 
 from __future__ import annotations

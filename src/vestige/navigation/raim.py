@@ -39,7 +39,7 @@ class Redundancy:
     Attributes
     ----------
     gain
-        S, from measurements to (three coordinates, clock).
+        Matrix S from measurements to (three coordinates, clock).
     unexplained
         Pᵢᵢ, 0 … 1; 0 where not used.
     """
@@ -138,7 +138,7 @@ class Exclusion:
     Attributes
     ----------
     excluded
-        Its column, −1 where nothing was to be excluded or nothing helped.
+        Column of the excluded satellite; −1 where nothing was to be excluded or no exclusion helped.
     statistic
         T after the exclusion (or without one).
     consistent

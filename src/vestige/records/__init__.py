@@ -50,7 +50,7 @@ class E1Observation:
     doppler_hz
         Carrier Doppler in Hz, positive when the satellite approaches.
     doppler_rate_hz_per_s
-        Its rate of change in Hz/s.
+        Rate of change of the Doppler in Hz/s.
     cn0_dbhz
         C/N0 of E1-C alone (per component) in dBHz.
     """
@@ -137,7 +137,7 @@ class Handover:
     doppler_hz
         Expected carrier Doppler on E6 at `start_time`, in Hz.
     doppler_rate_hz_per_s
-        Its rate of change in Hz/s.
+        Rate of change of the Doppler in Hz/s.
     """
 
     svid: int
@@ -226,7 +226,7 @@ class Snapshot:
     observations
         E1 observations by SVID, with Doppler and its rate.
     recs
-        Satellites whose RECS it was cut for, whether E1 shows them or not; empty if the source does not say.
+        Satellites for whose RECS the snapshot was cut, whether E1 shows them or not; empty if the source does not say.
     """
 
     index: int

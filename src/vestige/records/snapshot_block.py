@@ -197,9 +197,9 @@ class SnapshotBlock:
     front_end
         Power and gain of the front ends, by band.
     e6
-        Answers `correlate`; None without E6.
+        Object that answers `correlate`; None without E6.
     searches
-        Answers both searches; None where nothing can be searched.
+        Object that answers both searches; None where nothing can be searched.
     osnma
         OSNMA beside that of a second channel; None without one.
     increments

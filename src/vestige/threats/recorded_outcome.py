@@ -2,8 +2,8 @@
 
 The words are those of `campaign/run_outcome.py`. What they need is taken from the recording:
 
-**Error of a range.** The tracked pseudorange minus that of the same receiver without the attack, which the scenario
-says without any samples: both have the same clock, orbits and atmosphere.
+**Error of a range.** The tracked pseudorange minus that of the same receiver without the attack, which follows from the
+scenario without any samples: both have the same clock, orbits and atmosphere.
 
 **Epochs.** Each RECS, and each second between two if the level looks at E1 there. A satellite of the scenario that
 tracking lost has no verdict.

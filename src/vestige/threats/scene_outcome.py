@@ -1,7 +1,7 @@
 """Outcome of an attack in many runs at one mitigation level, and its agreement with the expectation.
 
 A statement about an attack is made of many runs with other seeds, and holds if the exact interval of its probability
-lies above one half. Where the interval holds one half, nothing is said. An expectation is such a statement:
+lies above one half. If the interval contains one half, no statement is made. An expectation is such a statement:
 
     pass         without an attack neither alarms nor failures of single tests are more frequent than their budget,
                  nor failures of any check more frequent than the budget of that check, nor less frequent where the
@@ -16,8 +16,8 @@ No check lends its budget to another one. A check exceeds its own if so many fai
 probability below `ERROR` over the number of the level's checks. So a level that keeps every budget exactly is said to
 exceed one in at most 5 % of all measurements.
 
-What is said of single runs stands in `campaign/run_outcome.py`. Neighbouring epochs share the noise of some seconds, so
-that failures of single tests come in groups of up to `_GROUP`. All functions are pure.
+The outcome of a single run is defined in `campaign/run_outcome.py`. Neighbouring epochs share the noise of some
+seconds, so that failures of single tests come in groups of up to `_GROUP`. All functions are pure.
 """
 
 from __future__ import annotations

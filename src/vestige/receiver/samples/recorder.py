@@ -8,7 +8,7 @@ micrometre for any receiver on Earth. The chip that arrives at t_m is counted fr
 arrives x after t_m, where t − P(t)/c is the time at which it was sent. Stretches are cut on the sample counter, so
 any recording of the same scenario has the same bits where it overlaps another.
 
-**Propagation.** What comes on top of the pseudorange is asked for once a stretch. A group delay moves the code of the
+**Propagation.** All effects beyond the pseudorange are asked for once a stretch. A group delay moves the code of the
 line of sight and not its carrier; an ionosphere moves the carrier the other way. Both change over a stretch with the
 rates that belong to its middle, so that a tracking loop meets no step.
 """

@@ -40,7 +40,8 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
 class SearchFinds:
     """Results that the searches would have in each of n epochs, if they were made.
 
-    NaN without RECS, out of view, and while E1 acquires: without a time tag of the satellite none is made.
+    The values are NaN without RECS, out of view, and while E1 acquires: without a time tag of the satellite no search
+    is made.
     """
 
     e1_signals: Float[np.ndarray, "n m"]  # signals on E1

@@ -43,8 +43,8 @@ class LiveMessage(Protocol):
 class GrowingAssistance:
     """Assistance folder that still receives files.
 
-    `message` is what the receiver decodes itself, `warn` is told what is wrong with a file, once; all else is as for
-    `read_assistance`.
+    `message` is the navigation message that the receiver decodes itself. `warn` is called once with each fault of a
+    file. All other parameters are those of `read_assistance`.
     """
 
     def __init__(

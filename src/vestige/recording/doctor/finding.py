@@ -61,7 +61,7 @@ def remark(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> 
 class TimeLimit:
     """Limit of the processor time for finding the right description; it counts from when it is made.
 
-    Processor time, not the time of day: what is found does not depend on what else the machine does.
+    It is processor time, not the time of day, so the findings do not depend on what else the machine does.
     """
 
     seconds: float

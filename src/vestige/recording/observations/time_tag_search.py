@@ -1,9 +1,9 @@
 """Error of a recording's time tag, where only samples can tell it: the hand-over search over its uncertainty.
 
-E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. Which of the periods
-it is, no open code says; but the chips of a RECS come once. So each signal on E1 is handed over at all the periods that
-the label allows, and where the RECS is found the label is known. If it is found more than once, the earliest counts
-[WFO, Sec. III-E].
+E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. No open code tells
+which of the periods it is, but the chips of a RECS come once. So each signal on E1 is handed over at all the periods
+that the time tag allows, and the period at which the RECS is found gives the error of the time tag. If it is found more
+than once, the earliest counts [WFO, Sec. III-E].
 """
 
 from __future__ import annotations

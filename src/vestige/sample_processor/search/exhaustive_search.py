@@ -52,7 +52,7 @@ class SearchState:
     Attributes
     ----------
     done, total
-        Hypotheses.
+        Numbers of hypotheses: tested so far, and of the whole search.
     peaks
         Signals that it has found so far, in order of time.
     block_start
@@ -61,7 +61,7 @@ class SearchState:
         Magnitude of the strongest cell in that block, as the engine computed it, in standard deviations of the noise
         per dimension; 0 if the engine left out all of them.
     blocks
-        How many have been done, from the first on.
+        Number of blocks that were searched, from the first on.
     """
 
     done: float

@@ -52,7 +52,7 @@ class CandidateEpochs:
     period_s
         4 ms, or a multiple of it, on the satellite's clock.
     doppler_hz, doppler_rate_hz_per_s
-        On the E6 carrier at `anchor`.
+        Doppler and its rate on the E6 carrier at `anchor`.
     """
 
     svid: int

@@ -4,8 +4,8 @@ Every satellite sends the almanac of all in words 7 to 10, three satellites a mi
 of four satellites, coarse orbits give the position to some kilometres, and elevations to a tenth of a degree. So a
 satellite that has risen is found within seconds; in a search of all satellites in turn it may wait for minutes.
 
-The almanac only says what is tried first. A message may be forged, and an almanac may be old, so every fourth search is
-of another satellite. No verdict depends on it.
+The almanac only decides which satellites are tried first. A message may be forged, and an almanac may be old, so every
+fourth search is of another satellite. No verdict depends on it.
 """
 
 from __future__ import annotations
