@@ -1,4 +1,4 @@
-"""Where snapshots come from: a simulation and a recording are two of the same thing."""
+"""Source of snapshots: the common interface of a simulation and a recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which vestige this is, and on which kind of processor it runs: what decides bits beside the input."""
+"""Version of vestige and kind of processor: both affect the bits of results beside the input."""
 
 from __future__ import annotations
 

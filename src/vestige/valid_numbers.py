@@ -1,4 +1,4 @@
-"""What numbers a record may hold: a source that hands over others is told so in one line."""
+"""Validation of the numbers in a record: a source with invalid numbers is told so in one line."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ POSITION_SATELLITES = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Guess:
-    """What is assumed of each epoch: whether nothing raised an alarm, and how many satellites are authentic."""
+    """Assumption about each epoch: whether nothing raised an alarm, and the number of authentic satellites."""
 
     quiet: Bool[np.ndarray, " n"]
     authentic: Int64[np.ndarray, " n"]
@@ -277,7 +277,7 @@ class _Assessment:
 
     @property
     def verdicts(self) -> VerdictBlock:
-        """What the processor says of the block."""
+        """Verdicts of the processor on the block."""
         status, cause = self._status
         state, self._alarm_after = self._state.alarm.over(
             self._measured.snapshots.svids, self._time_s, status, self._seen | self._lost, self._lost

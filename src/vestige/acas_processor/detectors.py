@@ -1,4 +1,4 @@
-"""Which correlator is the signal: the maximum detector and the early detector [WFO, Sec. III-A and III-B].
+"""Maximum detector and early detector: the choice of the punctual correlator [WFO, Sec. III-A and III-B].
 
 Theory of operation
 -------------------
@@ -6,7 +6,7 @@ c_0 … c_{N-1} are the magnitudes of N correlators at equal distances, early to
 early and late neighbours c_{i-n} and c_{i+n} for the range offset, so i runs from n to N−1−n (the paper's c_n …
 c_{N-n} ends outside the vector by one).
 
-**Maximum detector.** The highest c_i, if it exceeds the threshold. It follows whoever is strongest.
+**Maximum detector.** The highest c_i, if it exceeds the threshold. It follows the strongest signal, whoever sends it.
 
 **Early detector.** The true signal cannot be overtaken, so the earliest peak is the one to trust:
 
@@ -16,7 +16,7 @@ c_{N-n} ends outside the vector by one).
 4. minimise D_i = |c_{i+n} − c_{i-n}| under the constraint c_i > c_{i+n} ∧ c_i > c_{i-n};
 5. if there is no such i, the signal is not detected.
 
-Where the text leaves room:
+The paper's text leaves room for these choices:
 
 * The chosen tap itself exceeds the threshold; the taps that step 3 walks over need not.
 * If step 3 ends at a tap that is below the threshold or violates the constraint, the scan of step 2 goes on behind it,

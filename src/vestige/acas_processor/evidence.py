@@ -1,4 +1,4 @@
-"""What the checks look at: a measured block, and what the receiver remembers from before it."""
+"""Input of the checks: a measured block, and the receiver's memory of earlier epochs."""
 
 from __future__ import annotations
 

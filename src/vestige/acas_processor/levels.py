@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 
 
 class Scope(Enum):
-    """What one test of a check looks at."""
+    """Scope of one test of a check: a single satellite, or the whole receiver."""
 
     SATELLITE = "satellite"
     RECEIVER = "receiver"
@@ -76,7 +76,7 @@ class TestCadence(Enum):
 
 
 class DetectionAssumptions(NamedTuple):
-    """What the false-alarm probability of steps 1 and 2 follows from: it is not chosen."""
+    """Assumptions from which the false-alarm probability of steps 1 and 2 follows; it is not set itself."""
 
     kappa: float = KAPPA  # factor of the range check
     pd: float = MIN_PD  # probability that E6 is detected

@@ -1,4 +1,4 @@
-"""What was measured of n epochs and m satellites, without memory: all that the checks look at."""
+"""Measurements of n epochs and m satellites, each epoch by itself: the input of the checks."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Availability(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DetectedBlock:
-    """What the detector says of each bank; NaN, and −1 for `tap`, where nothing was detected."""
+    """Result of the detector for each bank; NaN, and −1 for `tap`, where nothing was detected."""
 
     tap: Int[np.ndarray, "*n"]  # index of the punctual correlator
     # its magnitude in standard deviations of the noise per dimension, and its phase
@@ -88,7 +88,7 @@ class Fixes(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasurementBlock:
-    """What was measured of n epochs and m satellites, each epoch by itself."""
+    """Measurements of n epochs and m satellites, each epoch by itself."""
 
     snapshots: SnapshotBlock  # the block that was measured
     recs: RecsBlock  # RECS and keys

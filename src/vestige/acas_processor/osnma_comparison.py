@@ -1,11 +1,12 @@
-"""What a receiver demodulated of OSNMA beside what a second channel has of it, as pieces of subframes [WFO, Sec. IV-C].
+"""Comparison of demodulated OSNMA with that of a second channel, in pieces of subframes [WFO, Sec. IV-C].
 
-Validation drops what is forged, so validated keys alone would show a forgery as a loss. What is compared here was
-demodulated with a good checksum and no more: the key of each subframe, from whichever satellite, and where both
-channels have navigation pages the 40 bits of OSNMA in each page of the same satellite: tags, MACSEQ, root keys.
+Validation drops forged keys, so validated keys alone would show a forgery as a loss. Therefore this module compares
+everything that was demodulated with a good checksum, validated or not: the key of each subframe, from any satellite,
+and, where both channels have navigation pages, the 40 bits of OSNMA in each page of the same satellite (tags, MACSEQ,
+root keys).
 
-Keys that follow from later ones were not received. Where nothing is known of what was demodulated (`Assistance` that
-nobody read from a folder) the validated keys stand for it.
+Keys that are computed from later keys do not count as received. If nothing is known of the demodulated keys
+(`Assistance` that was not read from a folder), the validated keys take their place.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ _OWN_STEP = 8  # after those of [WFO, Sec. IV]
 
 @runtime_checkable
 class OwnCheckProtocol(Protocol):
-    """What a check of the user's has to have; see `Check`."""
+    """Protocol of a user's own check: the attributes and the method that it must have; see `Check`."""
 
     name: str
     unit: str
@@ -119,7 +119,7 @@ class OwnCheck:
 
     @property
     def name(self) -> str:
-        """What the check is called."""
+        """Name of the check."""
         return self.spec.name
 
     @property

@@ -1,4 +1,4 @@
-"""What the processor says of n epochs and m satellites: verdicts, states, checks, ranges and positions in use."""
+"""Verdicts on n epochs and m satellites: statuses, states, checks, ranges and positions in use."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class PositionBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VerdictBlock:
-    """What the processor says of n epochs and m satellites at one mitigation level."""
+    """Verdicts on n epochs and m satellites at one mitigation level, with the checks behind them."""
 
     measured: MeasurementBlock  # what was judged
     # mitigation level, and its checks
@@ -75,7 +75,7 @@ class VerdictBlock:
 
     @property
     def found_twice(self) -> Bool[np.ndarray, "n m"]:
-        """Where a search found more than one signal of a satellite."""
+        """Epochs and satellites for which a search found more than one signal."""
         return self.e1_search.twice | self.exhaustive_search.twice
 
     def verdicts(self) -> Iterator[Verdict]:

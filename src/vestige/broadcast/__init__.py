@@ -1,1 +1,1 @@
-"""What satellites send: the pages of each satellite, made of its ephemerides and an OSNMA source."""
+"""Navigation messages of the satellites: pages made of ephemerides and an OSNMA source."""

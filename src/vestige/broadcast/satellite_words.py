@@ -49,7 +49,7 @@ class EphemerisIssue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SystemData:
-    """What all satellites send alike.
+    """Data that all satellites send alike: UTC conversion, ionosphere model and almanac.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class SystemData:
     ionosphere
         Ionosphere model, in word 5.
     almanac
-        Sets of words 7 to 10; one set a minute, all in turn. Without one, word 0 is sent in their places.
+        Sets of words 7 to 10, of which one is sent each minute, in turn. Without a set, word 0 is sent in their place.
     """
 
     utc: UtcModel

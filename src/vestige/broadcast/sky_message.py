@@ -52,7 +52,7 @@ def ephemeris_issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime)
 
 @dataclass(frozen=True, kw_only=True)
 class SkyMessage:
-    """What the satellites of a sky send on E1-B.
+    """E1-B messages of the satellites of a sky: their I/NAV pages, and the transmissions that make them.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How often each check of a sky sees an attack, run by run."""
+"""Share of runs in which each check of a sky detects an attack."""
 
 from __future__ import annotations
 

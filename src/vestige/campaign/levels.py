@@ -1,12 +1,12 @@
-"""What each mitigation level makes of a campaign: the processor's word on its results, beside the truth.
+"""Verdicts of each mitigation level on a campaign, beside the truth.
 
 The results hold what the receiver measured (`measured_columns`), so its processor can judge them again, at the level of
-the scenario or at another one: `level_verdicts`. The verdicts are those of `vestige process`, of the same code. What is
-added here is the truth:
+the scenario or at another one: `level_verdicts`. The verdicts are those of `vestige process`: the same code makes them.
+This module adds the truth:
 
-**Error of a range in use.** What a RECS authenticates is the time since the RECS before. So the error of a range of E1
-that is in use is the largest that the attack made in that time. Where the earliest of several signals is in use
-instead, it is the error of that.
+**Error of a range in use.** A RECS authenticates the time since the RECS before. So the error of a range of E1 that is
+in use is the largest that the attack made in that time. Where the earliest of several signals is in use instead, the
+error is that of this signal.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | SCENARIO_COLUMNS | OWN_C
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LevelVerdicts(VerdictBlock):
-    """What a level says of a campaign of n epochs and m satellites, and the error of its ranges."""
+    """Verdicts of a level on a campaign of n epochs and m satellites, and the error of the ranges in use."""
 
     processor: AcasProcessor
     budget: Mapping[CheckName | str, AlarmShare]
@@ -59,7 +59,7 @@ class LevelVerdicts(VerdictBlock):
 
     @cached_property
     def tests(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
-        """Where each check was made."""
+        """Epochs and satellites at which each check was made."""
         return {name: series.run for name, series in self.checks.items()}
 
     @property
@@ -88,7 +88,7 @@ class LevelVerdicts(VerdictBlock):
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
-        """Where an alarm begins, of any satellite where none stood before."""
+        """Epochs in which an alarm of any satellite begins after an epoch without alarms."""
         return alarm_begins(self.state)
 
     def of_recs(self) -> Int8[np.ndarray, "n m"]:

@@ -1,4 +1,4 @@
-"""What a detector had under attack, by the truth: the true signal, the spoofer, both in one, or nothing.
+"""Outcome of a detector under attack, by the truth: true signal, spoofer, both in one peak, or nothing.
 
 Theory of operation
 -------------------
@@ -9,8 +9,8 @@ is a triangle of ±1 chip, and the sum of two has two maxima only if they are mo
 default is one chip, 58.6 m, where the triangles cease to reach each other's peak. The early detector has its two peaks
 in view from about there on.
 
-A counterfeit counts from `floor_db` below the true signal on. Weaker ones move a detection by less than a metre on
-average. One with chips of the attacker's own makes no peak and never counts.
+A counterfeit counts from `floor_db` below the true signal on. A weaker counterfeit moves a detection by less than a
+metre on average. A counterfeit with chips of the attacker's own makes no peak and never counts.
 
 With status AUTHENTIC the receiver accepts its E1 pseudorange, and with it that error:
 
@@ -41,7 +41,7 @@ SHARE = 0.97
 
 
 class DetectedSignal(IntEnum):
-    """Which signal a detection is of."""
+    """Signal to which a detection belongs."""
 
     NONE = 0
     TRUE = 1
@@ -112,7 +112,7 @@ def due_verdicts(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satell
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttackReport:
-    """What came of an attack on one satellite."""
+    """Report on the attack on one satellite: share of each outcome, times to detect and mitigate, worst error."""
 
     detector: str  # whose outcomes these are; the status is that of the detector which the scenario chose
     # time of the attack's first epoch, and the number of those in which a verdict was due

@@ -1,14 +1,15 @@
-"""What a campaign runs: a plan of epochs, and the two halves of its work.
+"""Plan of a campaign: its epochs, and the two halves of its work.
 
-Epoch i of a plan is one snapshot of a simulated receiver. Some of what belongs to it has memory (the clock walks, rays
-live on, the ionosphere drifts) and is cheap; the rest (signals, noise, correlators, detection) is a pure function of
+Epoch i of a plan is one snapshot of a simulated receiver. Some parts of it have memory (the clock walks, multipath
+persists, the ionosphere drifts) and are cheap; the rest (signals, noise, correlators, detection) is a pure function of
 that epoch and is heavy. So a plan has two halves:
 
 * `prepare()` returns an object that runs through the epochs in order. `advance(first, count)` gives the inputs of the
   next `count` epochs as arrays and carries the state along. It runs in the coordinating process only.
 * `measure(first, inputs)` turns inputs into columns. It runs on any thread, process or machine, in any order.
-* `judge(state, first, columns)`, if a plan has it, adds the columns of what is concluded in order of time: a receiver's
-  verdicts remember what was said before. It runs in the coordinating process, chunk after chunk, from `state` None on.
+* `judge(state, first, columns)`, if a plan has it, adds the columns of conclusions that depend on the order of time: a
+  receiver's verdicts depend on earlier ones. It runs in the coordinating process, chunk after chunk, from `state` None
+  on.
 
 Laws, on which resuming and running in parallel rest:
 
@@ -23,8 +24,8 @@ Laws, on which resuming and running in parallel rest:
    included, with the exact dtype and shape: the column's dims with `epoch` as long as the inputs. Anything else is a
    `ValueError`. `judge` gives the same state and the same columns for those of `measure` and for all of them: a resumed
    campaign judges the chunks that it has stored anew, to carry the state on. The cut changes nothing here either.
-4. The plan, the inputs and the results can be pickled. Pickled small: the plan travels with every chunk, so what can be
-   derived from it (replicas, tables) is derived in the worker, behind a cache of its own.
+4. The plan, the inputs and the results can be pickled, and are small then: the plan travels with every chunk, so what
+   can be derived from it (replicas, tables) is derived in the worker, behind a cache of its own.
 5. Two plans with equal `attrs` give equal results. That is how a store knows whether it may be resumed, so `attrs` hold
    the scenario, its digest and the seed; the store adds version and source of vestige. If the bits depend on the kind
    of processor, `attrs` name it as `processor`.
@@ -111,7 +112,7 @@ class Plan(Protocol):
 
     @property
     def n_epochs(self) -> int:
-        """How many epochs there are; at least 1."""
+        """Number of epochs; at least 1."""
 
     @property
     def columns(self) -> Mapping[str, Column]:
@@ -123,7 +124,7 @@ class Plan(Protocol):
 
     @property
     def attrs(self) -> Mapping[str, Any]:
-        """What identifies the work: text, whole and finite numbers, and lists of them."""
+        """Identity of the work: text, whole and finite numbers, and lists of them."""
 
     def prepare(self) -> Preparation:
         """Return the sequential half at its beginning."""

@@ -46,7 +46,7 @@ _TENTHS = 10  # epochs are whole tenths of a second apart
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RinexExport:
-    """What was written."""
+    """Summary of the RINEX files that were written."""
 
     files: tuple[Path, ...]  # observations, navigation data, settings of `rnx2rtkp`
     n_epochs: int  # epochs with at least one satellite

@@ -35,7 +35,7 @@ ExecutorChoice = Literal["threads", "processes"] | Executor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunProgress:
-    """How far a run is."""
+    """Progress of a run: epochs in the store, epochs in total, and the time since the run began."""
 
     epochs_done: int  # epochs in the store
     epochs_total: int

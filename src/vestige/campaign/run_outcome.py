@@ -50,7 +50,7 @@ _HARMFUL = 2.0  # times κσ
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutcomeCounts:
-    """What is counted in a run, and summed over many."""
+    """Counts of alarms and failed tests of a run beside their budgets; the counts of many runs are summed."""
 
     duration_s: float  # how long the epochs that count are: those of the attack, or all if there is none
     # alarms that began in them, and how many the budget allows
@@ -70,7 +70,7 @@ class OutcomeCounts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOutcome(OutcomeCounts):
-    """What came of one run at one level."""
+    """Outcome of one run at one level."""
 
     # see the top of this module; without an attack only `detected` can be true, by chance
     detected: bool
@@ -91,12 +91,12 @@ class RunOutcome(OutcomeCounts):
 
     @property
     def word(self) -> str:
-        """What came of it in one or two words."""
+        """Outcome of the run in one or two words."""
         return outcome_word(self.detected, self.mitigated, self.missed, self.denied)
 
 
 class JudgedRun(Protocol):
-    """What a level says of a run of n epochs and m satellites: the part of `LevelVerdicts` that outcomes look at."""
+    """Verdicts of a level on a run of n epochs and m satellites: the part of `LevelVerdicts` that outcomes need."""
 
     @property
     def status(self) -> Int8[np.ndarray, "n m"]:
@@ -108,7 +108,7 @@ class JudgedRun(Protocol):
 
     @property
     def seen(self) -> Bool[np.ndarray, "n m"]:
-        """Where a satellite is in view."""
+        """Epochs and satellites in view."""
 
     @property
     def range_error_m(self) -> Float[np.ndarray, "n m"]:
@@ -116,7 +116,7 @@ class JudgedRun(Protocol):
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
-        """Where an alarm begins."""
+        """Epochs in which an alarm of any satellite begins after an epoch without alarms."""
 
     @property
     def budget(self) -> Mapping[CheckName | str, AlarmShare]:
@@ -128,7 +128,7 @@ class JudgedRun(Protocol):
 
     @property
     def failed(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
-        """Where each check failed."""
+        """Epochs and satellites at which each check failed."""
 
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
         """Return the checks that failed in some of the epochs, each with the first of them, the earliest first."""

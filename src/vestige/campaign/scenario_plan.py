@@ -93,7 +93,7 @@ class ScenarioPlan:
 
     @property
     def n_epochs(self) -> int:
-        """How many epochs there are."""
+        """Number of epochs."""
         return self.scenario.epochs
 
     @property
@@ -140,7 +140,7 @@ class ScenarioPlan:
 
     @property
     def attrs(self) -> Mapping[str, Any]:
-        """What identifies the work."""
+        """Identity of the work."""
         text = self.scenario.model_dump_json()
         processor, receiver = self.scenario.processor, self.scenario.receiver
         navigation = self._navigation

@@ -116,7 +116,7 @@ def enough(successes: int, trials: int, wished_width: float) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """What one detector did in a campaign."""
+    """Statistics of one detector in a campaign."""
 
     detector: str
     epochs: int

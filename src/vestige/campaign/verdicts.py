@@ -24,7 +24,7 @@ from vestige.scenario.scenario_processor import Overhead, receiver_processor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerdictCounts:
-    """How often a campaign had each status."""
+    """Number of verdicts of each status in a campaign, and the rate of false alarms."""
 
     due: int  # verdicts that were due
     of: dict[Status, int]

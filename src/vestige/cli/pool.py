@@ -1,4 +1,4 @@
-"""Where a verb's work is done: threads or processes of this machine, or a cluster."""
+"""Executors for the work of a command: threads or processes of this machine, or a cluster."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What depends on the elevation of a satellite: multipath power and the way through the ionosphere.
+"""Elevation model: multipath power, and obliquity of the path through the ionosphere.
 
 multipath    −14 dB at 5° to −18 dB at 30° in a straight line, −22 dB above; the paper's −15.8 dB stands at 16.25°
 ionosphere   M(e) = 1/√(1 − (R cos e/(R + h))²) of a thin shell at h = 350 km

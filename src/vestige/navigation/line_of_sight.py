@@ -31,7 +31,7 @@ _LIGHT_TIME_STEPS = 3  # each leaves ρ̇/c < 3e-6 of the error: 0.02 s, 60 ns, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceiverMotion:
-    """Where a receiver's antenna is at n times: ECEF position and its derivatives in the rotating frame."""
+    """Motion of a receiver's antenna at n times: ECEF position and its derivatives in the rotating frame."""
 
     position_m: Float[np.ndarray, "n 3"]
     velocity_mps: Float[np.ndarray, "n 3"]

@@ -34,12 +34,12 @@ _UNSEEN = 1e-9  # below this share of a measurement in the residuals its fault i
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Redundancy:
-    """How n fixes depend on their m measurements.
+    """Redundancy of n fixes: how each depends on its m measurements.
 
     Attributes
     ----------
     gain
-        S, from measurements to (three coordinates, clock).
+        Matrix S from measurements to (three coordinates, clock).
     unexplained
         Pᵢᵢ, 0 … 1; 0 where not used.
     """
@@ -133,12 +133,12 @@ def separation_factor(p_fa: float, n_modes: int) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exclusion:
-    """Which single satellite explains an alarm.
+    """Exclusion of the single satellite that explains an alarm.
 
     Attributes
     ----------
     excluded
-        Its column, −1 where nothing was to be excluded or nothing helped.
+        Column of the excluded satellite; −1 where nothing was to be excluded or no exclusion helped.
     statistic
         T after the exclusion (or without one).
     consistent

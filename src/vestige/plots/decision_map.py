@@ -24,7 +24,7 @@ CLASS_COLOURS = {
 
 
 class Regions(Protocol):
-    """Which class each cell of the plane is taken for, as the processor's check has it."""
+    """Decision regions of the power–distortion plane, as the processor's check has them."""
 
     @property
     def power_edges_db(self) -> Float[np.ndarray, " k"]:

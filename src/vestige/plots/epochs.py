@@ -1,4 +1,4 @@
-"""What a figure shows of the results of a campaign: one satellite, one detector, a stretch of time."""
+"""Selection of campaign results for a figure: one satellite, one detector, a stretch of time."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""What all figures share: size, letters, colours, files.
+"""Common style of all figures: size, letters, colours, files.
 
 Figures are made for a column of a paper, 8 cm wide, where 7 pt letters are as large as a footnote. They are drawn by
 the Agg canvas on a `Figure` of their own: no window, no state shared with somebody else's figures, no global setting
-touched. What has as many points as there are epochs is drawn as pixels also in a PDF or SVG.
+touched. Anything with as many points as there are epochs is drawn as pixels also in a PDF or SVG.
 """
 
 from __future__ import annotations

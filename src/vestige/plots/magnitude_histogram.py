@@ -1,4 +1,4 @@
-"""How strong the detecting correlator is, and the strongest one where none detects [WFO, Sec. VI-A, third figure]."""
+"""Histogram of the detecting, or else strongest, correlator's magnitude [WFO, Sec. VI-A, third figure]."""
 
 from __future__ import annotations
 

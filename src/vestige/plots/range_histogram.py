@@ -1,4 +1,4 @@
-"""How the range offset is distributed, in log scale [WFO, Sec. VI-A, fourth figure]."""
+"""Histogram of the range offset in log scale [WFO, Sec. VI-A, fourth figure]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which I/NAV pages a receiver demodulates from E1-B, and with them OSNMA and its keys.
+"""Reception of I/NAV pages from E1-B, and with them of OSNMA and its keys.
 
 Theory of operation
 -------------------

@@ -1,8 +1,8 @@
-"""What the first samples of a recording look like: enough to see a wrong format, a dead front end, a wrong frequency.
+"""Statistics of the first samples of a recording: they show a wrong format, a dead front end, a wrong frequency.
 
-The numbers are of the stored components (the real samples, or I and Q together), in the unit of the file. A 2-bit front
-end has 4 distinct values and a third of its samples at the outermost ones; an 8-bit one has many values and next to
-none there, unless it clips. The spectral centre is where the front end's pass band lies: the mean frequency of the
+The numbers describe the stored components (the real samples, or I and Q together), in the unit of the file. A 2-bit
+front end has 4 distinct values and a third of its samples at the outermost ones; an 8-bit one has many values and next
+to none there, unless it clips. The spectral centre is where the front end's pass band lies: the mean frequency of the
 power above the flat floor that quantisation and image leave, as a radio frequency. For real samples the half of the
 spectrum that holds the band's carrier is looked at.
 """

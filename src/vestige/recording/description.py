@@ -1,4 +1,4 @@
-"""What a recording is, before a sample of it is read: which file holds which band, in which format, from when on.
+"""Description of a recording, before a sample of it is read: file, sample format and start of each band.
 
 A recording has up to two bands, sampled by one clock and numbered by one counter: sample 0 of both bands is the same
 moment, and sample n of a band is n sampling intervals of that band later. A file may start at any number

@@ -1,4 +1,4 @@
-"""What is in a recording, and what is missing before ACAS can authenticate it.
+"""Inspection of a recording: its content, and what is missing before ACAS can authenticate it.
 
 ACAS needs, for one verdict: E6 samples that hold a RECS, the RECS itself, the OSNMA key that decrypts it, E1 (samples
 or observations) to tell where in E6 to look, the group delay of the satellite, and a receiver clock that is provably
@@ -45,7 +45,7 @@ class BandInspection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationCoverage:
-    """What a file of E1 observations covers: `span` is from the first to the last epoch, None if there is none."""
+    """Coverage of a file of E1 observations: `span` is from the first to the last epoch, None if there is none."""
 
     file: ObservationFile
     n_epochs: int
@@ -55,7 +55,7 @@ class ObservationCoverage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inspection:
-    """What is there."""
+    """Result of an inspection: the data at a path, and what ACAS lacks."""
 
     path: Path
     description: RecordingDescription | None  # the recording, or None if the path holds no samples

@@ -25,7 +25,7 @@ OSNMA_SUBFRAMES = 20  # in which keys are looked for at first, 10 minutes
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherChannels:
-    """What a receiver has beside samples and assistance."""
+    """Data that a receiver has beside samples and assistance: second OSNMA channel, inertial sensors."""
 
     # OSNMA keys, and pages if there are any, that came over another channel [WFO, Sec. IV-C]; None without one.
     second_channel: Assistance | None = None

@@ -57,7 +57,7 @@ class Recording:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know of the recording, one line each."""
+        """Notes on the recording for a person, one line each."""
         readers = [reader for reader in (self.e1, self.e6) if reader is not None]
         return self.description.notes + tuple(note for reader in readers for note in reader.notes)
 

@@ -1,7 +1,7 @@
-"""What exhaustive searches have found so far, in a file: no interruption loses it, and the same search goes on from it.
+"""Log file of exhaustive searches: after an interruption the same search continues, and no finding is lost.
 
-The file is replaced as a whole, after the new one is on the disk, so it is complete at any moment. It holds what
-identifies the searches (`of`), so that nobody goes on with another one's state, and one state for each name.
+The file is replaced as a whole, after the new one is on the disk, so it is complete at any moment. It holds the
+identity of the searches (`of`), so that no search continues from the state of another one, and one state for each name.
 """
 
 from __future__ import annotations

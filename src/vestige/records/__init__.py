@@ -39,7 +39,7 @@ class Band(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Observation:
-    """What E1 tracking says of one satellite at the time of its snapshot.
+    """E1 measurements of one satellite at the time of its snapshot.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class E1Observation:
     doppler_hz
         Carrier Doppler in Hz, positive when the satellite approaches.
     doppler_rate_hz_per_s
-        Its rate of change in Hz/s.
+        Rate of change of the Doppler in Hz/s.
     cn0_dbhz
         C/N0 of E1-C alone (per component) in dBHz.
     """
@@ -101,7 +101,7 @@ class SampleBatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrontEndStatus:
-    """What one front end says of itself over one snapshot; powers in dB relative to its own reference."""
+    """Status of one front end over one snapshot; powers in dB relative to the front end's own reference."""
 
     agc_gain_db: float
     total_power_db: float
@@ -128,7 +128,7 @@ class ChipSequence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handover:
-    """Where and how E6 is expected from what E1 says [WFO, Sec. II-B].
+    """Prediction of the E6 signal from E1: start time, Doppler and Doppler rate [WFO, Sec. II-B].
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class Handover:
     doppler_hz
         Expected carrier Doppler on E6 at `start_time`, in Hz.
     doppler_rate_hz_per_s
-        Its rate of change in Hz/s.
+        Rate of change of the Doppler in Hz/s.
     """
 
     svid: int
@@ -210,7 +210,7 @@ class Correlatable(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """What a receiver hands to the processor for one RECS epoch.
+    """Data that a receiver hands to the processor for one RECS epoch.
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ class Snapshot:
     observations
         E1 observations by SVID, with Doppler and its rate.
     recs
-        Satellites whose RECS it was cut for, whether E1 shows them or not; empty if the source does not say.
+        Satellites for whose RECS the snapshot was cut, whether E1 shows them or not; empty if the source does not say.
     """
 
     index: int

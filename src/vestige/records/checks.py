@@ -1,4 +1,4 @@
-"""What checks are called, and what one check says of many epochs."""
+"""Names of the checks, and the result of one check over many epochs."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class CheckName(StrEnum):
 
 
 class SignalClass(IntEnum):
-    """What a pair (power, distortion) is taken for."""
+    """Class of a received signal, by its power and distortion."""
 
     CLEAN = 0
     MULTIPATH = 1
@@ -111,7 +111,7 @@ class CheckSeries:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmShare:
-    """How many false alarms one check of a level may raise."""
+    """Share of one check in the false alarms that a level may raise."""
 
     p_fa: float  # false-alarm probability of one test, before confirmation
     confirm: int = 1  # how many tests in a row must fail

@@ -1,4 +1,4 @@
-"""What inertial sensors say of the antenna between two epochs."""
+"""Accelerations of the antenna between two epochs, from inertial sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which RECS each satellite of a block sent, and with which key."""
+"""RECS that each satellite of a block sent, and their keys."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class RecsLookup(Protocol):
 
     @property
     def block(self) -> RecsBlock:
-        """What there is, and when keys are on air."""
+        """RECS that were sent, and the times at which their keys are on air."""
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return the RECS of one satellite at one epoch, and its key."""
@@ -48,7 +48,7 @@ class RecsLookup(Protocol):
 
 @runtime_checkable
 class Corrections(Protocol):
-    """What is known of the delay of E6 behind E1: `Assistance`, or whatever else states it."""
+    """Corrections of the delay of E6 behind E1, from `Assistance` or another object that states them."""
 
     @property
     def group_delays(self) -> tuple[GroupDelay, ...]:
@@ -65,7 +65,7 @@ class Corrections(Protocol):
 
 @runtime_checkable
 class AssistanceData(Corrections, Protocol):
-    """What the processor knows beside its snapshots: `Assistance` as downloaded, or that of a simulated service."""
+    """Data of the processor beside its snapshots: `Assistance` as downloaded, or that of a simulated service."""
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
         """Return the RECS that the satellites of a block sent, with their keys."""

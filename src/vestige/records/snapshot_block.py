@@ -1,4 +1,4 @@
-"""What a receiver hands to the processor for n epochs of m satellites; one snapshot is a block of one epoch."""
+"""Input of the processor for n epochs of m satellites; one snapshot is a block of one epoch."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OBSERVED = tuple(one.name for one in fields(E1Observation) if one.name != "svid"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class E1Block:
-    """What E1 tracking says; arrays [epoch, satellite], NaN where a satellite is not tracked."""
+    """E1 measurements; arrays [epoch, satellite], NaN where a satellite is not tracked."""
 
     # as in `E1Observation`; the C/N0 is the receiver's estimate
     pseudorange_m: Float[np.ndarray, "n m"]
@@ -44,7 +44,7 @@ class E1Block:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrontEndBlock:
-    """What one front end says of itself; arrays [epoch], powers in dB relative to its own reference, NaN if unknown."""
+    """Status of one front end; arrays [epoch], powers in dB relative to its own reference, NaN if unknown."""
 
     agc_gain_db: Float[np.ndarray, " n"]
     total_power_db: Float[np.ndarray, " n"]
@@ -75,7 +75,7 @@ class OsnmaBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VelocityIncrements:
-    """What inertial sensors integrated: kinematic, against the Earth, gravity taken off."""
+    """Velocity increments of inertial sensors: kinematic, against the Earth, without gravity."""
 
     epoch: Int64[np.ndarray, " k"]  # row of the block up to which the increment counts
     time: GalileoTimes  # end of each increment on the receiver's clock
@@ -115,7 +115,7 @@ class E6(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchBlock:
-    """What a search says of k epochs and m satellites."""
+    """Results of a search in k epochs for m satellites."""
 
     signals: Float[np.ndarray, "k m"]  # number of signals of a satellite; NaN where the search was not run
     carrying: Float[np.ndarray, "k m"]  # number of those that carry the encrypted chips
@@ -127,7 +127,7 @@ class SearchBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchRequest:
-    """Which epochs are to be searched, and what is known of the clock in each."""
+    """Request for a search: the epochs, and what is known of the clock in each."""
 
     epoch: Int64[np.ndarray, " k"]  # rows of the block
     uncertainty: tuple[TimeUncertainty, ...]  # what is known of the clock before each epoch
@@ -173,7 +173,7 @@ SEARCH_NOT_RUN = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SnapshotBlock:
-    """What a receiver hands to the processor for n epochs of m satellites.
+    """Data that a receiver hands to the processor for n epochs of m satellites.
 
     Attributes
     ----------
@@ -197,9 +197,9 @@ class SnapshotBlock:
     front_end
         Power and gain of the front ends, by band.
     e6
-        Answers `correlate`; None without E6.
+        Object that answers `correlate`; None without E6.
     searches
-        Answers both searches; None where nothing can be searched.
+        Object that answers both searches; None where nothing can be searched.
     osnma
         OSNMA beside that of a second channel; None without one.
     increments

@@ -1,4 +1,4 @@
-"""How wrong the receiver's clock may be: the searches look that far, and the disclosure rule allows for it."""
+"""Upper limit of the receiver's clock error: the searches look that far, and the disclosure rule allows for it."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""How many epochs become a drawing of some kilobytes, and what is left out of it.
+"""Reduction of many epochs to a drawing of some kilobytes, and what is left out of it.
 
-Two ways, and the page says which it went. *Stretches* are runs of epochs with one value each: every epoch is in it (a
-mean, a largest value, or which statuses occurred), but not by itself. *Chosen rows* are single epochs: every k-th, and
-those of interest besides, each kind thinned only if it has more than its share. Counts and statistics are never of
-these: they come from all epochs.
+There are two ways, and the page says which of them was used. *Stretches* are runs of epochs with one value each (a
+mean, a largest value, or the statuses that occurred), to which every epoch contributes. *Chosen rows* are single
+epochs: every k-th, and those of interest besides, each kind thinned only if it has more than its share. Counts and
+statistics come from neither: they are computed from all epochs.
 """
 
 from __future__ import annotations

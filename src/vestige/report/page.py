@@ -27,7 +27,7 @@ _HEAD_BYTES = 1000  # in which the mark stands
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """What a page says."""
+    """Content of a page."""
 
     # what it is about, and what it answers
     title: str

@@ -1,4 +1,4 @@
-"""What came of the attack on each satellite, as a section of the page of a run."""
+"""Outcome of the attack on each satellite, as a section of the page of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the script of a run's page draws: time-lines, correlators, range offsets, checks, position."""
+"""Data of the drawings on a run's page: time-lines, correlators, range offsets, checks, position."""
 
 from __future__ import annotations
 

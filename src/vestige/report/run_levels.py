@@ -1,7 +1,7 @@
-"""What the mitigation level of a run's scenario makes of it, as sections of its page.
+"""Verdicts at the mitigation level of a run's scenario, as sections of its page.
 
 The status that a store keeps is that of each epoch, at the level of the scenario. A verdict of the page is that of a
-RECS: the gravest status since the RECS before (`campaign/levels.py`), so that what was suspicious in between is in it.
+RECS: the gravest status since the RECS before (`campaign/levels.py`), so that it includes any suspicion in between.
 """
 
 from __future__ import annotations

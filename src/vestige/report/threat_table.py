@@ -49,7 +49,7 @@ class TableCell:
 
     @property
     def agreement(self) -> str:
-        """How the measurement compares with it; empty if this level is not measured."""
+        """Agreement of the measurement with the expectation; empty if this level is not measured."""
         return self.values.get(f"level_{self.level}") or self.text("agreement")
 
     @property

@@ -1,4 +1,4 @@
-"""Which usual sampling rate the repetition of the codes shows, without a description of the samples.
+"""Estimation of the sampling rate from the repetition of the codes, without a description of the samples.
 
 Theory of operation
 -------------------

@@ -53,7 +53,7 @@ _CODE_STEPS = 3  # the code phase is measured, the taps re-centred, and so on: a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Snapshot:
-    """What a batch says of one satellite on E1."""
+    """E1 measurements of one satellite in a batch of samples."""
 
     svid: int
     time: GalileoTime  # receiver-clock time for which everything below holds

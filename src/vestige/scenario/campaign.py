@@ -160,7 +160,7 @@ class RecsTable(Section):
 
     @property
     def integration_s(self) -> float:
-        """How long a RECS is."""
+        """Length of a RECS in s."""
         return self.n_chips / E6C.chip_rate_hz
 
 

@@ -1,4 +1,4 @@
-"""How far a campaign can go: the combinations of values that no single key's range can exclude."""
+"""Limits of a campaign: the combinations of values that no single key's range can exclude."""
 
 from __future__ import annotations
 

@@ -32,14 +32,14 @@ _DETECTOR = {"anyOf": [{"enum": list(DETECTORS)}, {"type": "string", "pattern": 
 
 
 class OscillatorTable(Section):
-    """What the data sheet of the receiver's oscillator says, for the monitor of its clock; the default is [WFO]'s."""
+    """Data sheet of the receiver's oscillator, for the monitor of its clock; the default is [WFO]'s."""
 
     h0_s: Annotated[float, Field(ge=0, le=1e-15)] = TwoStateClock().h0_s
     h_minus_2_hz: Annotated[float, Field(ge=0, le=1e-15)] = TwoStateClock().h_minus_2_hz
 
 
 class InertialTable(Section):
-    """What the data sheet of the accelerometers says, for the inertial check."""
+    """Data sheet of the accelerometers, for the inertial check."""
 
     sigma_bias_mps2: Annotated[float, Field(ge=0, le=10)] = Accelerometers().sigma_bias_mps2
     walk_mps_per_sqrt_s: Annotated[float, Field(ge=0, le=10)] = Accelerometers().walk_mps_per_sqrt_s
@@ -123,7 +123,7 @@ class ProcessorTable(Section):
 
     @property
     def detectors(self) -> dict[str, Callable[[], Detector]]:
-        """What makes each detector that is evaluated, by name: both of vestige, and that of the user's."""
+        """Factory of each detector that is evaluated, by name: both of vestige, and that of the user's."""
         ours: dict[str, Callable[[], Detector]] = {
             name: partial(detector, spacing=self.spacing) for name, detector in DETECTORS.items()
         }

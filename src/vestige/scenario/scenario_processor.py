@@ -46,7 +46,7 @@ _POWER_SIGMA_DB = 0.1  # of the decision map; the simulated front end does not d
 
 
 class Overhead(NamedTuple):
-    """How many satellites the receiver expects in view, and their mean C/N0 on E1."""
+    """Number of satellites that the receiver expects in view, and their mean C/N0 on E1."""
 
     satellites: int
     cn0_e1_dbhz: float

@@ -34,7 +34,7 @@ Height = Annotated[float, Field(ge=-1e4, le=1e6)]
 
 
 class Constellation(Section):
-    """What all constellations have in common.
+    """Common base of all constellations.
 
     Attributes
     ----------
@@ -221,7 +221,7 @@ class WaypointsTable(Section):
 
 
 class PositionTable(Section):
-    """What the receiver believes of its E1 pseudoranges beside the noise of tracking, and RAIM's budget.
+    """Errors that the receiver assumes of its E1 pseudoranges beside the noise of tracking, and RAIM's budget.
 
     Attributes
     ----------

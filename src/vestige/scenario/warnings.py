@@ -1,4 +1,4 @@
-"""What a scenario asks for that is allowed and probably not meant: one line each, for stderr."""
+"""Warnings about settings that are allowed and probably not meant: one line each, for stderr."""
 
 from __future__ import annotations
 

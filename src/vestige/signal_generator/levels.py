@@ -18,7 +18,7 @@ from vestige.signal_generator.waveform import Component
 
 @dataclass(frozen=True, kw_only=True)
 class BandModulation:
-    """What a satellite sends in one band, its components of equal power and on one carrier."""
+    """Modulation of a satellite in one band: components of equal power on one carrier."""
 
     components: tuple[Component, ...]
 

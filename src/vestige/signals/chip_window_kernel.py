@@ -1,4 +1,4 @@
-"""Which chip every sample meets: chip windows and fixed-point code phase, to make and to correlate samples.
+"""Chip of every sample by chip windows and fixed-point code phase, to make and to correlate samples.
 
 Theory of operation
 -------------------

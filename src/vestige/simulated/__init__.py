@@ -1,1 +1,1 @@
-"""What a scenario describes, made: snapshots, recordings, exported test cases."""
+"""Products of a scenario: snapshots, recordings, exported test cases."""

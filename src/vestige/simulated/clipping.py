@@ -1,4 +1,4 @@
-"""How many of the stored numbers clip, and what a user can do about it.
+"""Clipping of stored numbers: how many clip, and what a user can do about it.
 
 Jamming can be stronger than a number format holds: int8 samples have room for 19 dB over the noise. A front end with a
 gain control has room again, because its gain follows the power.

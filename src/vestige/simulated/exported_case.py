@@ -86,7 +86,7 @@ class AcasTestCase:
 
     @cached_property
     def message(self) -> SkyMessage | None:
-        """What the satellites of a sky send on E1-B; None on a single line of sight, which has no orbit."""
+        """E1-B messages of the satellites of a sky; None on a single line of sight, which has no orbit."""
         scenario, constellation = self.scenario, self.scenario.constellation
         if constellation is None:
             return None

@@ -1,4 +1,4 @@
-"""What a test case holds beside its samples: observations, assistance, truth, README.txt."""
+"""Files of a test case beside its samples: observations, assistance, truth, README.txt."""
 
 from __future__ import annotations
 

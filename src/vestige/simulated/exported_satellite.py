@@ -82,7 +82,7 @@ class ExportedSatellite:
 
     @property
     def range_offset_m(self) -> Float[np.ndarray, " n"]:
-        """What E6 minus its prediction from E1 is at the epochs, in m; rays and noise on E6 come on top."""
+        """E6 range minus its prediction from E1 at the epochs, in m; multipath and noise on E6 come on top."""
         return self.truth.iono_diff_m + self.truth.bias_m - self.e1_error_m
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
@@ -91,11 +91,11 @@ class ExportedSatellite:
 
     @cached_property
     def observations(self) -> tuple[E1Observation | None, ...]:
-        """What E1 tracking says while the chips of each epoch arrive, 86 ms after they were sent.
+        """E1 observations while the chips of each epoch arrive, 86 ms after they were sent.
 
-        None where the campaign has no E1 measurement either: below the mask, without lock, and while E1 acquires the
-        satellite. A receiver that follows a meaconer of seconds has another time than the samples: then there is
-        nothing here.
+        The entry of an epoch is None where the campaign has no E1 measurement either: below the mask, without lock, and
+        while E1 acquires the satellite. A receiver that follows a meaconer of seconds has another time than the
+        samples: then the entry is None, too.
         """
         to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
         t_s = truth.time_s + MEDIAN_TRAVEL_TIME_S

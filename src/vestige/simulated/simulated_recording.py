@@ -258,7 +258,7 @@ class SimulatedRecording:
 
     @property
     def exported_sky(self) -> ExportedSky:
-        """What the files for other receivers say of the signals."""
+        """Satellites and atmosphere that the files for other receivers state."""
         svids = {one.svid for sky in self.sky.values() for one in sky}
         return ExportedSky(svids=tuple(sorted(svids)), troposphere=self.troposphere, ionosphere=self.ionosphere)
 

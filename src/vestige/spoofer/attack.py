@@ -1,4 +1,4 @@
-"""What every attack is: when it is on, whom it hits, and what it adds to each band.
+"""Interface of every attack: when it is on, whom it hits, and what it adds to each band.
 
 An attack adds at most one counterfeit signal to a band of a satellite, noise, and a jamming waveform. All of it is
 relative to the true signal of that satellite in that band, and a function of time alone: an attack has no memory and no
@@ -104,7 +104,7 @@ class Attack:
 
     @property
     def outside_assumption_2(self) -> str:
-        """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
+        """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
         return ""
 
     @property

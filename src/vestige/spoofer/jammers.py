@@ -79,7 +79,7 @@ class ContinuousWave:
 
     @property
     def reach_hz(self) -> float:
-        """How far from the carrier it goes."""
+        """Distance of the line from the carrier in Hz."""
         return abs(self.offset_hz)
 
     def covariance(
@@ -116,7 +116,7 @@ class Chirp:
 
     @property
     def reach_hz(self) -> float:
-        """How far from the carrier it goes."""
+        """Largest distance of the sweep from the carrier in Hz."""
         return self.bandwidth_hz / 2
 
     def covariance(

@@ -24,7 +24,7 @@ _MAX_SLIP_HZ = 1e4  # twice what an acquisition searches
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelayedCarrier:
-    """What a phase law is told of the counterfeit: time since the attack's start, delay and its rate, carrier."""
+    """Carrier of a spoofing signal, for a phase law: time since the attack's start, delay and its rate, carrier."""
 
     since_start_s: Float[np.ndarray, " n"]
     delay_m: Float[np.ndarray, " n"]

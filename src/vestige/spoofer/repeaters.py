@@ -53,7 +53,7 @@ class _LiftOffAttack(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
+        """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
         if Band.E6 in self.bands and extremes(self.delay_m)[0] < 0:
             return "the encrypted counterfeit arrives before the true signal"
         return ""
@@ -274,7 +274,7 @@ class Nulling(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
+        """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
         return "it nulls the encrypted signal" if Band.E6 in self.bands else ""
 
     def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:

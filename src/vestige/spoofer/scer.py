@@ -100,7 +100,7 @@ class Scer(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Why the attack is beyond what [WFO] assumes an attacker can do; empty if it is not."""
+        """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
         early = extremes(self.delay_m)[0] + self.e6_lag_m < 0
         return "the encrypted counterfeit arrives before the true signal" if early else ""
 

@@ -65,7 +65,7 @@ _PILOT = {Band.E1: E1C, Band.E6: E6C}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandEffects:
-    """What the attacks add to one band of one satellite; the second axis is that of the attacks."""
+    """Effects of the attacks on one band of one satellite; the second axis is that of the attacks."""
 
     # of counterfeits against the line of sight, as what follows (`Counterfeit`); 0 and −inf dB without one
     delay_m: Float[np.ndarray, "n k"]

@@ -1,4 +1,4 @@
-"""What an attacker knows of chips and symbols that nobody can foretell, after receiving part of them.
+"""Estimation of unpredictable chips and symbols by an attacker who has received part of them.
 
 Security code estimation and replay (SCER) [HUMPHREYS13]: the attacker receives an unpredictable signal with an antenna
 of his own, estimates its signs as they arrive, and transmits the estimates. This module says how good these are.

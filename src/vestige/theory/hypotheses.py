@@ -1,4 +1,4 @@
-"""How many hypotheses a search tests: the N between the false alarm of one test and of the whole search.
+"""Number of hypotheses of a search: the N between the false alarm of one test and of the whole search.
 
 Theory of operation
 -------------------
@@ -7,8 +7,8 @@ Both vestigial searches look for a signal within the time uncertainty ΔT [WFO, 
     exhaustive   N = (ΔT / code step) · (Doppler span / Doppler step)      half a chip, 1/(2 T_I)
     hand-over    N = (ΔT / E1 code period) · taps                          one Doppler bin, known from E1
 
-The hand-over count of the paper, 30 s / 4 ms = 7500, takes one code offset at each position; with a bank of taps
-there it is as many times larger. What the hand-over saves on E6 it owes to a detection on E1 that comes first and has
+The hand-over count of the paper, 30 s / 4 ms = 7500, takes one code offset at each position; with a bank of taps there
+it is as many times larger. The hand-over saves tests on E6 because a detection on E1 comes first. That detection has
 its own count: `exhaustive_hypotheses` over one E1 period with the E1 chip.
 
 The counts are not rounded to whole steps. Hypotheses less than a chip apart see partly the same noise, so N of them

@@ -1,4 +1,4 @@
-"""What the theory of `thresholds` leaves out: losses of C/N0 from grids, dynamics, filter and quantiser, in dB.
+"""Losses of C/N0 in dB that the theory of `thresholds` leaves out: grids, dynamics, filter and quantiser.
 
 Theory of operation
 -------------------

@@ -1,4 +1,4 @@
-"""Where between the taps the signal is: the root of the s-curve by linear interpolation [WFO, Sec. III-C].
+"""Position of the signal between the taps: the root of the s-curve by linear interpolation [WFO, Sec. III-C].
 
 Theory of operation
 -------------------

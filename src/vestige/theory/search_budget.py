@@ -1,4 +1,4 @@
-"""What a search of many hypotheses needs and what it can find: threshold, required C/N0, P_d on a grid, ROC.
+"""Detection budget of a search of many hypotheses: threshold, required C/N0, P_d on a grid, ROC.
 
 The paper's theory has the signal on a grid point. On a real grid it lies anywhere between the points: half a chip costs
 up to 2.5 dB and 1.1 dB in the mean, bins 1/(2 T_I) apart up to 0.9 dB and 0.3 dB in the mean (`losses`). So P_d at one
@@ -23,7 +23,7 @@ _DOPPLER_CORRELATION = 2 / np.pi  # of the noise of two bins 1/(2 T) apart: sinc
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchBudget:
-    """What a search costs in detection: printed before it starts."""
+    """Detection budget of a search, printed before the search starts."""
 
     hypotheses: float
     independent: float  # independent tests that give as many false alarms; N itself unless neighbours were asked for

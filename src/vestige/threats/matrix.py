@@ -54,7 +54,7 @@ class SceneCell:
 
     @property
     def agreement(self) -> Agreement:
-        """How the measurement compares with what was expected."""
+        """Agreement of the measurement with the expectation."""
         return agreement(self.expected, self.found)
 
     @property
@@ -64,7 +64,7 @@ class SceneCell:
 
     @property
     def note(self) -> str:
-        """Why it differs; empty if it does not."""
+        """Explanation of a difference from the expectation; empty if there is no difference."""
         differs = self.agreement in (Agreement.DIFFERS, Agreement.UNDECIDED)
         return self.case.notes[self.level - 1] if differs else ""
 

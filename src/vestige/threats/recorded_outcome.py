@@ -1,9 +1,9 @@
-"""What came of an attack in a recording that a receiver has processed, in the words of the threat table.
+"""Outcome of an attack in a recording that a receiver has processed, in the words of the threat table.
 
 The words are those of `campaign/run_outcome.py`. What they need is taken from the recording:
 
-**Error of a range.** The tracked pseudorange minus that of the same receiver without the attack, which the scenario
-says without any samples: both have the same clock, orbits and atmosphere.
+**Error of a range.** The tracked pseudorange minus that of the same receiver without the attack, which follows from the
+scenario without any samples: both have the same clock, orbits and atmosphere.
 
 **Epochs.** Each RECS, and each second between two if the level looks at E1 there. A satellite of the scenario that
 tracking lost has no verdict.
@@ -35,7 +35,7 @@ _SAME_S = 0.5  # epochs of E1 are a second apart
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordedVerdicts:
-    """What a level says of a recording of n epochs and m satellites, as `JudgedRun`."""
+    """Verdicts of a level on a recording of n epochs and m satellites, as `JudgedRun`."""
 
     status: Int8[np.ndarray, "n m"]
     state: Int8[np.ndarray, "n m"]  # what a receiver shows its user after an epoch
@@ -53,7 +53,7 @@ class RecordedVerdicts:
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
-        """Where an alarm begins, of any satellite where none stood before."""
+        """Epochs in which an alarm of any satellite begins after an epoch without alarms."""
         return alarm_begins(self.state)
 
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:

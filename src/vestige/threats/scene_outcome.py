@@ -1,7 +1,7 @@
-"""What came of an attack in many runs at one mitigation level, and how that compares with what was expected.
+"""Outcome of an attack in many runs at one mitigation level, and its agreement with the expectation.
 
 A statement about an attack is made of many runs with other seeds, and holds if the exact interval of its probability
-lies above one half. Where the interval holds one half, nothing is said. An expectation is such a statement:
+lies above one half. If the interval contains one half, no statement is made. An expectation is such a statement:
 
     pass         without an attack neither alarms nor failures of single tests are more frequent than their budget,
                  nor failures of any check more frequent than the budget of that check, nor less frequent where the
@@ -16,8 +16,8 @@ No check lends its budget to another one. A check exceeds its own if so many fai
 probability below `ERROR` over the number of the level's checks. So a level that keeps every budget exactly is said to
 exceed one in at most 5 % of all measurements.
 
-What is said of single runs stands in `campaign/run_outcome.py`. Neighbouring epochs share the noise of some seconds, so
-that failures of single tests come in groups of up to `_GROUP`. All functions are pure.
+The outcome of a single run is defined in `campaign/run_outcome.py`. Neighbouring epochs share the noise of some
+seconds, so that failures of single tests come in groups of up to `_GROUP`. All functions are pure.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _WITH_RECS = {str(row.name) for level in LEVELS.values() for row in level if row
 
 
 class Agreement(Enum):
-    """How a measurement compares with an expectation."""
+    """Agreement of a measurement with an expectation."""
 
     AGREES = "as expected"
     DIFFERS = "DIFFERS"
@@ -66,7 +66,7 @@ class CheckShare:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckBudget:
-    """How often a check failed without an attack, and how often its own budget lets it."""
+    """Number of failures of a check without an attack, and the number that its own budget allows."""
 
     name: str
     failures: int  # tests that failed, after confirmation
@@ -80,7 +80,7 @@ class CheckBudget:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneOutcome(OutcomeCounts):
-    """What came of an attack in many runs at one level; counts are sums over all runs."""
+    """Outcome of an attack in many runs at one level; counts are sums over all runs."""
 
     # runs of which it is true
     detected: Proportion
@@ -105,7 +105,7 @@ class SceneOutcome(OutcomeCounts):
 
     @property
     def word(self) -> str:
-        """What came of it in most runs, in one or two words; `MIXED` if nothing did."""
+        """Outcome in most runs, in one or two words; `MIXED` if no outcome is that of most runs."""
         shares = (self.detected, self.mitigated, self.missed, self.denied)
         word = outcome_word(*(share.value > HALF for share in shares))
         return MIXED if word == HARMLESS and self.harmless.value <= HALF else word

@@ -45,7 +45,7 @@ class Draw(Section):
 
 
 class ShortRecording(Section):
-    """How a scene becomes a recording of some seconds: `threats/recorded_scenes.py`.
+    """Settings that make a recording of some seconds from a scene: `threats/recorded_scenes.py`.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class ShortRecording(Section):
     faster
         Factor by which all that the attacker does is faster than in the scene.
     first_s, end_s
-        Which part of the scene is recorded, in s after its start, with the attack so much faster.
+        Part of the scene that is recorded, in s after its start, with the attack accelerated by `faster`.
     every_s
         Time between two RECS.
     svids

@@ -1,8 +1,8 @@
-"""What all checks share: what a check is, and thresholds from a false-alarm budget.
+"""Common parts of all checks: the class `Check`, and thresholds from a false-alarm budget.
 
 A check has a name, a unit, a false-alarm probability `p_fa` per test, and `series`: statistic and threshold over a
-block of epochs. It fails where |statistic| > threshold. Where an input is missing it is not run (NaN), and says why: a
-check that was not run is no evidence of anything.
+block of epochs. It fails where |statistic| > threshold. If an input is missing, the check is not run (NaN) and states
+the reason. A check that was not run is no evidence of anything.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Check(Protocol):
 
     @property
     def name(self) -> CheckName | str:
-        """What it is called."""
+        """Name of the check."""
 
     @property
     def unit(self) -> str:

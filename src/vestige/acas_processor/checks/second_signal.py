@@ -67,7 +67,7 @@ class TwoSignals(NamedTuple):
 
 
 class _Places(NamedTuple):
-    """What does not depend on the taps: places, r(τ) over √⟨r, r⟩, and that of r₂⊥ for each pair (0 if too near)."""
+    """Quantities independent of the taps: positions, r(τ)/√⟨r, r⟩, and that of r₂⊥ for each pair (0 if too near)."""
 
     at_m: Float[np.ndarray, " places"]
     whitened: Float[np.ndarray, "places n_taps"]

@@ -1,1 +1,1 @@
-"""What the receiver remembers between epochs, and what its alarms cost."""
+"""Receiver state between epochs, and the budget of false alarms."""

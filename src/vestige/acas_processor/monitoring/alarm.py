@@ -1,9 +1,9 @@
-"""What a receiver shows of its verdicts: one alarm for each change of state, and no flicker.
+"""State of each satellite that a receiver shows: one alarm for each change of state, and no flicker.
 
 Verdicts come one for each RECS and suspicion comes between them, so the state of a satellite is the gravest status of
 the last `HOLD_S`: it is raised at once, and falls only when nothing as grave was seen for that long. An attack that a
-check sees every now and then is one alarm, not hundreds. AUTHENTIC says something of a range, so it is not kept for a
-satellite that E1 has lost: there is no range. Alarms are kept.
+check sees every now and then is one alarm, not hundreds. AUTHENTIC is a statement about a range, so it is not kept for
+a satellite that E1 has lost, which has no range. Alarms are kept.
 """
 
 from __future__ import annotations

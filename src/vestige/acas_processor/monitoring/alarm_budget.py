@@ -1,4 +1,4 @@
-"""How many false alarms a level may raise in a day, and the share of each check.
+"""Budget of false alarms: the number that a level may raise in a day, and the share of each check.
 
 Theory of operation
 -------------------
@@ -7,14 +7,15 @@ Theory of operation
 
     P_fa = alarms a day / (number of such checks · tests a day)
 
-Some bring their own, and come on top: the range check errs with erfc(κ/√2) if its budget σ is what the errors are (it
-is meant to be more), or because noise exceeds the detection threshold in one of N correlators, N times their P_fa; E6
-power errs with 1 − P_d, averaged over fading by rays (`theory/fading.py`); power–distortion with its published 0.6 %
-[WESSON18] to the power of its confirmations, and differing OSNMA with 2⁻²⁴ a page. These are bounds. So is the whole:
-an alarm that is held (`alarm.py`) counts its failures once.
+Some checks have their own false-alarm probability, and come on top: the range check errs with erfc(κ/√2) if its budget
+σ equals that of the errors (it is meant to be larger), or because noise exceeds the detection threshold in one of N
+correlators, N times their P_fa; E6 power errs with 1 − P_d, averaged over fading by multipath (`theory/fading.py`);
+power–distortion with its published 0.6 % [WESSON18] to the power of its confirmations, and differing OSNMA with 2⁻²⁴ a
+page. These are upper limits, and so is their sum: an alarm that is kept (`alarm.py`) counts its failures once.
 
-**With `alarms_per_day` = a** the whole level keeps it. What no threshold changes is taken off first: noise in the N
-correlators, and OSNMA's 2⁻²⁴. The other n checks of the level get equal shares, and with T tests a day each
+**With `alarms_per_day` = a** the whole level may raise at most a false alarms in one day. Alarms that no threshold
+changes are subtracted first: those by noise in the N correlators, and OSNMA's 2⁻²⁴. The other n checks of the level get
+equal shares, and with T tests a day each
 
     P = (a − Σ fixed) / (n T)        of one test
     range check        κ = √2 erfc⁻¹(P)
@@ -27,7 +28,8 @@ For level 1, eight satellites and a RECS each 30 s, a = 1: 0.11 a day are noise 
 Checks that a user wrote keep their own probability, on top of a.
 
 Among those that can be set, clock and RAIM are *exact*: their statistics have the law from which the threshold is
-taken. The others allow for more than is always there, a front end that drifts or a C/N0 that fades: bounds again.
+taken. The others allow for errors that are not always there, such as a front end that drifts or a C/N0 that fades.
+Their probabilities are upper limits, too.
 """
 
 from __future__ import annotations
@@ -57,7 +59,7 @@ _LARGEST_P_FA = 0.5  # of one test, however many alarms a day a user allows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cadence:
-    """How often a receiver tests."""
+    """Numbers that set how often a receiver tests: satellites, and times between epochs, RECS and searches."""
 
     satellites: int
     # time between epochs of E1, between RECS, and between exhaustive searches, in s

@@ -1,4 +1,4 @@
-"""What is usual: reference levels of power, C/N0 and noise floor, configured or learned [WFO, Sec. IV-B].
+"""Reference levels of power, C/N0 and noise floor, configured or learned [WFO, Sec. IV-B].
 
 The checks of step 3 compare with a reference level. There is one rule for where it comes from:
 
@@ -32,7 +32,7 @@ _LEAST_SNR = 1e-3  # where noise is stronger than the largest correlator
 
 
 class Quantity(Enum):
-    """What a reference level is of."""
+    """Quantity that has a reference level."""
 
     E1_POWER_DB = "power of E1"
     E6_POWER_DB = "power of E6"
@@ -48,7 +48,7 @@ class Quantity(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Antenna:
-    """What C/N0 the receiver expects of a satellite at an elevation."""
+    """Antenna model: the expected C/N0 of a satellite against its elevation."""
 
     # C/N0 of E1-C and E6-C at the zenith
     e1_dbhz: float

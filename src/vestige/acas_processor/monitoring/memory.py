@@ -1,4 +1,4 @@
-"""What single checks remember of the epochs before a block."""
+"""Memory of single checks: values from the epochs before a block."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class RateMemory:
 
 
 class CarrierEpoch(NamedTuple):
-    """What one RECS of a satellite said of its carrier on E6."""
+    """E6 carrier of a satellite in one RECS: phase against the E1 prediction, magnitude and C/N0."""
 
     time_s: float  # after the first epoch that the receiver ever processed
     phase_rad: float  # of the detecting correlator minus the phase that E1 predicts, a constant apart; NaN without

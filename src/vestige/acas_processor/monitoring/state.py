@@ -1,4 +1,4 @@
-"""What a receiver remembers from one block of epochs to the next."""
+"""Receiver state: the memory from one block of epochs to the next."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchMemory:
-    """What is remembered of the exhaustive search."""
+    """Memory of the exhaustive search: the time of the last one, its finding, and any suspicion since then."""
 
     searched_at: GalileoTime | None = None  # time of the last one
     found_twice: bool = False  # whether it was made with the last RECS, and found more than one signal of a satellite
@@ -32,7 +32,7 @@ class SearchMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceiverState:
-    """What a receiver remembers."""
+    """Memory of a receiver between two blocks of epochs."""
 
     origin: GalileoTime  # time of the first epoch that it processed
     last: GalileoTime  # time of the last one

@@ -17,7 +17,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuthenticPosition:
-    """Where the receiver was at the time of a snapshot."""
+    """Position of the receiver at the time of a snapshot, from authentic ranges, with its standard deviations."""
 
     index: int
     # of the snapshot, and when the last key that it needs was complete

@@ -1,4 +1,4 @@
-"""What the E1 ranges say of the error of the receiver's clock.
+"""Error of the receiver's clock, as the E1 ranges show it.
 
 All pseudoranges of an epoch contain the same clock error. A position fix solves for it. Without a fix the travel times
 bound it: those of Galileo satellites to the Earth lie between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, so the median

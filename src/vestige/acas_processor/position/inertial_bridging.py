@@ -40,7 +40,7 @@ def gained_towards_mps(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateStep:
-    """What happened to the range rates from one RECS to the next; NaN for satellites that are not in both."""
+    """Change of the range rates from one RECS to the next; NaN for satellites that are not in both."""
 
     interval_s: float
     # as for `InertialMonitor.statistic`

@@ -1,14 +1,14 @@
-"""Which ranges are possible: for a satellite of the constellation, the receiver's clock, and where the receiver may be.
+"""Plausibility of ranges: limits from travel time, receiver clock, the other satellites and the known position.
 
 A search can take noise for a signal, anywhere in the time that it looks at. Its range is tested three times:
 
 1. **Travel time and clock.** The travel time lies between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, and the clock is
    wrong by no more than its upper limit.
 2. **The other satellites.** The clock error is common to all ranges of an epoch, so they differ by the travel times
-   alone: what is farther from the median than `SPREAD_M` is wrong. If two disagree, either may be wrong.
+   alone: a range that is farther from the median than `SPREAD_M` is wrong. If two disagree, either may be wrong.
 3. **The known position.** With d the distance from the satellite to that position, P − d + c Δt_sat is the clock error
    to within `reach_m` + `MARGIN_M`: it must lie within the limit of the clock, and agree with that of the others. This
-   holds for found signals only. The range of E1 is the business of the checks.
+   holds for found signals only. The checks test the range of E1.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class ApproximatePosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KnownPositions:
-    """Where the receiver may be at each of n epochs; NaN and infinity where nothing is known."""
+    """Positions near which the receiver must be at each of n epochs; NaN and infinity where nothing is known."""
 
     position_m: Float[np.ndarray, "n 3"]
     reach_m: Float[np.ndarray, " n"]

@@ -1,4 +1,4 @@
-"""What a receiver assumes of the errors of its E1 observations: standard deviations from C/N0 and elevation.
+"""Error model that a receiver assumes for E1 observations: standard deviations from C/N0 and elevation.
 
     σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor²        of a pseudorange
     σ_ρ̇ = λ σ_f(C/N0)                                                                of its rate

@@ -1,6 +1,6 @@
-"""Which range of each satellite may be used, and the position that a snapshot authenticates [WFO, Sec. III-D, IV].
+"""Choice of the range of each satellite that may be used, and the authenticated position [WFO, Sec. III-D, IV].
 
-What a RECS authenticates is the time since the RECS before. In epochs with RECS a range is in use
+A RECS authenticates the time since the RECS before. In epochs with RECS the range in use is
 
 1. where a search found more than one signal: the earliest, whatever the verdict, because nobody can send chips before
    they are broadcast; if both searches found it, within one chip, its place is that of the exhaustive search;
@@ -10,7 +10,7 @@ What a RECS authenticates is the time since the RECS before. In epochs with RECS
    E6, for the same reason;
 4. where the verdict is AUTHENTIC, and so is the state that is shown: that of E1.
 
-Otherwise there is none. A range that is not possible is left out, too (`possible_range.py`).
+Otherwise no range is in use. A range that is not possible is left out, too (`possible_range.py`).
 
 The position is the fix of all satellites with a range in use, four at least. It takes
 pseudoranges and broadcast orbits as they are: delays of ionosphere and troposphere stay in, mostly in height and clock.

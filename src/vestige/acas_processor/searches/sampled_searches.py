@@ -53,7 +53,7 @@ _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteSearch:
-    """What a search says of one satellite."""
+    """Result of a search for one satellite."""
 
     svid: int
     signals: tuple[Acquisition, ...]  # on E1, the strongest first; none from the exhaustive search

@@ -37,7 +37,7 @@ def search_due(since_s: float | None, period_s: float, *, suspicious: bool, foun
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchResults:
-    """What a search said in a block of n epochs; NaN where it was not made."""
+    """Results of one kind of search in a block of n epochs; NaN where the search was not made."""
 
     # as in `SearchBlock`, of every epoch
     signals: Float[np.ndarray, "n m"]
@@ -59,7 +59,7 @@ class SearchResults:
 
     @property
     def twice(self) -> Bool[np.ndarray, "n m"]:
-        """Where more than one signal of a satellite was found."""
+        """Epochs and satellites for which more than one signal was found."""
         return self.signals > 1
 
     def series(self, name: CheckName, p_fa: float, evidence: Evidence) -> CheckSeries:

@@ -36,7 +36,7 @@ TRAVEL_TIME_S = (0.02, 0.16)  # of any satellite to any receiver, with 50 ms to 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VestigialDecision:
-    """What the peaks of one RECS say."""
+    """Decision from the peaks of one RECS: the true peak, and whether there is more than one signal."""
 
     svid: int
     peaks: tuple[Peak, ...]

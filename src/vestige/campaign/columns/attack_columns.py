@@ -1,4 +1,4 @@
-"""What the results hold beside the ordinary columns under attack: the truth of it, one attack an axis entry."""
+"""Truth of the attacks as columns of the results; the attacks have an axis of their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the processor said, as columns of the results: verdicts, states, checks, and the ranges that are in use."""
+"""Verdict columns of the results: verdicts, states, checks, and the ranges in use."""
 
 from __future__ import annotations
 

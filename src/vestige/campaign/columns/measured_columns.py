@@ -1,7 +1,7 @@
-"""What the receiver measured, as columns of the results and back: judged again they give the same verdicts.
+"""Measurement columns of the results; verdicts made again from these columns are the same.
 
-`measured_columns` is made by the workers, `measured_block` by whoever judges: the campaign as its chunks come in, and
-later a plot or the threat table, at any mitigation level. No column that begins with `truth_` is looked at.
+The workers call `measured_columns`. `measured_block` is called when verdicts are made: by the campaign as its chunks
+come in, and later by a plot or the threat table, at any mitigation level. It reads no column that begins with `truth_`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What only a user's check may ask of a measurement, as columns: nothing that it sees is lost when results are stored.
+"""Columns that only a user's check may need, so that stored results hold everything that such a check sees.
 
 vestige's own checks do not look at these quantities, so results hold them only if the scenario has checks of the
 user's. They are kept to the bit: a campaign and `vestige.simulate` give such a check the same evidence.

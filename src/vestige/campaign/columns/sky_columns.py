@@ -1,4 +1,4 @@
-"""What the results hold beside the ordinary columns under a sky: where satellites are, position fixes and their errors.
+"""Additional result columns under a sky: directions of the satellites, position fixes and their errors.
 
 The processor fixes its position at every epoch from all E1 pseudoranges (`all`), and at every epoch with RECS from the
 ranges that may be used, of satellites whose navigation data OSNMA authenticates (`authenticated`). The second is known
@@ -6,11 +6,12 @@ when the OSNMA key is: `available_at_s`. Both take the broadcast orbits for righ
 the ionosphere's residual e/(γ − 1) that belongs to the e of E6 − E1; it is common to both bands and no part of the
 range check.
 
-The receiver believes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² of each pseudorange, with
+The receiver assumes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² of each pseudorange, with
 M and A of `receiver.elevation`, and that a share of the ionosphere's variance is common to all (`ionosphere_common` of
 `[position]`). The covariance P of the fix knows of that share; the weights do not, nor do RAIM and solution separation,
-whose σ are of what residuals show. The NEES, xᵀP⁻¹x, is of the errors of the three coordinates and the clock; of a
-consistent fix it is χ² with 4 degrees of freedom. With rays it is less: σ_multipath bounds their tails.
+which take their σ from the weights. The NEES, xᵀP⁻¹x, combines the errors of the three coordinates and the clock. For a
+consistent fix it is χ² with 4 degrees of freedom. With multipath it is less, because σ_multipath is an upper limit that
+covers the tails.
 """
 
 from __future__ import annotations
@@ -108,7 +109,7 @@ def true_place_m(
 
 
 class _Truth(NamedTuple):
-    """Where the receiver is, its clock and the rate of that."""
+    """True position of the receiver, error of its clock, and the rate of that error."""
 
     place_m: Float[np.ndarray, "n 3"]
     clock_m: Float[np.ndarray, " n"]

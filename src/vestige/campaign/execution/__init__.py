@@ -1,1 +1,1 @@
-"""Where the epochs of a campaign are computed."""
+"""Executors of a campaign: threads, processes or a cluster that compute its epochs."""

@@ -46,7 +46,7 @@ class ClusterExecutor(Executor):
 
     @property
     def workers(self) -> int:
-        """How many calls the cluster runs at the same time, at present."""
+        """Number of calls that the cluster runs at the same time, at present."""
         return sum(self._client.nthreads().values())
 
     def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:

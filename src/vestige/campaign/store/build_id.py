@@ -1,4 +1,4 @@
-"""What besides a scenario decides the bits of its results: the source of vestige and of the user's parts, processor.
+"""Identity of a build: source of vestige, the user's parts and the processor, which all affect the bits of results.
 
 The kind of processor matters for sums of samples alone.
 """

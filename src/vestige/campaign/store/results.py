@@ -35,7 +35,7 @@ NAVIGATION_TEXT = "navigation"  # attribute of the results of a sky: the ephemer
 
 
 class RunAttributes(BaseModel):
-    """What the results say of their run beside the scenario."""
+    """Attributes of a run that the results hold beside the scenario."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
@@ -111,7 +111,7 @@ class Results:
 
     @property
     def attributes(self) -> RunAttributes:
-        """What else the results say of their run. Raises `VestigeError` if they do not."""
+        """Attributes of the run beside the scenario. Raises `VestigeError` if the results lack them."""
         return attributes_of(self.dataset)
 
     @property

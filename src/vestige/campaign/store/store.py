@@ -67,7 +67,7 @@ class Store:
 
     @property
     def n_chunks(self) -> int:
-        """How many chunks the epochs are cut into."""
+        """Number of chunks into which the epochs are cut."""
         return -(-self.n_epochs // self.chunk_epochs)
 
     def epochs(self, chunk: int) -> range:

@@ -1,4 +1,4 @@
-"""What the files of a store may be, examined before any value is read: regular files, as large as what was written.
+"""Validation of a store's files before any value is read: regular files of the size that a campaign writes.
 
 A store may come from anywhere. So its metadata decide nothing alone: an array is read only if what it claims to hold
 is what a campaign writes, and a compressed chunk only if it unpacks to the size of its values.

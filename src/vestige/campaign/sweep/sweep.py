@@ -50,7 +50,7 @@ _FIRST_RESULT = "cn0_dbhz"  # column of the table behind the keys of the sweep
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Width:
-    """How narrow the interval of a count is to be."""
+    """Required width of the confidence interval of a count."""
 
     # upper minus lower end: of the probability, or, if `relative`, as a part of the estimate of the rarer of detection
     # and miss.
@@ -67,7 +67,7 @@ class Width:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """What one campaign of a sweep has shown."""
+    """Result of one campaign of a sweep."""
 
     settings: Mapping[str, Value]
     store: str  # name of its store in the folder of the sweep

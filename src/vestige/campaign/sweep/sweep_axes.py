@@ -1,4 +1,4 @@
-"""What a sweep varies: keys of a scenario, the values that each takes, and their combinations."""
+"""Axes of a sweep: keys of a scenario, the values that each takes, and their combinations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `vestige run` prints of an attack: what it did to each satellite, and what each detector made of it."""
+"""Attack section of `vestige run`'s output: effect on each satellite, and outcome of each detector."""
 
 from __future__ import annotations
 

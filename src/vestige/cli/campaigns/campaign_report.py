@@ -1,4 +1,4 @@
-"""What `vestige run` prints of a campaign, or of a sweep of campaigns: text for people, JSON for programs."""
+"""Output of `vestige run` for a campaign or a sweep of campaigns: text for people, JSON for programs."""
 
 from __future__ import annotations
 

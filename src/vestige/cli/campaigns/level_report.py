@@ -1,4 +1,4 @@
-"""What `vestige run` says of a campaign at level 2 or 3, or with own checks: what failed when, what is in use."""
+"""Output of `vestige run` at level 2 or 3, or with own checks: failed checks, their times, and ranges in use."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Choice:
-    """What the options choose in a figure."""
+    """Values that the options choose for a figure."""
 
     detector: str
     svid: int | None

@@ -1,4 +1,4 @@
-"""What `vestige threats` prints: a table for people, JSON for programs."""
+"""Output of `vestige threats`: a table for people, JSON for programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `vestige live` does: verdicts while the recording is being written."""
+"""Work of `vestige live`: verdicts while the recording is being written."""
 
 from __future__ import annotations
 

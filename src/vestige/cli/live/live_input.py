@@ -1,4 +1,4 @@
-"""What comes in while it is written: descriptions, growing files, pipes, standard input, and the tracking of E1."""
+"""Input of `vestige live` while it is written: descriptions, files, pipes, standard input, and E1 tracking."""
 
 from __future__ import annotations
 

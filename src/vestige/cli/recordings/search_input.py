@@ -1,4 +1,4 @@
-"""What `vestige search` reads: the recording, the RECS in it, and when they may arrive."""
+"""Input of `vestige search`: the recording, its RECS, and the times at which these may arrive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `vestige search` says: the signals on E1; of a search in E6 what it costs, how it goes, what it found."""
+"""Output of `vestige search`: signals on E1; cost, progress and findings of a search in E6."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NOWHERE = "no signal on E1 to hand over, or no place in the samples within the 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What a search says of one RECS."""
+    """Result of a search for one RECS."""
 
     decision: VestigialDecision
     budget: SearchBudget

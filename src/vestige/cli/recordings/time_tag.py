@@ -1,4 +1,4 @@
-"""What `vestige process` knows of the time tag of samples where no message and no observation file tells the time."""
+"""Time tag of samples in `vestige process` if neither a message nor an observation file tells the time."""
 
 from __future__ import annotations
 

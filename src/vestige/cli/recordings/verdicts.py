@@ -1,4 +1,4 @@
-"""How verdicts are printed and written: snapshot by snapshot, as they come, so that nothing is kept of them."""
+"""Output of verdicts snapshot by snapshot, as they come, so that none has to be kept in memory."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FAILED = 3  # exit status with --fail-on
 
 @dataclass(slots=True)
 class Tally:
-    """How many snapshots there were, how many verdicts by status, and the satellites with RECS that E1 never showed."""
+    """Tally of a recording: snapshots, verdicts by status, and the satellites with RECS that E1 never showed."""
 
     snapshots: int = 0
     alarmed: bool = False  # whether a verdict or a state was one of alarm
@@ -71,7 +71,7 @@ class Tally:
 
     @property
     def advice(self) -> str:
-        """What to look into where no satellite was found on E6; "" if one was."""
+        """Advice on what to check if no satellite was found on E6; "" if one was."""
         if not self.counts:
             swapped = "the files of the two bands may be swapped, or the start may be wrong: " if self.missed else ""
             return f"{self.nothing}; {swapped}`vestige inspect RECORDING` says what the recording holds"

@@ -56,7 +56,7 @@ _MAX_WEEK = 1 << 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeyFile:
-    """What a key file holds."""
+    """Content of a key file."""
 
     keys: tuple[ValidatedKey, ...]  # validated keys in time order
     roots: tuple[RootKey, ...]  # verified root keys in the order in which they were received

@@ -19,7 +19,7 @@ from vestige.errors import AuthenticationError
 
 
 class Trust(Enum):
-    """What the trust in a public key rests on."""
+    """Basis of the trust in a public key."""
 
     MERKLE_TREE = "verified against the Merkle tree root"
     USER = "trusted because it was given; not checked against a Merkle tree"

@@ -1,14 +1,15 @@
-"""Which TESLA chains may be used: the signed status of OSNMA, and nothing else, decides.
+"""Register of the TESLA chains that may be used: the signed status of OSNMA, and nothing else, decides.
 
 The NMA header of a subframe says whether OSNMA may be used, but anybody can forge it. The same header is signed
 together with each DSM-KROOT. So the status follows from verified root keys, in the order in which they were received:
 
 * A root key with the status "don't use" withdraws all chains.
-* One that says "chain revoked" or "public key revoked" withdraws all chains but the one that it names as in force. The
-  second one also revokes the public keys that came before the one that signed it.
+* A root key with "chain revoked" or "public key revoked" withdraws all chains but the one that it names as in force.
+  "Public key revoked" also revokes the public keys that came before the one that signed the root key.
 * A chain comes back only with a root key of its own that says "test" or "operational" and cannot be older than the
-  withdrawal. A root key of a later time cannot: it is itself a key of the chain, which nobody may know before its time.
-  Nor can one of the chain that the withdrawal announced as the next one, because that chain was not in force before.
+  withdrawal. A root key of a later time cannot be older: it is itself a key of the chain, which nobody may know before
+  its time. A root key of the chain that the withdrawal announced as the next one cannot be older either, because that
+  chain was not in force before.
 * An alert message is final: everything that could end it is no longer trusted [OSNMA-RG, 4.2.3].
 * A key of a chain without any accepted root key is refused from the first withdrawal on: a revoked key signed its root.
 
@@ -16,8 +17,8 @@ Nobody signs when a root key was received, so an attacker may choose that time. 
 earliest of its times on. A root key that ends it must be later than the latest of its times, later than the withdrawing
 root key itself, and later than the root keys of the chain that were known before: the last two times are signed.
 
-A genuine withdrawal that an attacker records and sends again is a new one here. It costs the keys until the root key of
-the next hour; that it cannot be told from a true one is the price of never missing one.
+A genuine withdrawal that an attacker records and sends again counts as a new one. The receiver then has no keys until
+the root key of the next hour. This is the price of never missing a withdrawal.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ def provably_before_disclosure(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceptionProof:
-    """Which arrivals of one RECS are provably from before the disclosure of its key."""
+    """Proof of which arrivals of one RECS happened before the disclosure of its key."""
 
     disclosed_at: GalileoTime  # when the first bit of the key was on air
     duration_s: float  # length of the RECS in s

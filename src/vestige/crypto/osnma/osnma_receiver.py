@@ -53,9 +53,10 @@ from vestige.validated_key import ValidatedKey
 
 @dataclass(frozen=True, slots=True)
 class _Message:
-    """What the satellites sent in one subframe, and the navigation words that had been received before it.
+    """OSNMA of all satellites in one subframe, and the navigation words that had been received before it.
 
-    Subframes with lost pages are among them: their key may be there. `refusing` are those with the header "don't use".
+    Subframes with lost pages are included, because their key may be there. `refusing` holds those with the header
+    "don't use".
     """
 
     time: GalileoTime

@@ -1,4 +1,4 @@
-"""What was verified in a stretch of OSNMA, what was not, and why."""
+"""Report on a stretch of OSNMA: what was verified, what was not, and why."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vestige.validated_key import ValidatedKey
 
 
 class ProblemKind(Enum):
-    """What a problem is about."""
+    """Kind of a problem: the part of OSNMA that it concerns."""
 
     ROOT_KEY = "root key"  # a DSM-KROOT that does not verify
     KEY = "key"  # a key that does not chain to a verified root key
@@ -104,7 +104,7 @@ class KeyGap:
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """How many of something verify, and how many do not."""
+    """Numbers of items that verify and that do not."""
 
     ok: int = 0
     failed: int = 0
@@ -185,7 +185,7 @@ class OsnmaReport:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Why the root key or the chain does not verify; empty if all is well."""
+        """Reasons why the root key or the chain does not verify; empty if all is well."""
         failures = [str(problem) for problem in self.problems if problem.kind in FAILING]
         if not self.verified_roots:
             ignored = (problem.text for problem in self.problems if problem.kind is ProblemKind.IGNORED)

@@ -45,7 +45,7 @@ _LONGEST_CERTIFICATE = 1 << 20
 
 
 class SignatureStatus(Enum):
-    """What is known of a file's origin. A signature that is wrong is an `AuthenticationError`, not a status."""
+    """Status of a file's signature. A wrong signature is an `AuthenticationError`, not a status."""
 
     VERIFIED = "verified"
     NOT_SIGNED = "not signed"
@@ -54,7 +54,7 @@ class SignatureStatus(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignatureName:
-    """What the name of a signature says: the signed file's name, the certificate's number, the curve (`p256` …)."""
+    """Name of a signature file: the signed file's name, the certificate's number, the curve (`p256` …)."""
 
     signed: str
     certificate: int

@@ -73,7 +73,7 @@ _FACTOR = {GroupDelayScale.OS_ICD: GAMMA_E1_E6 - 1, GroupDelayScale.FILE_VALUE: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupDelayConvention:
-    """How a BGD value is meant. The default is the definition of [OS-ICD, 5.1.5].
+    """Convention of a BGD value: its scale and its sign. The default is the definition of [OS-ICD, 5.1.5].
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ _TIME_CODE = re.compile(r"(\d{2})(\d{3})(\d{2})(\d{2})(\d{3})", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecsName:
-    """What the name of a RECS file says."""
+    """Name of a RECS file, as its fields."""
 
     start: GalileoTime  # epoch of the (first) RECS, a whole number of deciseconds
     svid: int

@@ -123,7 +123,7 @@ class AlmanacEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlmanacSet:
-    """What one set of words 7 to 10 holds.
+    """Almanac set: the content of words 7 to 10.
 
     Attributes
     ----------

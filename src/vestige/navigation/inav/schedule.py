@@ -1,8 +1,8 @@
-"""Which word a satellite sends in which page.
+"""Schedule of I/NAV: the word that a satellite sends in each page.
 
-The nominal sequence of E1-B takes 30 s, one subframe; some places alternate between the two halves of a minute
-[OS-ICD, I/NAV sub-frame layout]. Satellites without FEC2 send word 0 in place of the words 16 to 20. A satellite whose
-orbit does not fit into word 16 sends word 5 in its place. All three are as recorded in 2023 and 2025.
+The nominal sequence of E1-B takes 30 s, one subframe; some places alternate between the two halves of a minute [OS-ICD,
+I/NAV sub-frame layout]. Satellites without FEC2 send word 0 in place of the words 16 to 20. A satellite whose orbit
+does not fit into word 16 sends word 5 in its place. All three rules agree with signals recorded in 2023 and 2025.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How often checks see an attack against its strength, with intervals."""
+"""Detection rate of checks against the strength of an attack, with intervals."""
 
 from __future__ import annotations
 

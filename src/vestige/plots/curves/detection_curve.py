@@ -1,4 +1,4 @@
-"""How often a signal is detected, missed, or seen where there is none, against C/N0, beside theory [WFO, Sec. III]."""
+"""Detection, miss and false-alarm rates against C/N0, beside theory [WFO, Sec. III]."""
 
 from __future__ import annotations
 

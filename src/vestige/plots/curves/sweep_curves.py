@@ -1,4 +1,4 @@
-"""Which curves a sweep is drawn as: what it is drawn against, and which of its rows belong together."""
+"""Curves of a sweep: its abscissa, and the rows that belong together."""
 
 from __future__ import annotations
 

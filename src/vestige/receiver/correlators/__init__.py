@@ -1,1 +1,1 @@
-"""What correlators and searches give, drawn from exact models without samples."""
+"""Correlators and search results, drawn from exact models without samples."""

@@ -38,7 +38,7 @@ _STEPS_PER_CHIP = 64  # of the table behind a front end: linear interpolation is
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draws:
-    """What is random in a block of banks: R_e with its self-noise, noise of σ = 1 in the taps, scatter of the floor."""
+    """Random draws of a block of banks: R_e with its self-noise, noise of σ = 1 in the taps, scatter of the floor."""
 
     correlation: Float[np.ndarray, "n_epochs n_lags"]
     noise: Complex128[np.ndarray, "n_epochs n_taps"]

@@ -1,4 +1,4 @@
-"""What an attack adds to drawn banks of correlators beside further rays: noise, jamming, chips that do not match.
+"""Disturbance of drawn correlator banks by an attack: noise, jamming, and chips that do not match the replica.
 
 Theory of operation
 -------------------

@@ -1,4 +1,4 @@
-"""What E1 tracking follows while counterfeits are there: the loop that an attacker can capture.
+"""E1 tracking loop under attack: the signal that it follows, and its capture by a spoofing signal.
 
 Theory of operation
 -------------------
@@ -7,10 +7,10 @@ With R the autocorrelation and signals of complex amplitude a_i, delay τ_i and 
 
     P(x) = Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)         H_ij = 1/(1 + j 2π(f_i − f_j)/4B)
 
-H is what a loop of noise bandwidth B (its pole at 4B rad/s) leaves of a beat: signals that slip slowly add with their
-phases, signals that slip fast add their powers. The loop sits at a stable zero of P(x − d/2) − P(x + d/2), and when
-the signals change it goes to the zero that is next in its direction. So it has a memory: which of two peaks it is on.
-Steps of 0.1 s are small enough for all pull-off rates up to 100 m/s.
+H is the part of a beat that remains in a loop of noise bandwidth B (its pole at 4B rad/s): signals that slip slowly add
+with their phases, signals that slip fast add their powers. The loop sits at a stable zero of P(x − d/2) − P(x + d/2),
+and when the signals change it goes to the zero that is next in its direction. So the loop has a memory: it stays on one
+of two peaks. Steps of 0.1 s are small enough for all pull-off rates up to 100 m/s.
 
 **Capture.** From an aligned start (counterfeit on top, then leaving) a counterfeit of more power takes the loop along,
 whatever its phase, and one of equal or less power never does [JWCN18, Eq. 4-6]. One that starts more than a chip away
@@ -18,7 +18,7 @@ never captures a loop in lock.
 
 **Lock.** A receiver acquires the strongest signal if its prompt correlator falls below 20 dBHz, or if an attack
 restarts it (`acquired`). That takes `reacquisition_s`, in which a signal above 20 dBHz has to be there; until then E1
-has no measurements. A counterfeit that is switched off so leaves the receiver to the true signal. Before its first
+has no measurements. So a counterfeit that is switched off leaves the receiver to the true signal. Before its first
 epoch the receiver has acquired whatever is on air then.
 
 `REACQUISITION_S` is that of the tracking receiver on samples (`sample_processor.tracking`): it looks for a lost
@@ -67,7 +67,10 @@ _NO_POWER = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Tracking:
-    """What counterfeits and added noise do to E1 tracking, over epochs; without them 0, 0, 0, 1, tracked, nobody's."""
+    """Effect of spoofing signals and added noise on E1 tracking, over epochs.
+
+    Without an attack the errors are 0 and the gain is 1; the receiver tracks the true signal.
+    """
 
     error_m: Float[np.ndarray, " n"]  # error of the pseudorange
     worst_error_m: Float[np.ndarray, " n"]  # error of largest magnitude since the epoch before

@@ -1,4 +1,4 @@
-"""What E1 gives a receiver at every epoch, with RECS or without: correlators of each satellite, power of the band.
+"""E1 correlators of each satellite and power of the band, at every epoch, with RECS or without.
 
 Theory of operation
 -------------------

@@ -1,4 +1,4 @@
-"""How much noise all other signals of a sky are behind an E6-C correlator, for banks that are drawn.
+"""Noise of all other signals of a sky behind an E6-C correlator, for banks that are drawn.
 
 Each satellite sends E6-B and E6-C, of C/N0 c_j each, both BPSK(5) with codes that the replica does not have. Behind the
 correlator a code is noise of the density κ C over N0 (`code_noise_density_s`: 0.13 µs in continuous time). The chips of
@@ -6,8 +6,8 @@ a satellite's own E6-B are aligned with those of its E6-C, so their noise is 1/R
 
     w_i = 2 κ Σ_{j≠i} c_j p_j + c_i p_i / R_c,    p = 1 + power of multipath and spoofing signals over the line of sight
 
-Eight satellites of 45 dBHz raise the noise by 7 %. The taps get white noise of this density; that the noise of codes is
-more alike in taps less than a chip apart is left out.
+Eight satellites of 45 dBHz raise the noise by 7 %. The taps get white noise of this density; the model leaves out that
+the noise of codes is more alike in taps less than a chip apart.
 """
 
 from __future__ import annotations

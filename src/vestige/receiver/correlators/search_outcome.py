@@ -1,32 +1,33 @@
-"""What the vestigial searches would find of one satellite, drawn from the theory of their detection, without samples.
+"""Outcome of the vestigial searches for one satellite, drawn from detection theory without samples.
 
 Theory of operation
 -------------------
-On air are the true signal and every counterfeit, with amplitudes a_i, delays τ_i and Dopplers f_i. At the place of one
-of them a correlator over T hears them all,
+On air are the true signal and every counterfeit, with amplitudes a_i, delays τ_i and Dopplers f_i. At the delay and
+Doppler of one of them a correlator over T receives all of them,
 
     h_i = Σ_j a_j R(τ_i − τ_j) sinc((f_j − f_i) T),      s_i² = 2 (C/N0) T |h_i|² L_i / (1 + ρ)
 
-so a nulled signal is what is left of it. ρ is the noise that an attack adds, and L_i the loss to the next cell of the
-grid, drawn for every signal: uniform over a step of code and of Doppler. The strongest cell is tested,
+so only the remainder of a nulled signal counts. ρ is the noise that an attack adds, and L_i the loss to the next cell
+of the grid, drawn for every signal: uniform over a step of code and of Doppler. The strongest cell is tested,
 
     E1          K = 48 squared magnitudes (24 periods, two components), χ²(2K) about the mean Σ s² + 2K
     hand-over   |s + z|,  z ~ CN(0, 2), at the tap that is next; only at the places of signals that E1 has
     exhaustive  |s + z|,  the same samples, so the same z; anywhere
 
-against the threshold of all cells at `p_fa`. That neighbouring cells may win is left out: P_d is low by some 0.02
-where it is one half (docs/vestigial_search.md). Signals closer than the separation rule are one, the stronger: on E1
-two chips modulo 4 ms, in E6 one chip, or as far as the fine place of the weaker, looked for within 1¼ chips of its
-cell, is on the flank of the stronger: 2¼ − s/s' chips. On E1 nothing counts that is 16 dB below the strongest. E1
-counts as a second signal whatever it finds, E6 what carries the chips of the RECS. A false alarm comes with p_fa,
-anywhere in the window.
+against the threshold of all cells at `p_fa`. The model leaves out that neighbouring cells may win, so P_d is too low by
+some 0.02 where it is one half (docs/vestigial_search.md). Signals closer than the separation rule are one, the
+stronger: on E1 two chips modulo 4 ms, in E6 one chip, or as far as the fine place of the weaker, looked for within 1¼
+chips of its cell, is on the flank of the stronger: 2¼ − s/s' chips. On E1 a signal that is 16 dB below the strongest
+does not count. Every signal that is found on E1 counts as a second one, in E6 only a signal with the chips of the RECS.
+A false alarm comes with p_fa, anywhere in the window.
 
 The earliest in E6 is the true one, and its place less the predicted E6 − E1 delay is the range that a receiver then
 uses: wrong by its delay, by ionosphere and group delay as every hand-over, and by the noise of one snapshot. It is used
 where every signal of E1 was found in E6 or could not have been missed (P_d ≥ 0.9999 at E1's C/N0, a quarter chip off),
 and of the exhaustive search where there are two: one alone may be the counterfeit's, the true one lost in noise.
 
-Rays are no signals of their own here, and a satellite 16 dB below the strongest of the others is not left out.
+Multipath components do not count as signals of their own here, and a satellite 16 dB below the strongest of the others
+is not left out.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ _range_noise_m = cache(snapshot_noise_bound_m)  # at 0 dBHz; the root of C/N0 di
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchOutcome:
-    """What the searches of one satellite find, over epochs."""
+    """Outcome of the searches for one satellite, over epochs."""
 
     e1_signals: Float[np.ndarray, " n"]  # signals on E1; 0 if there is none, and then no hand-over
     # those of them that carry the encrypted chips in E6; 0 where the hand-over was not run
@@ -107,7 +108,7 @@ def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchDraws:
-    """What is random in the searches of a block of epochs, a column for each signal."""
+    """Random draws for the searches of a block of epochs, a column for each signal."""
 
     e1_cell: Float[np.ndarray, "n k 2"]  # place between the cells of code and Doppler, in steps, −½ … ½
     e6_cell: Float[np.ndarray, "n k 2"]

@@ -1,4 +1,4 @@
-"""What a whole sky makes of E1, for correlators and power that are drawn: noise of all codes, power of all signals.
+"""Effect of a whole sky on drawn E1 correlators and power: noise of all codes, power of all signals.
 
 Theory of operation
 -------------------

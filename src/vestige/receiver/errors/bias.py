@@ -1,4 +1,4 @@
-"""What calibration leaves of the constant delays between E1 and E6 [WFO, Sec. II-B].
+"""Residuals of the constant delays between E1 and E6 after calibration [WFO, Sec. II-B].
 
     b(t) = b_BGD + b_HW + r_HW t
 

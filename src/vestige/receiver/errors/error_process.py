@@ -1,4 +1,4 @@
-"""What all error models of the receiver share: named streams of random numbers, and times that only go forward.
+"""Common base of the receiver's error models: named streams of random numbers, and times that only go forward.
 
 A model is a frozen record of parameters. `model.process(streams)` starts one realisation of it, and `advance(times_s)`
 continues that realisation to later times, one value an epoch. One law holds for all of them: the values do not depend
@@ -120,7 +120,7 @@ class TrackingModel(Protocol):
 
 @runtime_checkable
 class BiasModel(Protocol):
-    """What calibration leaves of the delays between E1 and E6."""
+    """Model of the delays between E1 and E6 that remain after calibration."""
 
     def process(self, streams: Streams, *, receiver: Streams) -> ErrorProcess:
         """Return a realisation for one satellite, from its own streams and from those of the receiver."""

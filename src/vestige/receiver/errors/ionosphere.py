@@ -1,4 +1,4 @@
-"""What a receiver's ionosphere model leaves of the difference E6 − E1: a Gaussian core with exponential tails.
+"""Residual of a receiver's ionosphere model in E6 − E1: a Gaussian core with exponential tails.
 
 Theory of operation
 -------------------
@@ -17,11 +17,10 @@ z an epoch through the inverse distribution function, e = F⁻¹(Φ(z)): whateve
 * `smooth`: z is a Gauss-Markov process of second order with the same τ, so it has a rate: 0.03 % of its spread in a
   second, 0.4 mm. E6 carrier phases can be compared with those of E1.
 
-A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are what is left between two such models,
-NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Both tails of that difference have 5 %. What
-a broadcast model leaves of a strong ionosphere is rather a delay that it underestimates, as the paper's histogram has
-it: the preset 2014-late keeps the late tail and gives the 5 % of the early one to the core. 1 TECU is 0.0841 m of
-E6 − E1.
+A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are the difference between two such models,
+NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Both tails of that difference have 5 %. In a
+strong ionosphere a broadcast model rather underestimates the delay, as the paper's histogram shows: the preset
+2014-late keeps the late tail and gives the 5 % of the early one to the core. 1 TECU is 0.0841 m of E6 − E1.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a front end makes of the correlation functions of signal and noise, for correlators without samples.
+"""Correlation functions of signal and noise behind a front end, for correlators without samples.
 
 Theory of operation
 -------------------

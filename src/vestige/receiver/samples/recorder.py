@@ -1,4 +1,4 @@
-"""What a recorder writes: the samples of one band with all its satellites, as long as one likes.
+"""Recorder of one band: samples of all its satellites, for any length of time.
 
 Theory of operation
 -------------------
@@ -8,7 +8,7 @@ micrometre for any receiver on Earth. The chip that arrives at t_m is counted fr
 arrives x after t_m, where t − P(t)/c is the time at which it was sent. Stretches are cut on the sample counter, so
 any recording of the same scenario has the same bits where it overlaps another.
 
-**Propagation.** What comes on top of the pseudorange is asked for once a stretch. A group delay moves the code of the
+**Propagation.** All effects beyond the pseudorange are asked for once a stretch. A group delay moves the code of the
 line of sight and not its carrier; an ionosphere moves the carrier the other way. Both change over a stretch with the
 rates that belong to its middle, so that a tracking loop meets no step.
 """
@@ -50,7 +50,7 @@ _MARGIN_S = 2e-5  # of chips on both sides of a stretch: 6 km, for rays and grou
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation:
-    """What is between satellite and receiver beyond the pseudorange, about the middle of a stretch."""
+    """Propagation between satellite and receiver beyond the pseudorange, about the middle of a stretch."""
 
     delay_m: float  # group delay of the line of sight beyond the pseudorange, in m
     at_s: float  # receiver time after the reference at which all amplitudes hold
@@ -92,7 +92,7 @@ class ReceivedSatellite:
 
     @cached_property
     def modulation(self) -> BandModulation:
-        """What it sends in the band."""
+        """Modulation of the satellite's signals in the band."""
         return BandModulation(components=self.components)
 
 
@@ -103,7 +103,7 @@ def stretch_samples(sample_rate_hz: float) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class BandRecorder:
-    """What makes the samples of one band, stretch by stretch.
+    """Recorder that makes the samples of one band, stretch by stretch.
 
     Everything is summed at the antenna, where the receiver's noise has variance 1 a sample, and goes through one front
     end: filter, gain control over a stretch, quantiser, whose integer levels are the samples then.

@@ -99,7 +99,7 @@ def received_signal(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Which samples are taken around a RECS."""
+    """Window of samples around a RECS."""
 
     expected_s: float  # when the receiver expects the RECS, after transmission
     first: int  # number of the first sample, counted from the time of transmission at the output rate

@@ -1,4 +1,4 @@
-"""What a receiver gets from one satellite at any time, in a recording and in a campaign of a sky with samples."""
+"""Signals of one satellite at any time, in a recording and in a campaign of a sky with samples."""
 
 from __future__ import annotations
 

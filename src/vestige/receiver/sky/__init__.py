@@ -1,1 +1,1 @@
-"""Where satellites and receiver are, and how a satellite is seen."""
+"""Positions of satellites and receiver, and the receiver's view of each satellite."""

@@ -26,7 +26,7 @@ _STEP_S = 1.0  # of the differences; what the fourth derivative leaves is below 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Atmosphere:
-    """Which models of the atmosphere there are; None where there is none.
+    """Models of the atmosphere; None for a part that is not there.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Atmosphere:
 
     @property
     def broadcast(self) -> BroadcastIonosphere:
-        """What satellites send in word 5."""
+        """Ionosphere model that satellites send in word 5."""
         return self.ionosphere or NO_IONOSPHERE
 
 

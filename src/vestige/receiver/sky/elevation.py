@@ -1,4 +1,4 @@
-"""What depends on the elevation of a satellite: strength, multipath, length of the way through the ionosphere.
+"""Effects of a satellite's elevation: signal strength, multipath, and path length through the ionosphere.
 
 Theory of operation
 -------------------
@@ -38,7 +38,7 @@ _KEPT_SIGHTS = 16  # range, rate and acceleration of a delayed signal through a 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteGeometry:
-    """How a satellite is seen at n epochs; on a single line of sight always, with its full strength."""
+    """View of a satellite at n epochs; a single line of sight is always in view, with its full strength."""
 
     # by how much the receiver's clock is ahead of the time at which the line of sight is to be taken
     clock_offset_s: Float[np.ndarray, " n"]
@@ -61,7 +61,7 @@ class SatelliteGeometry:
 
 
 class SatelliteMotion(NamedTuple):
-    """How a satellite is seen, with range, range rate and range acceleration."""
+    """View of a satellite with range, range rate and range acceleration."""
 
     geometry: SatelliteGeometry
     range_m: Float[np.ndarray, " n"]
@@ -121,7 +121,7 @@ class SatelliteRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElevationEffects:
-    """What the elevation does to one satellite of a sky."""
+    """Effects of the elevation on one satellite of a sky."""
 
     path: SatelliteRange
     mask_deg: float  # lowest elevation at which it is received

@@ -1,4 +1,4 @@
-"""What a replay makes of a sky: its signals come from where the satellites were when they sent them.
+"""Geometry of a replay under a sky: its signals come from earlier positions of the satellites.
 
 A spoofing signal that is τ late brings what the receiver could have received τ before. With ρ the range of the line of
 sight, the receiver gets at t, beyond the direct signal,

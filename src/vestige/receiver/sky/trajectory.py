@@ -1,4 +1,4 @@
-"""Where the receiver is: it stands, drives in a circle, or passes through waypoints.
+"""Trajectories of the receiver: it stands, drives in a circle, or passes through waypoints.
 
 Every trajectory gives position, velocity and acceleration at any time, consistent with each other, so that range, range
 rate and range acceleration are as well. Waypoints are joined by a natural cubic spline, which has no jump in the

@@ -1,1 +1,1 @@
-"""What the simulated receiver hands to the processor, made from the truth of a block of epochs."""
+"""Snapshots of the simulated receiver for the processor, made from the truth of a block of epochs."""

@@ -1,4 +1,4 @@
-"""What the simulated service gives the receiver: the RECS of every satellite, made when they are asked for."""
+"""Assistance of the simulated service: the RECS of every satellite, made when they are asked for."""
 
 from __future__ import annotations
 

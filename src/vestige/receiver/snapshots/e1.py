@@ -1,6 +1,6 @@
-"""What E1 tracking says of all satellites, epoch by epoch.
+"""E1 measurements of all satellites, epoch by epoch.
 
-A pseudorange holds geometry and receiver clock, noise, multipath and what an attack made of the loop. Under a sky it
+A pseudorange holds geometry and receiver clock, noise, multipath and the error of the loop under attack. Under a sky it
 holds the atmosphere of the scenario and the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it
 is common to both bands and no part of the range check.
 
@@ -10,8 +10,8 @@ power come in single precision, as results keep them.
 A satellite that is out of view, weaker than the loop can hold, or being acquired has no measurement.
 
 Under a sky nothing is wrong with a pseudorange of 0.6 million kilometres: the fix says that the receiver's clock is
-wrong by 2 s, and its monitor asks why. On a single line of sight there is no other clock: one that is wrong by more
-than any travel time can explain follows.
+wrong by 2 s, and its monitor asks why. On a single line of sight there is no other clock: if the pseudorange is wrong
+by more than any travel time can explain, the receiver's clock follows it.
 """
 
 from __future__ import annotations

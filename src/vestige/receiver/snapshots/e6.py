@@ -237,7 +237,7 @@ class SimulatedE6Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrontEnds(Mapping[Band, FrontEndBlock]):
-    """What the front ends say, that of E6 when it is asked for."""
+    """Power and gain of the front ends by band; those of E6 are computed when they are asked for."""
 
     e1: FrontEndBlock | None
     e6: DrawnE6 | SimulatedE6Samples

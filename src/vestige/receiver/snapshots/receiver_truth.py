@@ -17,7 +17,7 @@ from vestige.receiver.truth import TruthBlock
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverTruth:
-    """What is true of n epochs and m satellites."""
+    """Truth of n epochs and m satellites."""
 
     simulations: tuple[Simulation, ...]  # one of each satellite
     truth: tuple[TruthBlock, ...]  # one of each satellite
@@ -76,12 +76,12 @@ class ReceiverTruth:
 
     @cached_property
     def arrived(self) -> tuple[Arrival, ...]:
-        """How the RECS of each satellite arrive in E6."""
+        """Arrival in E6 of the RECS of each satellite."""
         return self.arrived_at_epochs if self.every == 1 else self._arrived(self.of_recs)
 
     @cached_property
     def arrived_at_epochs(self) -> tuple[Arrival, ...]:
-        """How the chips that are sent at each epoch arrive in E6, with a RECS or without."""
+        """Arrival in E6 of the chips that each satellite sends at each epoch, with a RECS or without."""
         return self._arrived(self.truth)
 
     def _arrived(self, truths: tuple[TruthBlock, ...]) -> tuple[Arrival, ...]:
@@ -89,7 +89,7 @@ class ReceiverTruth:
 
     @cached_property
     def e1_multipath_m(self) -> Float[np.ndarray, "n m"]:
-        """What rays make of each pseudorange on E1."""
+        """Multipath error of each pseudorange on E1."""
         return self.each(Simulation.e1_multipath_m)
 
     @cached_property

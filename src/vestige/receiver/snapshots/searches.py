@@ -38,9 +38,10 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchFinds:
-    """What the searches would find in each of n epochs, if they were made.
+    """Results that the searches would have in each of n epochs, if they were made.
 
-    NaN without RECS, out of view, and while E1 acquires: without a time tag of the satellite none is made.
+    The values are NaN without RECS, out of view, and while E1 acquires: without a time tag of the satellite no search
+    is made.
     """
 
     e1_signals: Float[np.ndarray, "n m"]  # signals on E1
@@ -100,7 +101,7 @@ class KnownSearches:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrawnSearches:
-    """What the searches of a block would find; drawn once for all its RECS, when it is first asked for."""
+    """Search results of a block; drawn once for all its RECS, when they are first asked for."""
 
     of: ReceiverTruth
     # when the receiver has the last sample of each RECS, in s after the scenario's start
@@ -120,7 +121,7 @@ class DrawnSearches:
 
     @cached_property
     def finds(self) -> SearchFinds:
-        """What the searches would find."""
+        """Results that the searches would have."""
         of = self.of
         drawn = [
             search_outcome(

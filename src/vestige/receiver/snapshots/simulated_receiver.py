@@ -42,7 +42,7 @@ class SimulatedReceiver:
 
     @property
     def assistance(self) -> SimulatedAssistance:
-        """What the service gives it; the group delays are in samples of a sky alone."""
+        """Assistance that the service gives the receiver; only samples of a sky have group delays."""
         start = self.simulations[0].start
         delays = tuple(
             GroupDelay(

@@ -38,7 +38,7 @@ _OFFSETS_M = np.array(TAP_CHIPS) / E1C.chip_rate_hz * SPEED_OF_LIGHT_MPS
 
 
 class SkyE1(NamedTuple):
-    """What E1 of a sky gives in n epochs of m satellites."""
+    """E1 of a sky in n epochs of m satellites: correlators, power and saturation."""
 
     taps: Complex128[np.ndarray, "n m n_taps"]  # ξ before the gain control, NaN where it is not wanted
     rise_db: Float[np.ndarray, " n"]  # power over that without attack

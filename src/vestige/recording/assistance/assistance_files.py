@@ -49,7 +49,7 @@ _HEAD_BYTES = 1 << 16
 
 
 class FileKind(Enum):
-    """What a file of the folder is."""
+    """Kind of a file in the assistance folder."""
 
     RECS = "RECS"
     GROUP_DELAY = "BGD"
@@ -74,7 +74,7 @@ _BY_HEAD: tuple[tuple[str, FileKind, Callable[[bytes], bool]], ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileTrust:
-    """What OSNMA keys must lead to."""
+    """Trust anchors of OSNMA keys: public keys, and the Merkle tree that verified them."""
 
     public_keys: tuple[PublicKey, ...]  # keys that root keys may be signed with
     tree: MerkleTree | None  # that they were verified against
@@ -95,7 +95,7 @@ class FileTrust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What the readers need beside the file."""
+    """Settings that the readers of files need beside the file."""
 
     trust: FileTrust | None = None  # what OSNMA keys must lead to; None if nothing is known to trust
     # keys of the assistance server; if there are any, RECS and BGD files must be signed with one of them
@@ -111,7 +111,7 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contents:
-    """What one file holds."""
+    """Content of one file."""
 
     summary: str  # in one line
     signature: SignatureStatus | None = None  # what is known of its origin; None for kinds that are not signed

@@ -90,7 +90,7 @@ class AssistanceFolder:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know before trusting a verdict: what was taken on the folder's own word."""
+        """Warnings to read before trusting a verdict: data that only the folder itself vouches for."""
         anchors = [file.path.name for file in self.files if file.kind in (FileKind.PUBLIC_KEY, FileKind.MERKLE_TREE)]
         corrections = [file for file in self.files if file.kind in (FileKind.RECEIVER, FileKind.IONOSPHERE)]
         trust = f"OSNMA keys are trusted on the word of the assistance folder itself ({', '.join(anchors)}); "

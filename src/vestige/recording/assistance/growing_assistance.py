@@ -41,10 +41,10 @@ class LiveMessage(Protocol):
 
 
 class GrowingAssistance:
-    """What a folder holds by now.
+    """Assistance folder that still receives files.
 
-    `message` is what the receiver decodes itself, `warn` is told what is wrong with a file, once; all else is as for
-    `read_assistance`.
+    `message` is the navigation message that the receiver decodes itself. `warn` is called once with each fault of a
+    file. All other parameters are those of `read_assistance`.
     """
 
     def __init__(

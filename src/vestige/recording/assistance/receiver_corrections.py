@@ -1,4 +1,4 @@
-"""What the user knows of his receiver and of the sky, as two small files beside the assistance.
+"""Corrections that the user knows: front-end delay and ionosphere, as two small files beside the assistance.
 
 `receiver.toml` holds the calibrated delay of the E6 front end minus that of E1, in one of two units::
 

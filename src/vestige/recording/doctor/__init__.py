@@ -1,1 +1,1 @@
-"""What the signals in a recording say of its description."""
+"""Examination of the signals in a recording, to find errors in its description."""

@@ -42,7 +42,7 @@ _E6_S = 0.022  # of E6 samples in which a code phase is found
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredPlace:
-    """What one place of the file shows."""
+    """E1 measurements at one position in the file."""
 
     first: int  # sample, on the counter
     snapshots: dict[int, E1Snapshot]

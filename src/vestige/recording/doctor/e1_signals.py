@@ -45,7 +45,7 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Result:
-    """What E1 shows: the satellites, the file as it has to be read for them, and what is wrong."""
+    """Result of the examination of E1: satellites, the file description that shows them, and findings."""
 
     file: BandFile
     satellites: tuple[E1Satellite, ...]  # the strongest first

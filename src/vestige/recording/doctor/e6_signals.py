@@ -51,7 +51,7 @@ class E6Satellite:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6Result:
-    """What E6 shows."""
+    """Result of the examination of E6: satellites, the file description that shows them, and findings."""
 
     file: BandFile
     satellites: tuple[E6Satellite, ...]

@@ -48,7 +48,7 @@ _LOOKED_AT_S = 0.02  # at each place that is looked at for equal samples and cli
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examination:
-    """What the signals of a recording say; without E1 or E6, that part is None."""
+    """Result of the examination of a recording's signals; the part of a missing band is empty."""
 
     e1: tuple[E1Satellite, ...]  # the strongest first
     e6: tuple[E6Satellite, ...]

@@ -1,4 +1,4 @@
-"""What the signals of a recording show, one finding a line: the evidence, and what to change."""
+"""Findings about the signals of a recording, one a line: the evidence, and what to change."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vestige.records import Band
 
 
 class FindingKind(StrEnum):
-    """What a finding is about; the names stand in the JSON of `vestige inspect`."""
+    """Kind of a finding; the names stand in the JSON of `vestige inspect`."""
 
     NO_SIGNAL = "no signal"
     SWAPPED_BANDS = "swapped bands"
@@ -59,9 +59,9 @@ def remark(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> 
 
 @dataclass(slots=True)
 class TimeLimit:
-    """How much processor time the search for the right description may take; it counts from when it is made.
+    """Limit of the processor time for finding the right description; it counts from when it is made.
 
-    Processor time, not the time of day: what is found does not depend on what else the machine does.
+    It is processor time, not the time of day, so the findings do not depend on what else the machine does.
     """
 
     seconds: float

@@ -1,10 +1,10 @@
-"""What a receiver that follows a recording keeps on disk, so that after any interruption it goes on where it was.
+"""Journal of a receiver that follows a recording: after any interruption the receiver continues where it was.
 
 `verdicts.jsonl` has one line for each verdict and each change of state. `state.json` says how many bytes of it count
-and what their SHA-256 is, which epoch was the last, and what the receiver remembers; it is replaced as a whole
-after the lines were written. So a run that was killed between the two has lines that do not count: they are cut off,
-and written again when the epoch is processed again from the same state, with the same result. None is lost, none is
-there twice. Lines that count and are not those that were written are an error: nothing is cut off then.
+and what their SHA-256 is, which epoch was the last, and what the receiver remembers; it is replaced as a whole after
+the lines were written. So a run that was killed between the two has lines that do not count: they are cut off, and
+written again when the epoch is processed again from the same state, with the same result. No line is lost, and no line
+is there twice. If the lines that count are not those that were written, that is an error, and nothing is cut off.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _Count = Annotated[int, Field(ge=0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowProgress:
-    """How far a recording was followed."""
+    """Progress in following a recording: the last snapshot, and the receiver state after it."""
 
     index: _Count  # of the last snapshot
     sent: GalileoTime  # when its RECS was sent

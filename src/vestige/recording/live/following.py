@@ -46,7 +46,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WaitLimits:
-    """How long to wait for what, in s."""
+    """Limits of the waiting times, in s."""
 
     poll_s: float = 1.0  # between two looks
     wait_s: float = 180.0  # for the key and the observations of an epoch whose samples are there

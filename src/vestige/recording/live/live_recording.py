@@ -184,7 +184,7 @@ class LiveRecording:
 
     @property
     def extent(self) -> str:
-        """How much of E6 there is, in words."""
+        """Extent of the E6 samples so far, in words."""
         span_s = self.end - self.start
         pipe = self.description.bands[Band.E6].path == Path("-")
         where = "standard input" if pipe else str(self.description.bands[Band.E6].path)

@@ -23,7 +23,7 @@ ISSUES = 3  # of the ephemerides of a satellite that are kept: half an hour of r
 
 
 class ReceivedMessage:
-    """What the pages of a growing recording have told so far; a `LiveMessage` of an assistance folder.
+    """Navigation message in the pages of a growing recording so far; a `LiveMessage` of an assistance folder.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What E1 tracking said, in files of several kinds."""
+"""Observations of E1 tracking, in files of several kinds."""

@@ -87,7 +87,7 @@ class GrowingAccelerations:
 
     @property
     def found(self) -> Accelerations:
-        """What is known by now; raises InputFileError if gravity is still in it."""
+        """Accelerations that are known by now. Raises InputFileError if gravity is still in them."""
         return self._table.accelerations()
 
     def release(self, time: GalileoTime) -> None:

@@ -1,4 +1,4 @@
-"""How a file of E1 observations is read epoch by epoch, and what a value in it may be."""
+"""Parser of E1 observation files, epoch by epoch, and the limits of their values."""
 
 from __future__ import annotations
 

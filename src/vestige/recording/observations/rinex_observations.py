@@ -43,7 +43,7 @@ _EPOCH = re.compile(r"> (\d{4}) ([ \d]\d) ([ \d]\d) ([ \d]\d) ([ \d]\d) *(\d{1,2
 
 @dataclass(slots=True)
 class _Header:
-    """What the header records say so far."""
+    """Content of the header records so far."""
 
     path: Path
     system: str = " "

@@ -38,7 +38,7 @@ _UNUSED_BITS = 22  # at the end of the 8 words
 
 @dataclass(slots=True)
 class SbfCounts:
-    """What a reader came across."""
+    """Counts of the blocks and bytes that a reader came across."""
 
     blocks: int = 0  # blocks with a good CRC, of any kind
     bad_blocks: int = 0  # places that look like a block and have a wrong CRC, length or end of file

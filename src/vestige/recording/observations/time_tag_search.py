@@ -1,9 +1,9 @@
-"""How wrong a recording's time tag is, where only samples can say: the hand-over search over its uncertainty.
+"""Error of a recording's time tag, where only samples can tell it: the hand-over search over its uncertainty.
 
-E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. Which of the periods
-it is, no open code says; but the chips of a RECS come once. So each signal on E1 is handed over at all the periods that
-the label allows, and where the RECS is found the label is known. If it is found more than once, the earliest counts
-[WFO, Sec. III-E].
+E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. No open code tells
+which of the periods it is, but the chips of a RECS come once. So each signal on E1 is handed over at all the periods
+that the time tag allows, and the period at which the RECS is found gives the error of the time tag. If it is found more
+than once, the earliest counts [WFO, Sec. III-E].
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from vestige.signals.open_e6c import repeated_after_s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelSearch:
-    """What the search found."""
+    """Result of the search for the error of a time tag."""
 
     error_s: float | None  # by how much the label is late, give or take 10 ms of travel time; None if no RECS was found
     decisions: tuple[VestigialDecision, ...]  # one for each RECS that was looked for

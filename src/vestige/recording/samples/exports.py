@@ -32,7 +32,7 @@ from vestige.records import Band
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedSky:
-    """What is known of the signals in a recording beside its files.
+    """Satellites and atmosphere of the signals in a recording, which its own files do not state.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
-"""What the samples of a recording say of the front end that took them: their power, and whether they clip.
+"""Status of a front end, from the samples that it took: their power, and whether they clip.
 
-The power is that of the stored numbers. Behind a gain control that is not recorded it tells nothing of the sky; the
-gain is not known (NaN).
+The power is that of the stored numbers. Behind a gain control whose gain was not recorded, the power tells nothing of
+the sky. The gain is not known (NaN).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How samples lie in a file: the formats that vestige reads and writes, and their conversion to complex64.
+"""Sample formats of the files that vestige reads and writes, and their conversion to complex64.
 
 Reading is exact: an integer becomes the float32 of the same value, so nothing is scaled (correlation does not mind).
 That is why 32-bit integers and 64-bit floats are left out: float32 does not hold them.
@@ -6,7 +6,7 @@ That is why 32-bit integers and 64-bit floats are left out: float32 does not hol
 Samples of several channels may lie in one file or pipe in turn, as a recorder with two front ends writes them: one
 sample of each channel is a frame.
 
-Real (IF-sampled) samples become complex with zero imaginary part. A front end that turns the spectrum round (high-side
+Real (IF-sampled) samples become complex with zero imaginary part. A front end that reverses the spectrum (high-side
 mixing) delivers the conjugate of the signal; reading conjugates once more. Real samples need no such step: their
 spectrum holds the upright signal at the negative frequencies anyway.
 """

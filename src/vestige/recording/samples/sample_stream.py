@@ -28,7 +28,7 @@ BLOCK_BYTES = 1 << 16  # what a pipe holds; blocks are kept or let go whole
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamState:
-    """How far a stream was read at one moment."""
+    """State of a stream: how far it was read at one moment."""
 
     end_sample: int  # number after that of the last whole sample, on the counter that the bands share
     ended: bool  # whether no more samples can come

@@ -1,1 +1,1 @@
-"""What tracking makes of a recording: observations, navigation pages, ephemerides."""
+"""Products of tracking a recording: observations, navigation pages, ephemerides."""

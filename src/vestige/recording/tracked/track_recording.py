@@ -28,7 +28,7 @@ MIN_TRACKED_S = 2.0  # a shorter recording is measured in 100 ms around each REC
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackedRecording:
-    """What the loops made of a whole recording.
+    """Products of tracking a whole recording: observations, pages, and the error of its time tag.
 
     Attributes
     ----------

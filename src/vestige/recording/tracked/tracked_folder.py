@@ -1,6 +1,6 @@
-"""What tracking makes of a recording, as files that other programs read.
+"""Products of tracking a recording, as files that other programs read.
 
-| file | what |
+| file | content |
 |---|---|
 | `observations.rnx` | RINEX 3.05 observations of E1-C, ten a second |
 | `navigation.rnx` | RINEX navigation: the ephemerides in the message |

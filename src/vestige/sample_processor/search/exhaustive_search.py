@@ -47,12 +47,12 @@ _AHEAD = 2  # blocks for each worker that are read before they are asked for
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchState:
-    """How far a search is.
+    """Progress of an exhaustive search, with the signals found so far.
 
     Attributes
     ----------
     done, total
-        Hypotheses.
+        Numbers of hypotheses: tested so far, and of the whole search.
     peaks
         Signals that it has found so far, in order of time.
     block_start
@@ -61,7 +61,7 @@ class SearchState:
         Magnitude of the strongest cell in that block, as the engine computed it, in standard deviations of the noise
         per dimension; 0 if the engine left out all of them.
     blocks
-        How many have been done, from the first on.
+        Number of blocks that were searched, from the first on.
     """
 
     done: float

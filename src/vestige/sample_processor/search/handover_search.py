@@ -41,7 +41,7 @@ _ROWS = 32  # whose samples are read at once
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateEpochs:
-    """Where the chips may be by one signal on E1: at a known moment and every period before and after it.
+    """Times at which the chips may arrive by one signal on E1: a known moment and every period before and after it.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class CandidateEpochs:
     period_s
         4 ms, or a multiple of it, on the satellite's clock.
     doppler_hz, doppler_rate_hz_per_s
-        On the E6 carrier at `anchor`.
+        Doppler and its rate on the E6 carrier at `anchor`.
     """
 
     svid: int

@@ -1,4 +1,4 @@
-"""How long an exhaustive search will take, from a short measurement on this machine."""
+"""Expected run time of an exhaustive search, from a short measurement on this machine."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def code_discriminator_scale(settings: TrackingSettings, sample_rate_hz: float, 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedPeriods:
-    """What a channel says of consecutive code periods.
+    """Measurements of a channel in consecutive code periods.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a channel has tracked, as observables at any moment: pseudorange, carrier phase, Doppler, C/N0."""
+"""Observables of a channel at any moment: pseudorange, carrier phase, Doppler, C/N0."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Which satellites a tracking receiver should look for: those that are above its horizon, by the almanac.
+"""Satellites that a tracking receiver should look for: those above its horizon, by the almanac.
 
 Every satellite sends the almanac of all in words 7 to 10, three satellites a minute [OS-ICD, 5.1.10]. With the ranges
 of four satellites, coarse orbits give the position to some kilometres, and elevations to a tenth of a degree. So a
 satellite that has risen is found within seconds; in a search of all satellites in turn it may wait for minutes.
 
-The almanac only says what is tried first. A message may be forged, and an almanac may be old, so every fourth search is
-of another satellite. No verdict depends on it.
+The almanac only decides which satellites are tried first. A message may be forged, and an almanac may be old, so every
+fourth search is of another satellite. No verdict depends on it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _ORBIT_SIGMA_M = 1e4
 
 
 class Outlook:
-    """What a receiver knows of the sky by the almanac in the message and its own ranges.
+    """Satellites above the receiver's horizon, by the almanac in the message and the receiver's own ranges.
 
     Attributes
     ----------

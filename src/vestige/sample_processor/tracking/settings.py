@@ -1,4 +1,4 @@
-"""What a user may set of E1 tracking, with the field's names and the usual values."""
+"""Settings of E1 tracking, with the names and the usual values of the field."""
 
 from __future__ import annotations
 

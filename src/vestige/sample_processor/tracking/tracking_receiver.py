@@ -49,7 +49,7 @@ _LOST_SPAN_HZ = 500.0  # around their last Doppler, with all of 100 ms
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackedStretch:
-    """What some samples gave: observations, and the pages whose time is known."""
+    """Products of tracking some samples: observations, and the pages whose time is known."""
 
     epochs: list[ObservationEpoch]
     pages: list[InavPage]

@@ -34,7 +34,7 @@ class NtcmIonosphereTable(Section):
 
 
 class AtmosphereTable(Section):
-    """What the atmosphere does to the signals of a sky; a model that is left out is not there.
+    """Models of the atmosphere that delays the signals of a sky; a model that is left out has no effect.
 
     Attributes
     ----------

@@ -97,7 +97,7 @@ _SMOOTHING_CELLS = 1.0  # 1σ
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DecisionMap:
-    """Which class each cell of the plane is taken for."""
+    """Decision map of the power–distortion plane: the `SignalClass` of each cell."""
 
     # edges of the cells; what lies beyond belongs to the outermost
     power_edges_db: Float[np.ndarray, " k"]

@@ -1,4 +1,4 @@
-"""How often E6 is missed in a row by chance: step 1 of a level whose false alarms a day are set [WFO, Sec. IV-A].
+"""Test for runs of missed E6 signals: step 1 of a level whose false alarms per day are set [WFO, Sec. IV-A].
 
 `e6_power.py` raises an alarm with every miss where E1 predicts a detection. Weak satellites are missed by chance
 several times a day. A level that is to raise fewer alarms has to see more than one miss. How many follows from C/N0.
@@ -6,7 +6,7 @@ several times a day. A level that is to raise fewer alarms has to see more than 
 Theory of operation
 -------------------
 E1's C/N0 predicts the probability q_k that RECS k of a satellite is missed without an attack, averaged over the fading
-by rays of the power that the receiver is configured to expect (`theory/fading.py`). Misses of different RECS are
+by multipath of the power that the receiver is configured to expect (`theory/fading.py`). Misses of different RECS are
 independent, so a run of misses has the probability ∏ q_k. The check fails where
 
     ∏ q_k < p_fa,        over the misses since the last detection
@@ -17,11 +17,11 @@ For a constant q this is "M of M RECS" with
 
     M = ⌈ln p_fa / ln q⌉
 
-At p_fa = 2·10⁻⁵, 16 ms and rays of −15.8 dB: 1 RECS at 38 dBHz, 2 at 35, 4 at 33, 5 at 32. M of N RECS with N > M would
-need a larger M for the same p_fa, and so more time to detect a signal that is gone.
+At p_fa = 2·10⁻⁵, 16 ms and multipath of −15.8 dB: 1 RECS at 38 dBHz, 2 at 35, 4 at 33, 5 at 32. M of N RECS with N > M
+would need a larger M for the same p_fa, and so more time to detect a signal that is gone.
 
-Rays that stay the same from one RECS to the next break the independence. So do satellites that are weaker on E6 than E1
-says: the configured `e6_over_e1_db` must be right.
+Multipath that stays the same from one RECS to the next breaks the independence. So do satellites that are weaker on E6
+than E1 predicts: the configured `e6_over_e1_db` must be right.
 """
 
 from __future__ import annotations

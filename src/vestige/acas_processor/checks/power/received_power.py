@@ -39,7 +39,7 @@ class ReceivedPowerMonitor(LevelMonitor):
 
     @property
     def name(self) -> CheckName:
-        """What the check is called."""
+        """Name of the check."""
         return CheckName(f"{self.band.value} received power")
 
     @property

@@ -1,4 +1,4 @@
-"""What a TESLA chain is made of: hash and MAC functions, key and tag sizes. All of it is told by the signed DSM-KROOT.
+"""Parameters of a TESLA chain: hash and MAC functions, key and tag sizes. The signed DSM-KROOT tells all of them.
 
 The codes are tables, as in [OSNMA-ICD, DSM-KROOT]. A code that is not in its table is reserved: `UnsupportedError`
 names it. SHA3-256 and CMAC-AES are in the tables, but no signal or test vector has used them yet.

@@ -26,7 +26,7 @@ _GRACE_S, _RESTART_S = 10, 600
 
 
 class Content(Enum):
-    """What the OSNMA fields of a satellite hold over one subframe."""
+    """Content of the OSNMA fields of a satellite over one subframe."""
 
     OSNMA = "OSNMA"
     NONE = "no OSNMA"
@@ -51,7 +51,7 @@ class SatelliteSubframe:
 
     @property
     def content(self) -> Content:
-        """What the satellite sends in its OSNMA fields."""
+        """Content of the satellite's OSNMA fields."""
         if self.osnma.count(None) == PAGES_A_SUBFRAME and not self.n_missing:
             return Content.FILLER
         if None in self.osnma:
@@ -111,7 +111,7 @@ class Epoch:
 
 
 class PageStatus(Enum):
-    """What became of a page that was given to the assembler."""
+    """Status of a page that was given to the assembler."""
 
     TAKEN = "taken"
     DUPLICATE = "duplicate"  # the same page of the same satellite came before

@@ -1,4 +1,4 @@
-"""What an operator is made of: secrets, the TESLA chain, and what happens while it broadcasts."""
+"""Configuration of an OSNMA operator: secrets, the TESLA chain, and the events while it broadcasts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an operator does to its chain, its keys and its service, as a table that a scenario can hold.
+"""Events of an OSNMA operator that change its chain, keys or service, as a table that a scenario can hold.
 
 The steps are those of [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the official test vectors send them:
 
@@ -26,7 +26,7 @@ from vestige.time import GalileoTime
 
 
 class OsnmaEventKind(Enum):
-    """What happens."""
+    """Kind of event of an OSNMA operator."""
 
     CHAIN_RENEWAL = "chain-renewal"
     CHAIN_REVOCATION = "chain-revocation"

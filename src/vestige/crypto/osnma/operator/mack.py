@@ -20,7 +20,7 @@ MACK_BYTES = MACK_TOTAL_BITS // 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagContent:
-    """What one tag is to authenticate."""
+    """Content of one tag: the data that it is to authenticate."""
 
     svid: int  # PRN_D
     adkd: int

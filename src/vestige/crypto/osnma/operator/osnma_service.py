@@ -1,4 +1,4 @@
-"""What a scenario decides about its OSNMA operator: events, and keys of the user's. All else follows from the seed."""
+"""OSNMA settings of a scenario: events, and keys of the user's. All else follows from the seed."""
 
 from __future__ import annotations
 

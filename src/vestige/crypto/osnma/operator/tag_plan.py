@@ -1,4 +1,4 @@
-"""What the tags of a MACK message are for: the MAC look-up table, the neighbours, and how long data has not changed."""
+"""Plan of the tags of a MACK message: MAC look-up table, neighbours, and how long the data has not changed."""
 
 from __future__ import annotations
 

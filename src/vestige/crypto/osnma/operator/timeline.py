@@ -1,4 +1,4 @@
-"""What is on air in each subframe: status, chain, and the DSMs that take turns.
+"""Timeline of an OSNMA operator: status, chain and DSMs on air in each subframe.
 
 An `OperatorPhase` lasts from one step of an event to the next. It holds the content of the NMA header, the chain whose
 keys are sent, and the root keys, public keys or notices that are broadcast. Only `phases` turns events into steps.
@@ -19,7 +19,7 @@ NOMINAL, END_OF_CHAIN, NEW_PUBLIC_KEY = 1, 2, 4  # CPKS [OSNMA-ICD, 3.1.3]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RootSource:
-    """Which chain's root key is broadcast, and which key signs it."""
+    """Source of a broadcast root key: its chain, and the public key that signs it."""
 
     chain: int  # 0 for the first chain, 1 for the next one, …
     pkid: int
@@ -27,7 +27,7 @@ class RootSource:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorPhase:
-    """What is on air from a time on."""
+    """Phase of an OSNMA operator: the OSNMA on air from a time on."""
 
     since: GalileoTime
     nma_status: int  # NMAS

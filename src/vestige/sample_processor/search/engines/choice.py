@@ -1,4 +1,4 @@
-"""Which engine a search uses: the one it names, or the fastest that this machine runs."""
+"""Choice of a search's engine: the one that it names, or the fastest that this machine runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the CUDA engine needs of a GPU: FFTs by cuFFT and two kernels, through CuPy, which is imported here alone.
+"""GPU functions of the CUDA engine: FFTs by cuFFT and two kernels, through CuPy, which is imported here alone.
 
 The product is written once and read once by the inverse FFT, whose result is read once by the maximum: so the memory
 of the GPU sets the time, 4 to 6 passes over 8 bytes for each number.

@@ -1,4 +1,4 @@
-"""What an engine of the exhaustive search is: it screens, it does not decide.
+"""Interface of the engines of the exhaustive search: an engine screens, it does not decide.
 
 An engine gets chips of a stretch of samples and returns, for every code offset, the largest power over the Doppler
 bins. Its sums may lose a stated part of a decibel. Offsets near the threshold are computed again, exactly

@@ -21,7 +21,7 @@ _LENGTH_OVER_CODE = 4.2  # the next power of two above is 6.4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OverlapSave:
-    """How samples are cut into blocks, and which shifts the Doppler bins are.
+    """Division of samples into blocks, and the spectrum shift of each Doppler bin.
 
     Attributes
     ----------
