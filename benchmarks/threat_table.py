@@ -8,12 +8,21 @@ from __future__ import annotations
 import argparse
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 
 LEVELS = (1, 2, 3)
 Row = Mapping[str, str]
 MARKS = {"DIFFERS": " **≠**", "UNDECIDED": " ?"}
+ANSWERS = {  # the words of a cell by what a reader asks
+    "stops": ("mitigated", "mitigated late"),
+    "detects only": ("detected",),
+    "misses": ("missed", "detected, missed"),
+    "gives no verdict on": ("no verdict",),
+    "neither sees nor is harmed by": ("no alarm, no harm",),
+    "has no outcome of most runs for": ("mixed",),
+}
 
 
 def percent(row: Row, name: str, level: int) -> str:
@@ -29,11 +38,24 @@ def cell(row: Row, level: int) -> str:
     return f"{row[f'word_level_{level}']}{mark}: {shares}" + (f", {time_s:.0f} s" if math.isfinite(time_s) else "")
 
 
-def attack_line(row: Row) -> str:
-    """Return the line of an attack."""
+def attack_line(row: Row, first: bool) -> str:
+    """Return the line of a scene; the first scene of an attack has the name of the attack."""
     expected = " / ".join(row[f"expected_level_{level}"].split(":")[0].split(" ")[0] for level in LEVELS)
     cells = " | ".join(cell(row, level) for level in LEVELS)
-    return f"| {row['threat']} {row['scene']} | {expected} | {row['detected_of_level_1']} | {cells} |"
+    name = f"**{row['threat']}** {row['attack']}" if first else row["threat"]
+    return f"| {name} | {row['scene']} | {expected} | {cells} |"
+
+
+def attacks_with(rows: Sequence[Row], level: int, words: Sequence[str]) -> str:
+    """Return the attacks whose scenes have one of the words; the scenes are named if other scenes of it have not."""
+    found = []
+    for threat, scenes in groupby(rows, key=lambda row: row["threat"]):
+        by_word = {row["scene"]: row[f"word_level_{level}"] in words for row in scenes}
+        if all(by_word.values()):
+            found.append(threat)
+        elif any(by_word.values()):
+            found.append(f"{threat} ({'; '.join(scene for scene, so in by_word.items() if so)})")
+    return ", ".join(found)
 
 
 def a_day(row: Row, name: str, level: int) -> str:
@@ -52,15 +74,19 @@ def quiet_line(row: Row, level: int) -> str:
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print both tables, and between them the attacks that each level stops, detects or misses."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     with (parser.parse_args().folder / "threats.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    print("| scene | expected | runs | level 1 | level 2 | level 3 |\n|---|---|---|---|---|---|")
-    for row in rows:
-        if row["word_level_1"]:
-            print(attack_line(row))
+    attacks = [row for row in rows if row["word_level_1"]]
+    print("| attack | scene | expected | level 1 | level 2 | level 3 |\n|---|---|---|---|---|---|")
+    for _, scenes in groupby(attacks, key=lambda row: row["threat"]):
+        print(*(attack_line(row, place == 0) for place, row in enumerate(scenes)), sep="\n")
+    for level in LEVELS:
+        print(f"\n**Level {level}**\n")
+        answers = {answer: attacks_with(attacks, level, words) for answer, words in ANSWERS.items()}
+        print(*(f"* {answer}: {names}" for answer, names in answers.items() if names), sep="\n")
     print("\n| scene | level | alarms a day, at most | single failures a day, budget | checks that failed |")
     print("|---|---|---|---|---|")
     for row in rows:

@@ -35,7 +35,7 @@ FIGURE = "threats.png"
 @click.option(
     "--quick",
     is_flag=True,
-    help=f"Make {QUICK_SEEDS} runs of each scene in place of {SEEDS}: 80 s with -j 2 on two idle cores.",
+    help=f"Make {QUICK_SEEDS} runs of each scene in place of {SEEDS}: about two minutes with -j 2 on two idle cores.",
 )
 @click.option(
     "--seeds", "n_seeds", type=click.IntRange(1, 100_000), help="Number of runs of each scene. [default: 100]"
