@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+import sys
 from pathlib import Path
 
 import click
@@ -13,6 +14,7 @@ from script_loader import REPOSITORY, script
 from vestige.cli.main import VERBS
 
 SITE = REPOSITORY / "docs" / "site"
+sys.path.append(str(SITE))  # command_pages imports its neighbour
 staging = script(SITE / "staging.py", "site_staging")
 html_links = script(SITE / "html_links.py", "site_html_links")
 command_pages = script(SITE / "command_pages.py", "site_command_pages")

@@ -88,7 +88,7 @@ def vestige() -> None:
       2    Options that do not exist or do not go together.
       3    process and live: the verdicts are what --fail-on names.
       130  Ctrl-C or SIGTERM. A line says what is kept.
-    """
+    """  # noqa: D301 - click wants the character
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -228,8 +228,7 @@ processor_options = options_together(
         "--time-uncertainty",
         type=FiniteRange(0, 1e6),
         metavar="SECONDS",
-        help="Upper limit of the error of the receiver's clock. [default: that of the recording; without it there is no "
-        "AUTHENTIC]",
+        help="Upper limit of the error of the receiver's clock. [default: that of the recording]",
     ),
     click.option(
         "--cn0-estimator",
