@@ -121,9 +121,7 @@ def test_the_commands_of_a_page_run(page: str, stand_ins: Path, monkeypatch: pyt
             exec(compile(block.text, block.place, "exec"), names)  # noqa: S102
 
 
-def test_the_attack_from_end_to_end_prints_what_the_page_shows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_attack_from_end_to_end_prints_what_the_page_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(ROOT / "scenarios", tmp_path / "scenarios")
     monkeypatch.chdir(tmp_path)
     simulate, process = (one.words[1:] for one in commands() if "attacked" in one.words)
