@@ -48,8 +48,8 @@ _INTRODUCTION = (
     "Look here before you trust a result: the ledger names each capability, who judges it, its figure, and the "
     "test. It is generated from the marks of the tests. `make test-all` runs all of them. A test whose judge is not "
     "installed is skipped, and the end of `.ci/run` says so.\n\n"
-    f"**The sections from *{FIRST_OF_ITS_OWN}* on are not independent**: they compare two parts of vestige, so an error "
-    "of both is not seen. PocketSDR, GalileoSASlib and `.sdrx` files of other recorders were "
+    f"**The sections from *{FIRST_OF_ITS_OWN}* on are not independent**: they compare two parts of vestige, so an "
+    "error of both is not seen. PocketSDR, GalileoSASlib and `.sdrx` files of other recorders were "
     "[not tried](../test_cases.md#exports)."
 )
 
