@@ -1,17 +1,25 @@
-"""The reference of the commands, out of the commands themselves: what `--help` prints, as pages."""
+"""The reference of the commands: what `--help` prints, with the defaults, and examples out of the documents."""
 
 from __future__ import annotations
 
 import importlib
+import inspect
+import os
 import re
 from collections.abc import Iterator
 
 import click
+import staging
 
 from vestige.cli.main import VERBS, vestige
 
 _CODE = re.compile(r"(`[^`]*`)")
+_BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
+MOST_EXAMPLES = 5
 _SPECIAL = re.compile(r"([\\*_<>\[\]|#~])")
+
+
+SHOW_DEFAULT = bool(vestige.context_settings["show_default"])  # as `--help` has it
 
 
 def escaped(text: str) -> str:
@@ -21,7 +29,7 @@ def escaped(text: str) -> str:
 
 
 def _paragraphs(command: click.Command) -> Iterator[str]:
-    text = (command.help or "").split("\f", maxsplit=1)[0]
+    text = inspect.cleandoc(command.help or "").split("\f", maxsplit=1)[0]
     for paragraph in re.split(r"\n\s*\n", text.strip()):
         kept_lines = paragraph.strip().startswith("\b")
         lines = paragraph.replace("\b", "").strip("\n").splitlines()
@@ -47,7 +55,7 @@ def _option_groups(command: click.Command, context: click.Context) -> Iterator[t
 
 def command_text(words: list[str], command: click.Command, depth: int = 1) -> str:
     """Return the page of a command, with a section for each command below it."""
-    context = click.Context(command, info_name=" ".join(words))
+    context = click.Context(command, info_name=" ".join(words), show_default=SHOW_DEFAULT)
     heading = "#" * depth
     parts = [f"{heading} {' '.join(words)}", *_paragraphs(command)]
     usage = " ".join([context.command_path, *command.collect_usage_pieces(context)])
@@ -62,23 +70,38 @@ def command_text(words: list[str], command: click.Command, depth: int = 1) -> st
     return "\n\n".join(parts) + "\n"
 
 
+def examples(verb: str) -> str:
+    """Return commands of a verb as the documents have them, with links to these documents; `""` if none has one."""
+    lines: dict[str, None] = {}
+    sources: dict[str, None] = {}
+    for path, place in staging.documents().items():
+        for block in _BLOCK.findall(path.read_text(encoding="utf-8")):
+            for line in re.sub(r" +\\\n\s*", " ", block).splitlines():
+                if len(lines) < MOST_EXAMPLES and re.match(rf"vestige {verb}\b", line):
+                    lines[re.sub(r" {2,}#", "  #", line)] = None
+                    sources[f"[{place.with_suffix('')}]({os.path.relpath(place, 'reference/commands')})"] = None
+    if not lines:
+        return ""
+    return "\n\n".join(["**Examples**", "```sh\n" + "\n".join(lines) + "\n```", f"From: {', '.join(sources)}.\n"])
+
+
 def pages() -> dict[str, str]:
     """Return the pages of the command reference by their place in the staged tree."""
     found = {}
     for verb, (module, _) in VERBS.items():
         command = importlib.import_module(f"vestige.cli.{module}").command
-        found[f"reference/commands/{verb}.md"] = command_text(["vestige", verb], command)
+        found[f"reference/commands/{verb}.md"] = command_text(["vestige", verb], command) + "\n" + examples(verb)
     rows = [f"[`vestige {verb}`](commands/{verb}.md)\n: {escaped(line)}" for verb, (_, line) in VERBS.items()]
     tree = "\n".join(f"commands/{verb}" for verb in VERBS)
     introduction = (
         "Look here for what a command takes and what each option does. These pages are generated from the commands: "
-        "`vestige VERB --help` prints the same text."
+        "`vestige VERB --help` prints the same text. The examples are commands of the other pages."
     )
     found["reference/commands.md"] = "\n\n".join(
         [
             "# Commands",
             introduction,
-            escaped(vestige.help or ""),
+            *_paragraphs(vestige),
             *rows,
             f":::{{toctree}}\n:hidden:\n\n{tree}\n:::",
         ]

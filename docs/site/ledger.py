@@ -20,13 +20,15 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("agreement", "golden", "paper", "statistical")
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:,\d{3})*(?:\.\d+)?(?:e-?\d+)?(?: %)?")
 
+FIRST_OF_ITS_OWN = "reference model"  # from this judge on vestige is compared with itself
+
 # Who judges, from the most independent on; a test that names somebody else is an error.
 JUDGES = {
     "gnss-sdr": "an independent receiver, which processes the samples that vestige simulates",
     "RTKLIB": "an independent program for positions, orbits and navigation messages",
     "cssrlib": "an independent program for I/NAV and OSNMA",
     "OpenSSL": "vectors that OpenSSL made",
-    "independent program": "values that another program found in the same recording",
+    "independent program": "values that a separate program found in the same files; it has no name and is not public",
     "official test vectors": "the OSNMA test vectors of the operator",
     "published code tables": "the codes of the interface control documents, as text",
     "real recording": "samples of E1 and E6, or navigation messages, that were received on air",
@@ -34,7 +36,7 @@ JUDGES = {
     "ICD": "rules of an interface control document",
     "the paper": "numbers, figures and statements of the paper [WFO]",
     "theory": "closed formulas and exact statistical tests, two-sided with a stated error",
-    "reference model": "a second, straightforward implementation of the equations",
+    FIRST_OF_ITS_OWN: "a second, straightforward implementation of the equations",
     "tracking loops on samples": "the sample processor, which shares no code with the model that it judges",
     "search of samples": "the searches in samples, which share no code with the model",
     "threat table on samples": "the same scene as samples, through the processor of `vestige process`",
@@ -45,7 +47,10 @@ JUDGES = {
 _INTRODUCTION = (
     "Look here before you trust a result: the ledger names each capability, who judges it, its figure, and the "
     "test. It is generated from the marks of the tests. `make test-all` runs all of them. A test whose judge is not "
-    "installed is skipped, and the end of `.ci/run` says so."
+    "installed is skipped, and the end of `.ci/run` says so.\n\n"
+    f"**The sections from *{FIRST_OF_ITS_OWN}* on are not independent**: they compare two parts of vestige, so an "
+    "error of both is not seen. PocketSDR, GalileoSASlib and `.sdrx` files of other recorders were "
+    "[not tried](../test_cases.md#exports)."
 )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+import sys
 from pathlib import Path
 
 import click
@@ -13,6 +14,7 @@ from script_loader import REPOSITORY, script
 from vestige.cli.main import VERBS
 
 SITE = REPOSITORY / "docs" / "site"
+sys.path.append(str(SITE))  # command_pages imports its neighbour
 staging = script(SITE / "staging.py", "site_staging")
 html_links = script(SITE / "html_links.py", "site_html_links")
 command_pages = script(SITE / "command_pages.py", "site_command_pages")
@@ -66,10 +68,24 @@ def test_the_page_of_a_command_has_every_option_with_its_help(verb: str) -> None
     text = command_pages.pages()[f"reference/commands/{verb}.md"]
     commands = [command, *getattr(command, "commands", {}).values()]
     for one in commands:
-        context = click.Context(one)
+        context = click.Context(one, show_default=command_pages.SHOW_DEFAULT)
         for option in (option for option in one.get_params(context) if isinstance(option, click.Option)):
             record = option.get_help_record(context)
             assert record is None or f"`{record[0]}`\n: {command_pages.escaped(record[1])}" in text
+
+
+def test_the_page_of_a_command_says_defaults_exit_statuses_and_examples() -> None:
+    pages = command_pages.pages()
+    process = pages["reference/commands/process.md"]
+    for default in ("3.0; 0.1\\<=x\\<=10", "600.0; 0\\<=x", "early", "0.9; ", "1e-07; "):
+        assert f"\\[default: {default}" in process
+    assert "\n  130  Ctrl-C" in pages["reference/commands.md"]
+    examples = process.partition("**Examples**")[2]
+    assert examples.count("\nvestige process ") == command_pages.MOST_EXAMPLES
+    assert "](../../project/README.md)" in examples
+    assert [page for page, text in pages.items() if "**Examples**" not in text] == [
+        "reference/commands/init.md", "reference/commands.md"
+    ]  # fmt: skip
 
 
 def test_every_example_of_the_gallery_says_what_it_is_for() -> None:

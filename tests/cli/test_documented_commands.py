@@ -39,6 +39,8 @@ NOT_RUN = {
     r"plot animation .*": "it takes 15 s; tests/cli/test_plot.py runs it",
     r"plot (detection|miss|false-alarm)-curve .*": "it needs a sweep; tests/cli/test_plot.py runs it",
     r"plot threats .*": "it needs the whole threat table; tests/cli/test_plot.py runs it",
+    r"process attacked .*": "test_the_attack_from_end_to_end_prints_what_the_page_shows runs it",
+    r"process night --calibrate --taps 63 --hardware-bias-m 1000": "a guess for a front end that is 1 km late",
     r"process night/? --track": "it takes 10 s; tests/cli/test_tracked_sky.py runs it",
     r"process night/? --assistance recs/? --merkle-tree .*": "it tracks E1, as above; tests/cli/test_samples_alone.py",
     r"process (revoked|demo)": "it needs the recording of `simulate`, as below",
@@ -117,6 +119,17 @@ def test_the_commands_of_a_page_run(page: str, stand_ins: Path, monkeypatch: pyt
     for block in blocks_of("python"):
         if block.page == page == "docs/campaigns.md":
             exec(compile(block.text, block.place, "exec"), names)  # noqa: S102
+
+
+def test_the_attack_from_end_to_end_prints_what_the_page_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(ROOT / "scenarios", tmp_path / "scenarios")
+    monkeypatch.chdir(tmp_path)
+    simulate, process = (one.words[1:] for one in commands() if "attacked" in one.words)
+    typed(simulate)
+    result = CliRunner().invoke(vestige, process)
+    assert result.exit_code == 3
+    (shown,) = (one.text for one in blocks_of("text") if one.page == "docs/test_cases.md" and "SPOOFED" in one.text)
+    assert shown.strip() == result.stdout.strip()
 
 
 def test_what_is_not_run_is_still_there() -> None:

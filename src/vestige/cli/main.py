@@ -1,7 +1,6 @@
 """`vestige`: finds the verb, runs it, turns errors into exit codes. Nothing heavy is imported before a verb runs.
 
-Exit codes: 0; 1 for bad input or a failed verification (one line on stderr); 2 for usage; 130 after Ctrl-C or SIGTERM,
-with a line that says what is kept; 3 if the verdicts are what `--fail-on` of `process` and `live` names.
+The help of `vestige` lists the exit statuses.
 """
 
 from __future__ import annotations
@@ -79,7 +78,17 @@ def _version(ctx: click.Context, _parameter: click.Parameter, value: bool) -> No
     "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Print the version."
 )
 def vestige() -> None:
-    """Galileo ACAS / SAS signal authentication: simulate it, attack it, process it."""
+    """Galileo ACAS / SAS signal authentication: simulate it, attack it, process it.
+
+    \b
+    Exit status:
+      0    The command did what it says. Verdicts may be anything.
+      1    Bad input, a failed verification or lost samples. One line on
+           standard error says what was expected, and where.
+      2    Options that do not exist or do not go together.
+      3    process and live: the verdicts are what --fail-on names.
+      130  Ctrl-C or SIGTERM. A line says what is kept.
+    """  # noqa: D301 - click wants the character
 
 
 def main(arguments: list[str] | None = None) -> None:

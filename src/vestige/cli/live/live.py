@@ -54,7 +54,12 @@ _path = click.Path(path_type=Path)
     metavar="SECONDS",
     help="Time between two looks for new samples.",
 )
-@click.option("--idle-s", type=FiniteRange(0, 1e7), metavar="SECONDS", help="End when nothing new came for so long.")
+@click.option(
+    "--idle-s",
+    type=FiniteRange(0, 1e7),
+    metavar="SECONDS",
+    help="End when nothing new came for so long. [default: never]",
+)
 @click.option(
     "--wait-s",
     type=FiniteRange(0, 1e7),

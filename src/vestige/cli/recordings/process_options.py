@@ -194,7 +194,7 @@ _e6_options = options_together(
     click.option(
         "--hardware-bias-m",
         type=FiniteRange(-1e7, 1e7),
-        help="Delay of E6 minus that of E1 in the receiver, in m.",
+        help="Delay of E6 minus that of E1 in the receiver, in m. [default: that of the assistance folder, or 0]",
     ),
 )
 # RECORDING and the options of the processor
@@ -228,7 +228,7 @@ processor_options = options_together(
         "--time-uncertainty",
         type=FiniteRange(0, 1e6),
         metavar="SECONDS",
-        help="Upper limit of the error of the receiver's clock.",
+        help="Upper limit of the error of the receiver's clock. [default: that of the recording]",
     ),
     click.option(
         "--cn0-estimator",
@@ -239,7 +239,7 @@ processor_options = options_together(
         "--fail-on",
         type=click.Choice(["spoofed", "alarm", "unauthenticated"]),
         help="End with exit status 3 if a verdict is SPOOFED, if there was an alarm (SPOOFED, SUSPECT or "
-        "NOT_DETECTED), or if not every verdict is AUTHENTIC.",
+        "NOT_DETECTED), or if not every verdict is AUTHENTIC. Scripts should use alarm.",
     ),
     _level_options,
     _e6_options,

@@ -78,9 +78,10 @@ class Tally:
         if set(self.counts) != {Status.NOT_DETECTED.name}:
             return ""
         return (
-            "no satellite was found on E6: its sense of the spectrum, sample rate or file may be described wrongly "
-            "(spectral_inversion, sample_rate_hz, file), or E6 may be later than the correlators reach "
-            "(--hardware-bias-m); `vestige inspect RECORDING` finds out"
+            "no satellite was found on E6: E6 may be later than the correlators reach (try --calibrate --taps 63), or "
+            "its sense of the spectrum, sample rate or file may be described wrongly (spectral_inversion, "
+            "sample_rate_hz, file; `vestige inspect RECORDING` finds out); all causes in order: "
+            "docs/site/pages/troubleshooting.md"
         )
 
     def fails(self, limit: str | None) -> bool:

@@ -39,7 +39,8 @@ def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, *
 
     Writes RECS, BGD (zero: not known), the keys and their trust anchor: what `vestige process --assistance` needs. Such
     RECS hold the open code, which repeats each millisecond and is known to everybody. They exercise the whole chain,
-    but prove nothing against a spoofer, and the vestigial searches are not made with them.
+    but prove nothing against a spoofer. The exhaustive search is not made with them, and the hand-over search counts
+    repetitions of the code once.
     """
     import json
 
