@@ -20,8 +20,8 @@ taps meet a chip of the segment and others do not, are handled one by one.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vestige.kernel_cache import njit
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
     WINDOW_REACH_CHIPS,

@@ -27,8 +27,8 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float32
-from numba import njit
 
+from vestige.kernel_cache import njit
 from vestige.signals.chip_window_kernel import bits_of, float_of
 
 GOLD = 0x9E3779B97F4A7C15  # 2^64 / golden ratio, odd: the counter's step [STEELE14]

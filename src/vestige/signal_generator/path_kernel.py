@@ -20,8 +20,8 @@ No sum depends on the order of vector lanes and nothing is contracted: a block h
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vestige.kernel_cache import njit
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
 
 _MAX_TURN_RAD = 5e-6

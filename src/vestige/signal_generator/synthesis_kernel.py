@@ -14,8 +14,8 @@ machine and wherever the samples are cut between blocks.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vestige.kernel_cache import njit
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
     bits_of,

@@ -23,7 +23,8 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Int8, UInt32
-from numba import njit
+
+from vestige.kernel_cache import njit
 
 GROUP = 8  # samples that share a window
 PAD = 32  # places before the first chip in packed chips; there are as many behind the last

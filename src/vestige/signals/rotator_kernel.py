@@ -10,7 +10,8 @@ so that it costs 64 sines instead of 1024.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from vestige.kernel_cache import njit
 
 BLOCK = 1024  # samples: a block's arrays stay in the first-level cache
 MIDDLE = BLOCK // 2

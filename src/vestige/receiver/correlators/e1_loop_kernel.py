@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from vestige.kernel_cache import njit
 
 _STEPS_PER_SPACING = 8
 _REACH_CHIPS = 1.0  # a walk that finds no zero so far stays where it was

@@ -22,9 +22,9 @@ from math import erfc, inf
 
 import numpy as np
 from jaxtyping import Complex64, Float32
-from numba import njit
 from scipy import fft
 
+from vestige.kernel_cache import njit
 from vestige.receiver.samples.quantiser import QUANTISERS
 from vestige.records import FrontEndStatus
 

@@ -13,8 +13,8 @@ integer with 40 fraction bits, and the carrier a table.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vestige.kernel_cache import njit
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 _PHASE_BITS = 40

@@ -11,8 +11,8 @@ what is read again in the first. Blocks also keep the rounding of float32 low.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vestige.kernel_cache import njit
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
 
 OFFSETS_AT_ONCE = 4  # times real and imaginary part: eight sums that do not wait for one another

@@ -26,8 +26,8 @@ noise is in it, which would take 0.3 dB from the C/N0.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vestige.kernel_cache import njit
 from vestige.sample_processor.tracking.replica_kernel import correlate_period
 from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 

@@ -21,8 +21,8 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Int8, UInt32
-from numba import njit
 
+from vestige.kernel_cache import njit
 from vestige.signals.chip_window_kernel import FRACTION_BITS, PAD, chip_windows, float_of
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table
 

@@ -14,7 +14,8 @@ state t is reached from 2t mod 64 and from 2t mod 64 + 1, both with the bit t >>
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from vestige.kernel_cache import njit
 
 STATES = 64
 

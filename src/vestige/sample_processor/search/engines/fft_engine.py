@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Complex64, Float32, Int8, Int16
-from numba import njit
 from scipy import fft
 
+from vestige.kernel_cache import njit
 from vestige.sample_processor.search.engines.overlap_save import OverlapSave
 
 _TOGETHER = 4  # transforms at once: scipy puts one into each lane of a vector, four times as fast as one by one

@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vestige.kernel_cache import njit
 from vestige.sample_processor.search.engines.segment.vector_ir import (
     DFT_POINTS,
     LANES,
