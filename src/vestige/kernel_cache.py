@@ -15,7 +15,8 @@ from typing import Any
 
 import numba
 
-PACKAGE = Path(__file__).resolve().parent
+from vestige.source_version import PACKAGE
+
 # Modules whose functions others build in; a kernel elsewhere is for its own module only.
 KERNELS = ("*_kernel.py", "vector_ir.py")
 

@@ -32,6 +32,7 @@ _PACKAGE = "a file of the package itself"
 _OWN = "what the same call has just written"
 _LEFT = "what a killed process of the same user left in a folder that nobody else can write"
 INSIDE = {
+    "kernel_cache.py: source_mark": _PACKAGE,
     "source_version.py: source_digest": _PACKAGE,
     "cli/start/demo.py: _encrypt_under_the_next_key": "what the demonstration has just written",
     "cli/start/init.py: command": _PACKAGE,
@@ -42,6 +43,7 @@ INSIDE = {
     "crypto/recs/file_signature.py: sign": "the server's side: it signs what it has written",
     "own_parts.py: _digest": "a file that the user names with --parts, which is run as it is",
     "recording/assistance/made_recs.py: make_assistance": _OWN,
+    "recording/outputs/position_file.py: PositionFile.__init__": "compares head and tail with its own",
     "recording/samples/sigmf_writer.py: SigmfWriter.__init__": _LEFT,
     "report/page.py: _part": _PACKAGE,
     "simulated/simulated_recording.py: SimulatedRecording.write": _OWN,
