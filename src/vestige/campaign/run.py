@@ -149,9 +149,9 @@ def _run(
                 if enough is not None and enough(results):
                     break
     except BrokenExecutor as error:
-        raise VestigeError(f"workers were lost ({error}); {_stored(opened.path, done, plan.n_epochs)}") from error
+        raise VestigeError(f"workers were lost ({error}); {_stored(opened)}") from error
     except BaseException as stop:
-        stop.add_note(_stored(opened.path, done, plan.n_epochs))
+        stop.add_note(_stored(opened))
         raise
     stored = open_results(opened.path, partial=enough is not None, verify=False).dataset
     return stored if enough is None else stored.isel(epoch=slice(0, returned))
@@ -202,5 +202,7 @@ def _submitted(
             yield chunk, pool.submit(measure_chunk, plan, first, inputs, expected)
 
 
-def _stored(path: Path, done: int, total: int) -> str:
-    return f"{done} of {total} epochs are stored in {path}; the same run again continues there"
+def _stored(opened: Store) -> str:
+    """Return how much is on disk: a run may be stopped between writing a chunk and counting it."""
+    done = sum(len(opened.epochs(chunk)) for chunk in opened.finished(verify=False))
+    return f"{done} of {opened.n_epochs} epochs are stored in {opened.path}; the same run again continues there"

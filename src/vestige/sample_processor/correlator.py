@@ -65,11 +65,10 @@ class CorrelatableSamples:
 def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
     """Return the correlators of `batch` with the chips of `handover`.
 
-    Samples may have any sampling rate of at least half the chip rate. `offsets_m` count from the expected start;
+    Samples may have any sampling rate. `offsets_m` count from the expected start;
     positive is later.
 
-    Raises `ValueError` if a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6),
-    or if the sampling rate is too low.
+    Raises `ValueError` if a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6).
 
     Returns
     -------
@@ -78,8 +77,6 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     """
     chips = handover.chips
     carrier_hz = CARRIER_HZ[batch.band]
-    if chips.chip_rate_hz > 2 * batch.sample_rate_hz:
-        raise ValueError(f"{batch.sample_rate_hz} Hz is less than half the chip rate of {chips.chip_rate_hz} Hz")
     offsets_chips = offsets_m / SPEED_OF_LIGHT_MPS * chips.chip_rate_hz
     if np.max(np.abs(offsets_chips - middle_chips(offsets_chips)), initial=0.0) > REACH_CHIPS:
         raise ValueError(f"taps reach farther than {REACH_CHIPS} chips from the middle of the bank")

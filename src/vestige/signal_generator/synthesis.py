@@ -89,8 +89,6 @@ def synthesize(
         Carrier of all signals.
     center_frequency_hz
         Radio frequency that stands at 0 Hz in the samples.
-
-    Raises `ValueError` if the sampling rate is below half the chip rate.
     """
     skip = first_sample % BLOCK  # blocks are counted from sample 0, so that rounding does not depend on the cut
     first = first_sample - skip
@@ -122,10 +120,6 @@ def _add(
 ) -> None:
     """Add a signal to samples, group by group of rays that lie within one chip window."""
     rate = signal.chips.chip_rate_hz
-    if rate > 2 * sample_rate_hz:
-        raise ValueError(
-            f"{sample_rate_hz} Hz is less than half the chip rate of {rate} Hz; sample at {rate / 2} Hz or more"
-        )
     code_rate = rate * (1.0 + signal.doppler_hz / carrier_hz)
     code_rate_rate = rate * signal.doppler_rate_hz_per_s / carrier_hz
     delay_chips = signal.delay_m / SPEED_OF_LIGHT_MPS * rate - signal.lead_chips

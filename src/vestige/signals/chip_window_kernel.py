@@ -9,7 +9,7 @@ chip.
 **One window for eight samples.** Eight samples at half the chip rate or more meet at most 15 chips, so that one window
 holds the chips of all eight at every delay within `WINDOW_REACH_CHIPS` of a common middle. A window stays in the order
 of its words: chip c stands at place c mod 32, and the shift is the code phase modulo 32 chips. So nothing is looked up
-sample by sample.
+sample by sample, unless the sampling rate is less than half the chip rate: then each sample has a window of its own.
 
 **Fixed-point code phase.** A block of samples starts from float64; inside it the phase is an integer with 40 fraction
 bits, so that 1000 steps add up to an error below 1e-9 chip. Modulo 32 chips and cut to 27 fraction bits, it is added to
@@ -100,6 +100,15 @@ def _fixed(u0, step):
     )
 
 
+@njit(inline="always")
+def _window(packed, phase):
+    """Return the window of a fixed-point code phase, in the order of its words."""
+    lead = (phase >> _PHASE_BITS) - _LEAD
+    word, place = lead >> 5, lead & 31
+    early, late = packed[word], packed[word + 1]
+    return np.uint32(late ^ np.uint32(np.uint32(early ^ late) & np.uint32(np.uint32(0xFFFFFFFF) >> np.uint32(place))))
+
+
 @njit(cache=True, nogil=True)
 def fill_windows(packed, u0, step, n, window, fraction):
     """Fill window and fraction of n consecutive samples.
@@ -109,7 +118,7 @@ def fill_windows(packed, u0, step, n, window, fraction):
     packed
         `packed_chips` of the code.
     u0, step
-        Code phase of the first sample and its step, in chips; all phases lie in the code, and the step is at most 2.
+        Code phase of the first sample and its step, in chips; all phases lie in the code.
     window, fraction
         uint32[m], m a multiple of GROUP that is not less than n:
         `window[i] << ((fraction[i] + window_delay(d)) >> FRACTION_BITS)` has in its sign bit the chip of sample i at a
@@ -119,15 +128,14 @@ def fill_windows(packed, u0, step, n, window, fraction):
     p0 += (base + PAD) << _PHASE_BITS
     for i in range(n):
         fraction[i] = np.uint32((p0 + i * dp) >> (_PHASE_BITS - FRACTION_BITS))
-    for first in range(0, n, GROUP):
-        lead = ((p0 + first * dp) >> _PHASE_BITS) - _LEAD
-        word, place = lead >> 5, lead & 31
-        early, late = packed[word], packed[word + 1]
-        ring = np.uint32(
-            late ^ np.uint32(np.uint32(early ^ late) & np.uint32(np.uint32(0xFFFFFFFF) >> np.uint32(place)))
-        )
-        for i in range(GROUP):
-            window[first + i] = ring
+    if dp <= 2 << _PHASE_BITS:
+        for first in range(0, n, GROUP):
+            ring = _window(packed, p0 + first * dp)
+            for i in range(GROUP):
+                window[first + i] = ring
+    else:
+        for i in range(n):
+            window[i] = _window(packed, p0 + i * dp)
 
 
 @njit(cache=True, nogil=True)

@@ -154,8 +154,3 @@ def test_the_correlator_finds_amplitude_and_phase() -> None:
     assert abs(bank.taps[1] / a) < 5 * spread
     own = 1.25 * 1e6 / RATE  # the two rays add to the floor at most their own C/N0 over a chip
     assert 0.98 < bank.noise_power * fs * t_s < 1.02 + own
-
-
-def test_a_rate_below_half_the_chip_rate_is_refused() -> None:
-    with pytest.raises(ValueError, match="less than half the chip rate"):
-        synthesize((signal_of(),), sample_rate_hz=2.5e6, n_samples=100, noise_key=None)

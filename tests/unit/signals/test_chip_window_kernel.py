@@ -33,14 +33,14 @@ def chips_met(chips: np.ndarray, u0: float, step: float, delays: list[float], n:
     seed=st.integers(0, 99),
     n_chips=st.integers(100, 3000),
     u0=st.floats(20.3, 40.7),
-    step=st.sampled_from([0.10371, 0.4092, 0.99173, 1.70313, 2.0001]),
+    step=st.sampled_from([0.10371, 0.4092, 0.99173, 1.70313, 2.0001, 3.7123, 25.575]),
     delays=st.lists(st.floats(-WINDOW_REACH_CHIPS, WINDOW_REACH_CHIPS), min_size=1, max_size=4),
 )
 def test_windows_give_the_chip_at_every_delay(
     seed: int, n_chips: int, u0: float, step: float, delays: list[float]
 ) -> None:
     chips = random_chips(np.random.default_rng(seed), n_chips).chips
-    n = int(45 / step)  # up to 86 chips
+    n = int(45 / step) + 1  # up to 86 chips
     u = u0 + step * np.arange(n)
     expected = [chips[np.floor(u - d).astype(int)] for d in delays]
     off_edge = [np.abs(u - d - np.round(u - d)) > 2.0**-26 for d in delays]
