@@ -22,7 +22,7 @@ _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:,\d{3})*(?:\.\d+)?(?:e-?\d+)?(?: %)?")
 
 FIRST_OF_ITS_OWN = "reference model"  # from this judge on vestige is compared with itself
 
-# Who judges, from the most independent on; a test that names somebody else is an error.
+# Judges, the most independent first. A test that names another judge is an error.
 JUDGES = {
     "gnss-sdr": "an independent receiver, which processes the samples that vestige simulates",
     "RTKLIB": "an independent program for positions, orbits and navigation messages",

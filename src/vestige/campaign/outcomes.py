@@ -9,8 +9,8 @@ is a triangle of ±1 chip, and the sum of two has two maxima only if they are mo
 default is one chip, 58.6 m, where the triangles cease to reach each other's peak. The early detector has its two peaks
 in view from about there on.
 
-A counterfeit counts from `floor_db` below the true signal on. A weaker counterfeit moves a detection by less than a
-metre on average. A counterfeit with chips of the attacker's own makes no peak and never counts.
+A spoofing signal counts if its power over that of the true signal exceeds `floor_db`. A weaker one moves a detection by
+less than a metre on average. A spoofing signal with chips of the attacker's own makes no peak and never counts.
 
 With status AUTHENTIC the receiver accepts its E1 pseudorange, and with it that error:
 

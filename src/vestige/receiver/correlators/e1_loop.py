@@ -18,7 +18,7 @@ never captures a loop in lock.
 
 **Lock.** A receiver acquires the strongest signal if its prompt correlator falls below 20 dBHz, or if an attack
 restarts it (`acquired`). That takes `reacquisition_s`, in which a signal above 20 dBHz has to be there; until then E1
-has no measurements. So a counterfeit that is switched off leaves the receiver to the true signal. Before its first
+has no measurements. So a spoofing signal that ends leaves the receiver to the true signal. Before its first
 epoch the receiver has acquired whatever is on air then.
 
 `REACQUISITION_S` is that of the tracking receiver on samples (`sample_processor.tracking`): it looks for a lost

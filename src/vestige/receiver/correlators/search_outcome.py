@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-On air are the true signal and every counterfeit, with amplitudes a_i, delays τ_i and Dopplers f_i. At the delay and
+On air are the true signal and all spoofing signals, with amplitudes a_i, delays τ_i and Dopplers f_i. At the delay and
 Doppler of one of them a correlator over T receives all of them,
 
     h_i = Σ_j a_j R(τ_i − τ_j) sinc((f_j − f_i) T),      s_i² = 2 (C/N0) T |h_i|² L_i / (1 + ρ)

@@ -123,7 +123,7 @@ def mavutil(monkeypatch: pytest.MonkeyPatch) -> object:
 
 
 def test_our_numbers_are_those_of_the_dialect(mavutil: object) -> None:
-    dialect = pytest.importorskip("pymavlink.dialects.v20.development")
+    dialect = pytest.importorskip("pymavlink.dialects.v20.development", reason="pymavlink is not installed")
     for ours, theirs in (
         (AuthenticationState, "GPS_AUTHENTICATION_STATE"), (RaimState, "GPS_RAIM_STATE"),
     ):  # fmt: skip
