@@ -37,7 +37,7 @@ from vestige.spoofer.jammers import ALL_JAMMERS
 from vestige.spoofer.spoofer import NO_SPOOFER, Spoofer
 
 LIFTOFF = Path(__file__).resolve().parents[1] / "scenarios" / "liftoff.toml"
-FIRST, EPOCHS = 1000, 40  # while the counterfeit is there
+FIRST, EPOCHS = 1000, 40  # while the spoofing signal is there
 BAR = 1.4
 
 

@@ -56,7 +56,7 @@ def main(folder: Path) -> None:
     belongs = outcomes(results, resolution_m=0.0).isel(satellite=0)
     for start_s, stop_s, does, why in STORY:
         inside = (results["time_s"].values >= start_s) & (results["time_s"].values < stop_s)
-        print(f"{start_s:5d} to {stop_s} s  The attacker {does}{_counterfeit(results, inside)}.")
+        print(f"{start_s:5d} to {stop_s} s  The attacker {does}{_spoofing_signal(results, inside)}.")
         for detector in ("early", "maximum"):
             print(f"   {detector:8s} {_concludes(results, belongs, detector, inside, limit_m)}")
         print(f"   {why}\n")
@@ -77,7 +77,7 @@ def main(folder: Path) -> None:
     print(f"Next: vestige plot all {folder / 'liftoff.zarr'} -o figures; vestige threats --quick; docs/attacks.md")
 
 
-def _counterfeit(results: xarray.Dataset, inside: np.ndarray) -> str:
+def _spoofing_signal(results: xarray.Dataset, inside: np.ndarray) -> str:
     """Return where the spoofing signal is at the beginning and at the end of a stretch, in words."""
     power_db = results["truth_spoofer_power_db"].values[inside, 0, 0]
     later_m = results["truth_spoofer_offset_m"].values[inside, 0, 0]

@@ -81,7 +81,7 @@ def test_what_is_said_of_an_attack_is_what_the_level_says(
 
 
 def test_people_read_of_the_satellites_that_are_aimed_at(tmp_path: Path) -> None:
-    """Of two satellites one has the counterfeit, and both its noise; or both have noise alone."""
+    """Of two satellites one has the spoofing signal, and both its noise; or both have noise alone."""
     short = ("--set", "epochs=520", "--fidelity", "correlators")
     assert _invoke(SCENARIOS / "liftoff_sudden.toml", "-o", tmp_path / "a", *short).exception is None
     aimed = open_results(tmp_path / "a").dataset.load()

@@ -136,7 +136,7 @@ def test_each_epoch_has_the_same_verdict(name: str, level: int, folder: Path) ->
 def test_a_lift_off_with_e1_differs_in_what_only_a_campaign_looks_at(level: int, folder: Path) -> None:
     """While both signals are some 50 m apart they are one peak or two by chance: that epoch is left out.
 
-    The counterfeit is where E1 is, and 80 m are too little for the search on E1. From level 2 on both say SPOOFED
+    The spoofing signal is where E1 is, and 80 m are too little for the search on E1. From level 2 on both say SPOOFED
     where the correlators show the earlier, weaker signal. Power–distortion sees the attack, too: the campaign says so
     at level 3, and `process` cannot, because its observations hold no correlators of E1.
     """

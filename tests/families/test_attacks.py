@@ -145,7 +145,7 @@ def test_off_outside_its_time(attack: Attack, off: dict[str, float]) -> None:
 
 
 @every_attack
-def test_counterfeits_are_for_its_satellites(attack: Attack, off: dict[str, float]) -> None:
+def test_spoofing_signals_are_for_its_satellites(attack: Attack, off: dict[str, float]) -> None:
     if attack.kind == "time-push":
         return
     aimed = Spoofer(attacks=(replace(attack, svids=(4, 7)),))

@@ -111,7 +111,7 @@ def rise_m(detector: int, first_s: float, last_s: float) -> np.ndarray:
 def test_a_small_upward_curve_as_it_approaches(detector: int) -> None:
     """The paper: "At the beginning when the spoofer sets in [...] we notice a small upward curve [...] in both cases."
 
-    At −10 dB the approaching counterfeit pulls by 0.4 m between 300 and 500 s, ±0.02 m in the mean of 20 runs, each
+    At −10 dB the approaching spoofing signal pulls by 0.4 m between 300 and 500 s, ±0.02 m in the mean of 20 runs, each
     beside the same run without an attack.
     """
     approach = rise_m(detector, 300, 500)

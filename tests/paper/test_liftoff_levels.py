@@ -1,7 +1,7 @@
 """[WFO, Sec. VI-B] at levels 2 and 3 over 20 seeds: which check sees the zero-delay lift-off, when, and what is in use.
 
-scenarios/liftoff_sudden.toml: the counterfeit is on air from T = 500 s at −10 dB, on top of the true signal at 600 s,
-then rises to +4.5 dB by 720 s and leaves. A single line of sight: no position, no OSNMA of several satellites.
+scenarios/liftoff_sudden.toml: the spoofing signal is on air from T = 500 s at −10 dB, on top of the true signal at 600
+s, then rises to +4.5 dB by 720 s and leaves. A single line of sight: no position, no OSNMA of several satellites.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def test_before_the_rise_it_is_seen_by_chance_only_and_not_by_the_checks_of_leve
 
 
 def test_when_it_has_left_the_earlier_signal_is_used_and_the_other_one_is_declared_spoofing() -> None:
-    """[WFO, Sec. VI-B]: from 1100 s on the counterfeit lies 75 m late, at the last correlator, 4.5 dB stronger.
+    """[WFO, Sec. VI-B]: from 1100 s on the spoofing signal lies 75 m late, at the last correlator, 4.5 dB stronger.
 
     The weaker signal is the earlier one, so the stronger one is no ray of it: level 2 says SPOOFED with nearly every
     RECS (398 of 400 with the seed of the scenario). The earlier signal is where E1 says, so E1 stays in use.

@@ -1,7 +1,7 @@
 """The quasi-static model of a captured E1 loop (`receiver.correlators.e1_loop`) beside the tracking loops on samples.
 
-One satellite and one counterfeit on E1-C, in noise; the counterfeit rises on top of the true signal and is pulled off
-at 40 m/s. E1-B is left out: the loops do not use it.
+One satellite and one spoofing signal on E1-C, in noise; the spoofing signal rises on top of the true signal and is
+pulled off at 40 m/s. E1-B is left out: the loops do not use it.
 """
 
 from __future__ import annotations
@@ -121,10 +121,10 @@ def test_who_captures_the_loop(power_db: float, phase_rad: float) -> None:
 
 
 def test_a_carrier_that_steps_away_does_not_take_the_loop_along() -> None:
-    """The limit of the model, which has no carrier loop: at 40 m/s a coherent counterfeit is 210 Hz off at once.
+    """The limit of the model, which has no carrier loop: at 40 m/s a coherent spoofing signal is 210 Hz off at once.
 
     The model says that 3 dB more power captures the code; the carrier loop, of 15 Hz, stays with the true signal, and
-    4 ms of integration leave a quarter of the counterfeit's amplitude.
+    4 ms of integration leave a quarter of the spoofing signal's amplitude.
     """
     spoofer = _attack(3.0, Coherent(phase_rad=0.0))
     model, periods = _model(spoofer), _tracked(spoofer, seed=3)

@@ -165,7 +165,7 @@ def test_a_detector_that_errs_is_one_line(folder: Path, body: str, text: str) ->
         direct_results(plan)
 
 
-COUNTERFEIT = (
+SPOOFING_SIGNAL = (
     "import numpy as np\nfrom dataclasses import dataclass\nfrom vestige.spoofer.attack import Attack\n"
     "@dataclass(frozen=True, kw_only=True)\nclass A(Attack):\n    def noise_over_n0(self, band, times_s):\n        "
 )
@@ -186,7 +186,7 @@ COUNTERFEIT = (
     ],
 )
 def test_an_attack_that_errs_is_one_line(folder: Path, body: str, text: str) -> None:
-    scenario = made(folder, "own_g", COUNTERFEIT + body, "[[attack]]\nkind = 'own_g:A'")
+    scenario = made(folder, "own_g", SPOOFING_SIGNAL + body, "[[attack]]\nkind = 'own_g:A'")
     with pytest.raises(OwnPartError, match=f"own_g.*{text}"), np.errstate(invalid="ignore"):
         direct_results(ScenarioPlan(scenario=scenario))
 

@@ -3,8 +3,8 @@
 Theory of operation
 -------------------
 A detection says how much later than the prediction a signal arrived. The truth says the same of the line of sight and
-of each counterfeit, so a detection belongs to the signal that it is nearest to. Two signals within the *resolution* of
-each other make one peak between them, and a detection there belongs to both: MIXED. The correlation function of E6-C
+of each spoofing signal, so a detection belongs to the signal that it is nearest to. Two signals within the *resolution*
+of each other make one peak between them, and a detection there belongs to both: MIXED. The correlation function of E6-C
 is a triangle of ±1 chip, and the sum of two has two maxima only if they are more than some half of its base apart; the
 default is one chip, 58.6 m, where the triangles cease to reach each other's peak. The early detector has its two peaks
 in view from about there on.
@@ -61,7 +61,7 @@ def classify(
     """Return the `DetectedSignal` of every epoch.
 
     Offsets are NaN where nothing was detected, and the prediction's error is how much later than predicted the line of
-    sight arrives. Two signals closer than `resolution_m` are one; a counterfeit below `floor_db` does not count.
+    sight arrives. Two signals closer than `resolution_m` are one; a spoofing signal below `floor_db` does not count.
     """
     found_m = range_offset_m - prediction_error_m
     counts = spoofer_power_db > floor_db
@@ -92,7 +92,7 @@ def outcomes(
 
 
 def attacked_epochs(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satellites"]:
-    """Return when a satellite is under attack: a counterfeit, or added noise, on either band."""
+    """Return when a satellite is under attack: a spoofing signal, or added noise, on either band."""
     if "truth_spoofed" not in results:
         return np.zeros((results.sizes["epoch"], results.sizes["satellite"]), dtype=bool)
     truth = results.transpose("epoch", "satellite", ...)
@@ -125,7 +125,7 @@ class AttackReport:
     time_to_mitigate_s: float
     # largest E1 error by the attack that was accepted as authentic, with its sign; NaN if nothing was accepted
     worst_accepted_m: float
-    e1_captured: float  # share of the attack's epochs in which E1 tracking was on a counterfeit
+    e1_captured: float  # share of the attack's epochs in which E1 tracking was on a spoofing signal
 
 
 def report(

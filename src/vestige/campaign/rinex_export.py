@@ -1,10 +1,10 @@
 """The results of a sky as files that any receiver software reads: what the simulated receiver tracked on E1, as RINEX.
 
-The observations are those of the signal that was tracked, a counterfeit where it took over: pseudorange, Doppler and
-C/N0 of E1-C at every epoch, on the receiver's clock. There is no carrier phase: the results hold none. The navigation
-file has the orbits and clocks of the run in new issues every 2 h, so that each epoch has one. Pseudoranges hold the
-ionosphere's residual and no troposphere, hence the settings of `rnx2rtkp` [RTKLIB]: no corrections, RAIM with exclusion
-of one satellite. They hold the delays of `[atmosphere]`, if the scenario has that table.
+The observations are those of the signal that was tracked, a spoofing signal where it took over: pseudorange, Doppler
+and C/N0 of E1-C at every epoch, on the receiver's clock. There is no carrier phase: the results hold none. The
+navigation file has the orbits and clocks of the run in new issues every 2 h, so that each epoch has one. Pseudoranges
+hold the ionosphere's residual and no troposphere, hence the settings of `rnx2rtkp` [RTKLIB]: no corrections, RAIM with
+exclusion of one satellite. They hold the delays of `[atmosphere]`, if the scenario has that table.
 """
 
 from __future__ import annotations

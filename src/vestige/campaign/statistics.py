@@ -186,8 +186,8 @@ def false_alarms(results: xarray.Dataset) -> Proportion:
 
     Only taps more than a chip apart are counted, so that the trials are independent: their noise has the replicas'
     correlation, a triangle that ends at one chip (a narrow filter draws it out a little). If there is a signal, only
-    taps more than a chip before the line of sight and any counterfeit are counted: they hold none of them, nor rays,
-    which come later.
+    taps more than a chip before the line of sight and any spoofing signal are counted: they hold none of them, nor
+    rays, which come later.
     """
     apart = E6_CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))
@@ -207,7 +207,7 @@ _LATE = (("iono_diff", 1), ("bias", 1), ("e1_noise", -1), ("e1_multipath", -1))
 
 
 def _first_arrival_m(block: xarray.Dataset) -> Float[np.ndarray, "epochs satellites"]:
-    """Return how much later than predicted the first signal arrives: the line of sight, or a counterfeit before it."""
+    """Return how much later than predicted the first signal arrives, which may be a spoofing signal."""
     if "truth_spoofer_offset_m" not in block:
         return np.sum([sign * block[f"truth_{name}_m"].values for name, sign in _LATE], axis=0)
     forged = block["forged"].values[:, None, None]

@@ -104,7 +104,7 @@ def phase_rad(selected: xarray.Dataset) -> tuple[Float[np.ndarray, " n_epochs"],
 
 
 def is_attacked(results: xarray.Dataset) -> bool:
-    """Return whether the campaign has an attack, and with it the truth of counterfeits."""
+    """Return whether the campaign has an attack, and with it the truth of spoofing signals."""
     return {"truth_spoofer_offset_m", "truth_spoofer_power_db", "truth_prediction_error_m"} <= set(results.variables)
 
 

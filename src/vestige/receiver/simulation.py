@@ -7,7 +7,7 @@ With P the pseudorange that geometry and receiver clock make, common to both ban
 
 so the hand-over misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath, and every other ray
 comes its excess delay later. These are delays of the code; the carrier has no bias, and the ionosphere advances it
-(`sampled_epoch`). Under attack e1_error, what the E1 loop followed, is in P1 as well, and counterfeits,
+(`sampled_epoch`). Under attack e1_error, what the E1 loop followed, is in P1 as well, and spoofing signals,
 noise and jamming are in E6 (`sampled_attack`, `disturbance`).
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with rays and
@@ -36,7 +36,7 @@ from vestige.receiver.correlators.e1_loop import REACQUISITION_S
 from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
 from vestige.receiver.draws import DRAW_BLOCK, rows_of
 from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.sampled_attack import add_jammers, counterfeit_signals, true_signal
+from vestige.receiver.samples.sampled_attack import add_jammers, spoofing_signals, true_signal
 from vestige.receiver.samples.sampled_epoch import (
     Arrival,
     arrival,
@@ -244,7 +244,7 @@ class Simulation:
         return e6_samples(
             (
                 true_signal(secret, *where, amplitude=strength) or signal,
-                *counterfeit_signals((secret, forged), *where, amplitude=strength),
+                *spoofing_signals((secret, forged), *where, amplitude=strength),
             ),
             sent,
             taken,

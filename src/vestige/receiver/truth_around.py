@@ -1,8 +1,8 @@
 """The truth of a block of epochs together with the epochs around them, which their samples still feel.
 
 What a receiver samples between two epochs goes over from the truth of one to that of the next (`continuous`), and a
-counterfeit brings the chips of an epoch later than the line of sight does. So the samples of a block depend on epochs
-before its first and after its last one.
+spoofing signal brings the chips of an epoch later than the line of sight does. So the samples of a block depend on
+epochs before its first and after its last one.
 """
 
 from __future__ import annotations

@@ -18,10 +18,10 @@ function drawOffsets(canvas) {
     time: unpacked(one.time_s),
     status: unpacked(one.status),
     offset: Object.fromEntries(DATA.detectors.map((name) => [name, unpacked(one.offset_m[name])])),
-    counterfeits: (one.counterfeits || []).map((attack) => unpacked(attack.place_m)),
+    spoofing_signals: (one.spoofing_signals || []).map((attack) => unpacked(attack.place_m)),
   }));
   const [first, last] = [DATA.offsets_m[0], DATA.offsets_m.at(-1)];
-  const near = satellites.flatMap((one) => one.counterfeits).map((place) => place.filter((at) => at >= first && at <= last));
+  const near = satellites.flatMap((one) => one.spoofing_signals).map((place) => place.filter((at) => at >= first && at <= last));
   const [low, high] = spread([[DATA.limit_m, -DATA.limit_m], ...near, ...satellites.flatMap((one) => Object.values(one.offset))]);
   const margin = 0.06 * (high - low);
   const y = { low: low - 2 * margin, high: high + margin, label: 'range offset (m)' };
@@ -37,7 +37,7 @@ function drawOffsets(canvas) {
       context.strokeStyle = colour('spoofer');
       context.lineWidth = 1;
       for (const satellite of satellites) {
-        for (const place of satellite.counterfeits) {
+        for (const place of satellite.spoofing_signals) {
           const points = [];
           place.forEach((at, i) => Number.isFinite(at) && points.push([toX(satellite.time[i]), toY(at)]));
           if (points.length) line(context, points);

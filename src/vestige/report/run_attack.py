@@ -49,7 +49,7 @@ def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Ht
     """Return which signal each detector had, when it was alarmed and when it had the true signal again."""
     words = {
         DetectedSignal.TRUE: "the true signal",
-        DetectedSignal.SPOOFER: "the counterfeit",
+        DetectedSignal.SPOOFER: "the spoofing signal",
         DetectedSignal.MIXED: "both in one",
         DetectedSignal.NONE: "nothing",
     }

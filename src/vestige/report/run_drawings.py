@@ -12,7 +12,7 @@ from vestige.acas_processor.levels import ALARMS, GRAVITY, POSITION, is_alarm
 from vestige.campaign.outcomes import due_verdicts
 from vestige.campaign.store.results import attributes_of, scenario_of
 from vestige.campaign.verdicts import range_limit_m
-from vestige.plots.attacks.attack_comparison import counterfeits
+from vestige.plots.attacks.attack_comparison import spoofing_power_and_offset
 from vestige.plots.epochs import column, is_attacked, is_missed, magnitudes_sigma, select
 from vestige.records import Status
 from vestige.records.checks import CheckSeries
@@ -111,13 +111,13 @@ def _satellite(
 
 
 def _truth(one: xarray.Dataset) -> dict[str, Any]:
-    """Return where the true signal and each counterfeit with chips of the satellite are; NaN while it is off."""
-    power_db, place_m = counterfeits(one)
+    """Return where the true signal and each spoofing signal with chips of the satellite are; NaN while it is off."""
+    power_db, place_m = spoofing_power_and_offset(one)
     matching = ~one["forged"].values.astype(bool) if "forged" in one.variables else np.ones(power_db.shape[1], bool)
     names = [str(name) for name in one["attack"].values]
     return {
         "true_m": packed(column(one, "truth_prediction_error_m").astype(np.float32)),
-        "counterfeits": [
+        "spoofing_signals": [
             {
                 "name": names[place],
                 "place_m": packed(place_m[:, place].astype(np.float32)),

@@ -239,7 +239,7 @@ def _waterfall(data: Mapping[str, Any]) -> list[Html]:
             "detectors found; the line above says it in words.",
             "Dashed: the threshold. Triangles: the correlation that each detector found. "
             + (
-                "Upright lines: where the true signal and the counterfeit are, which the receiver does not know."
+                "Upright lines: where the true signal and the spoofing signal are, which the receiver does not know."
                 if "true_m" in data["satellites"][0]
                 else ""
             ),
@@ -270,7 +270,7 @@ def _offsets(found: Mapping[str, Summary], data: Mapping[str, Any], limit_m: flo
         for name, one in found.items()
     ]
     head = ("", "missed", "mean", "1σ", *(f"{p:g} %" for p in points))
-    truth = " Lines: where each counterfeit was." if "true_m" in data["satellites"][0] else ""
+    truth = " Lines: where each spoofing signal was." if "true_m" in data["satellites"][0] else ""
     parts = [
         element(
             "p",

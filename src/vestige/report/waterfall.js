@@ -52,7 +52,7 @@ class Waterfall {
         offset: each(one.offset_m),
         magnitude: each(one.magnitude),
         true: one.true_m ? unpacked(one.true_m) : null,
-        counterfeits: (one.counterfeits || []).map((attack) => ({
+        spoofing_signals: (one.spoofing_signals || []).map((attack) => ({
           name: attack.name, place: unpacked(attack.place_m), power: unpacked(attack.power_db),
         })),
       });
@@ -98,7 +98,7 @@ class Waterfall {
       const offset = of.offset[name][row];
       return Number.isFinite(offset) ? `${name} ${signed(offset)} m at ${of.magnitude[name][row].toFixed(1)} σ` : `${name}: nothing`;
     });
-    const attack = of.counterfeits.filter((one) => Number.isFinite(one.power[row])).map((one) => `${one.name} ${signed(one.power[row])} dB`);
+    const attack = of.spoofing_signals.filter((one) => Number.isFinite(one.power[row])).map((one) => `${one.name} ${signed(one.power[row])} dB`);
     const text = [`${of.name}, T = ${plain(of.time[row])} s: ${DATA.statuses[of.status[row]]}`, ...found, ...attack].join(' · ');
     this.readout.textContent = text;
     this.slider.setAttribute('aria-valuetext', text);
@@ -157,7 +157,7 @@ class Waterfall {
       context.textBaseline = 'top';
       context.fillText(text, Math.min(Math.max(toX(at), box.left + wide), box.right - wide), beside);
     };
-    for (const attack of of.counterfeits) upright(attack.place[row], 'spoofer', attack.name);
+    for (const attack of of.spoofing_signals) upright(attack.place[row], 'spoofer', attack.name);
     if (of.true) upright(of.true[row], 'true', 'true signal');
     context.strokeStyle = colour('limit');
     context.lineWidth = 1.5;

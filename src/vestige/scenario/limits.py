@@ -148,7 +148,7 @@ def check_disclosed(attacks: Sequence[Attack], sent_s: Sequence[float], key_dela
 
 
 def longest_delay_s(attacks: Sequence[Attack]) -> float:
-    """Return how far back the counterfeits of some attacks reach, with some room for the signal's way, in s."""
+    """Return how far back the spoofing signals of some attacks reach, with some room for the signal's way, in s."""
     delays_s = [getattr(attack, "delay_s", 0.0) for attack in attacks]
     delays_s += [extremes(attack.delay_m)[1] / SPEED_OF_LIGHT_MPS for attack in attacks if hasattr(attack, "delay_m")]
     return max(delays_s, default=-_WAY_S) + _WAY_S

@@ -32,7 +32,7 @@ from vestige.time import GalileoTime
 
 PLACED_M = 25_000_000.0  # range of a satellite that the scenario leaves at none; Galileo is 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # a receiver in a low orbit
-_MESSAGE_AFTER_S = 5.0  # of message beyond the last epoch; a counterfeit may be late by as much
+_MESSAGE_AFTER_S = 5.0  # of message beyond the last epoch; a spoofing signal may be late by as much
 PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # within which a recording is processed
 
 
@@ -125,7 +125,7 @@ class AcasTestCase:
         return range(int(sent_s[0] * rate_hz), int(np.ceil((sent_s[-1] + tail_s) * rate_hz)))
 
     def sky(self, band: Band) -> tuple[ReceivedSatellite, ...]:
-        """Return all that a band receives, counterfeits included."""
+        """Return all that a band receives, spoofing signals included."""
         return tuple(signal for one in self.satellites for signal in one.received(band))
 
     @property

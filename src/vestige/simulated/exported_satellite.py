@@ -45,7 +45,7 @@ class ExportedSatellite:
 
     @cached_property
     def tail_s(self) -> float:
-        """Time in s after the last transmission to the last sample: by then every counterfeit has repeated the RECS."""
+        """Time in s from the last transmission to the last sample, so that every spoofing signal repeats the RECS."""
         return TAIL_S + latest_s(self.simulation.spoofer, self.svid, self.truth.time_s)
 
     @cached_property
@@ -86,7 +86,7 @@ class ExportedSatellite:
         return self.truth.iono_diff_m + self.truth.bias_m - self.e1_error_m
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
-        """Return the satellite as a band receives it, and its counterfeits."""
+        """Return the satellite as a band receives it, and its spoofing signals."""
         return SatelliteOnAir(simulation=self.simulation, path=self.path, symbols=self.symbols).received(band)
 
     @cached_property

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Band
-from vestige.spoofer.attack import CheckedAttack, Counterfeit, check_delay, delayed
+from vestige.spoofer.attack import CheckedAttack, SpoofingSignal, check_delay, delayed
 from vestige.spoofer.phase import COHERENT
 from vestige.spoofer.profiles import Profile
 
@@ -29,7 +29,7 @@ class ForgeryAfterDisclosure(CheckedAttack):
     Example
     -------
     >>> late = ForgeryAfterDisclosure(delay_s=45.0, power_db=3.0)
-    >>> float(late.counterfeit(Band.E6, np.zeros(1)).delay_m[0]) == 45.0 * SPEED_OF_LIGHT_MPS
+    >>> float(late.spoofing_signal(Band.E6, np.zeros(1)).delay_m[0]) == 45.0 * SPEED_OF_LIGHT_MPS
     True
 
     Attributes
@@ -67,7 +67,7 @@ class ForgeryAfterDisclosure(CheckedAttack):
         """Whether the receiver acquires E1 anew when the attack begins, and takes the strongest signal."""
         return self.acquired
 
-    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit:
+    def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal:
         """Return what it adds to the band of a satellite that it aims at."""
         made = delayed(self, band, times_s, delay_m=self.range_offset_m, power_db=self.power_db, phase=COHERENT)
         return replace(made, delay_m=made.delay_m + self.delay_s * SPEED_OF_LIGHT_MPS)

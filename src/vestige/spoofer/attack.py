@@ -1,6 +1,6 @@
 """Interface of every attack: when it is on, whom it hits, and what it adds to each band.
 
-An attack adds at most one counterfeit signal to a band of a satellite, noise, and a jamming waveform. All of it is
+An attack adds at most one spoofing signal to a band of a satellite, noise, and a jamming waveform. All of it is
 relative to the true signal of that satellite in that band, and a function of time alone: an attack has no memory and no
 randomness of its own. Times are those of the epoch, in s after the scenario's start.
 
@@ -36,8 +36,8 @@ MAX_LEVEL_DB = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Counterfeit:
-    """A counterfeit of one satellite in one band, against the true signal there, over epochs.
+class SpoofingSignal:
+    """A spoofing signal of one satellite in one band, against the true signal there, over epochs.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Attack:
     start_s, stop_s
         When it is on, in s after the scenario's start; at `stop_s` it is off.
     svids
-        Satellites whose signals are counterfeited; none named means all. Noise and jamming hit all of them.
+        Satellites whose signals are spoofed; none named means all. Noise and jamming hit all of them.
     """
 
     start_s: float = 0.0
@@ -116,7 +116,7 @@ class Attack:
         """Return whether the attack is on."""
         return (times_s >= self.start_s) & (times_s < self.stop_s)
 
-    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+    def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         return None
 
@@ -129,7 +129,7 @@ class Attack:
         return None
 
     def replayed(self, component: Component, svid: int, seed: int) -> Component:
-        """Return what the counterfeit of a recording carries in place of a component of the true signal."""
+        """Return what the spoofing signal of a recording carries in place of a component of the true signal."""
         return component
 
     def withholds_osnma(self, first_s: float, last_s: float) -> bool:
@@ -147,8 +147,8 @@ def delayed(
     phase: Locked | Slipping | Coherent,
     forged_chips: bool = False,
     forged_nav_data: bool = False,
-) -> Counterfeit:
-    """Return a counterfeit by its profiles, off while the attack is.
+) -> SpoofingSignal:
+    """Return a spoofing signal by its profiles, off while the attack is.
 
     A number is a constant profile.
     """
@@ -159,7 +159,7 @@ def delayed(
         delay_rate_mps=delay.rate(times_s),
         carrier_hz=CARRIER_HZ[band],
     )
-    return Counterfeit(
+    return SpoofingSignal(
         delay_m=carrier.delay_m,
         delay_rate_mps=carrier.delay_rate_mps,
         power_db=np.where(attack.on(times_s), as_profile(power_db).value(times_s), -inf),

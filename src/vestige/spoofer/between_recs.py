@@ -1,6 +1,6 @@
 """An attack that is over before the next RECS: nothing that ACAS records ever sees it.
 
-Between two RECS the counterfeit switches on over the true signal, leaves with the tracking loop and brings it back
+Between two RECS the spoofing signal switches on over the true signal, leaves with the tracking loop and brings it back
 before it switches off. With x the time since the last RECS, from `guard_s` to `period_s − guard_s`:
 
     τ = top_m sin²(π (x − guard)/(period − 2 guard))        power on
@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 
 from vestige.records import Band
 from vestige.signals.definitions import CARRIER_HZ
-from vestige.spoofer.attack import Attack, CheckedAttack, Counterfeit, check_delay
+from vestige.spoofer.attack import Attack, CheckedAttack, SpoofingSignal, check_delay
 from vestige.spoofer.phase import COHERENT, DelayedCarrier, Phase
 from vestige.spoofer.profiles import Profile, Ramp, as_profile
 from vestige.spoofer.repeaters import BOTH
@@ -62,7 +62,7 @@ class BetweenRecs(CheckedAttack):
         since_s = (times_s - self.first_recs_s) % self.period_s
         return Attack.on(self, times_s) & (since_s > self.guard_s) & (since_s < self.period_s - self.guard_s)
 
-    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+    def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         if band not in self.bands:
             return None
@@ -74,7 +74,7 @@ class BetweenRecs(CheckedAttack):
             delay_rate_mps=self.top_m * pi * rate * np.sin(2 * pi * share),
             carrier_hz=CARRIER_HZ[band],
         )
-        return Counterfeit(
+        return SpoofingSignal(
             delay_m=carrier.delay_m,
             delay_rate_mps=carrier.delay_rate_mps,
             power_db=np.where(self.on(times_s), as_profile(self.power_db).value(times_s), -inf),

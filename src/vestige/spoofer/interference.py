@@ -1,4 +1,4 @@
-"""Attacks without a counterfeit of their own: jamming, and jamming just enough to break OSNMA."""
+"""Attacks without a spoofing signal of their own: jamming, and jamming just enough to break OSNMA."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""The phase of a counterfeit against the true signal, on its carrier.
+"""The phase of a spoofing signal against the true signal, on its carrier.
 
     locked      φ = φ0                              whatever the delay: the carrier phase aligned attack
     slipping    φ = φ0 + 2π f (t − t_start)         a frequency error of the attacker's oscillator
     coherent    φ = φ0 − 2π f_c τ(t)/c              what a delay line does: one turn a wavelength of delay
 
-The true signal and the counterfeit add to |1 + √η e^{jφ} R(τ)|, so the phase decides between fading and gain. A locked
-or slipping counterfeit whose delay moves has code and carrier that diverge.
+The true signal and the spoofing signal add to |1 + √η e^{jφ} R(τ)|, so the phase decides between fading and gain. A
+locked or slipping spoofing signal whose delay moves has code and carrier that diverge.
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
-"""Attacks that bring counterfeits of the navigation signals: the lift-off family, meaconing, forgery, nulling.
+"""Attacks that bring spoofing signals of the navigation signals: the lift-off family, meaconing, forgery, nulling.
 
-E1 codes are public, so the attacker makes its E1 counterfeit itself. E6-C is encrypted, so its counterfeit is the true
-signal, received and sent again: with the noise of the attacker's own reception. If the counterfeit has η times the true
-power at the victim, and the attacker receives with a C/N0 that is G times the victim's, the repeated noise has
+E1 codes are public, so the attacker makes its E1 spoofing signal itself. E6-C is encrypted, so its spoofing signal is
+the true signal, received and sent again: with the noise of the attacker's own reception. If the spoofing signal has η
+times the true power at the victim, and the attacker receives with a C/N0 that is G times the victim's, the repeated
+noise has
 
     N_repeated / N0 = η / G
 
-so without a better antenna (G = 1) a counterfeit of equal power doubles the noise.
+so without a better antenna (G = 1) a spoofing signal of equal power doubles the noise.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Band
-from vestige.spoofer.attack import MAX_DELAY_S, Attack, CheckedAttack, Counterfeit, delayed
+from vestige.spoofer.attack import MAX_DELAY_S, Attack, CheckedAttack, SpoofingSignal, delayed
 from vestige.spoofer.phase import COHERENT, Locked, Phase
 from vestige.spoofer.profiles import Constant, Profile, as_profile, extremes
 
@@ -30,14 +31,14 @@ RECEPTION_GAIN_DB = 20.0  # a dish for each satellite, or a place with open sky 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LiftOffAttack(CheckedAttack):
-    """A counterfeit by profiles, the same in every band that it comes in.
+    """A spoofing signal by profiles, the same in every band that it comes in.
 
     Attributes
     ----------
     delay_m, power_db, phase
         Delay and power relative to the true signal, and the phase law.
     bands
-        Where it comes; on E1 alone there is no encrypted counterfeit.
+        Where it comes; on E1 alone there is no encrypted spoofing signal.
     reception_gain_db
         G in dB, C/N0 of the attacker's reception on E6 over the victim's.
     forged_nav_data
@@ -55,10 +56,10 @@ class _LiftOffAttack(CheckedAttack):
     def outside_assumption_2(self) -> str:
         """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
         if Band.E6 in self.bands and extremes(self.delay_m)[0] < 0:
-            return "the encrypted counterfeit arrives before the true signal"
+            return "the encrypted spoofing signal arrives before the true signal"
         return ""
 
-    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+    def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         if band not in self.bands:
             return None
@@ -141,7 +142,7 @@ class E1Asynchronous(CheckedAttack):
         """Whether the receiver is restarted when the attack begins, and acquires the strongest signal on E1."""
         return self.acquired
 
-    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+    def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         if band is not Band.E1:
             return None
@@ -210,7 +211,7 @@ class Meaconing(CheckedAttack):
         """Whether the receiver is restarted when the attack begins, and acquires the strongest signal on E1."""
         return self.acquired and Band.E1 in self.bands
 
-    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+    def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         if band not in self.bands:
             return None
@@ -244,7 +245,7 @@ class Forgery(CheckedAttack):
     delay_m: Profile = 0.0
     kind: Literal["forgery"] = "forgery"
 
-    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+    def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         if band is not Band.E6:
             return None
@@ -277,7 +278,7 @@ class Nulling(CheckedAttack):
         """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
         return "it nulls the encrypted signal" if Band.E6 in self.bands else ""
 
-    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+    def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         if band not in self.bands:
             return None

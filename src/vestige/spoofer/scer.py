@@ -19,7 +19,7 @@ from vestige.signal_generator.noise_kernel import normal_pairs
 from vestige.signal_generator.waveform import Component, Sequence
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E6C
-from vestige.spoofer.attack import CheckedAttack, Counterfeit, delayed
+from vestige.spoofer.attack import CheckedAttack, SpoofingSignal, delayed
 from vestige.spoofer.phase import COHERENT, Phase
 from vestige.spoofer.profiles import Profile, as_profile, extremes
 from vestige.spoofer.repeaters import RECEPTION_GAIN_DB, repeated_noise
@@ -43,7 +43,7 @@ class Scer(CheckedAttack):
         Delay in m, power in dB and phase of the spoofing signal on E1. On E6 `power_db` is that of the part that
         matches the true chips.
     e6_lag_m
-        How much later the E6 counterfeit is; at least one E6 chip, which the attacker cannot know sooner.
+        How much later the E6 spoofing signal is; at least one E6 chip, which the attacker cannot know sooner.
     reception_gain_db
         G in dB, C/N0 of the attacker's reception over the victim's.
     chips
@@ -102,15 +102,15 @@ class Scer(CheckedAttack):
     def outside_assumption_2(self) -> str:
         """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
         early = extremes(self.delay_m)[0] + self.e6_lag_m < 0
-        return "the encrypted counterfeit arrives before the true signal" if early else ""
+        return "the encrypted spoofing signal arrives before the true signal" if early else ""
 
-    def counterfeit(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Counterfeit | None:
+    def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
         """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
         lag_m = self.e6_lag_m if band is Band.E6 else 0.0
         on_time = delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=self.phase)
         if not lag_m:
             return on_time
-        return Counterfeit(
+        return SpoofingSignal(
             delay_m=on_time.delay_m + lag_m,
             delay_rate_mps=on_time.delay_rate_mps,
             power_db=on_time.power_db,

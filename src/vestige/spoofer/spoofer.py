@@ -2,15 +2,15 @@
 
 | attack | E1 | E6 |
 |---|---|---|
-| `E1Asynchronous` | counterfeit anywhere | – |
-| `LiftOff` | counterfeit | counterfeit, repeated noise |
+| `E1Asynchronous` | spoofing signal anywhere | – |
+| `LiftOff` | spoofing signal | spoofing signal, repeated noise |
 | `PositionPush`, `TimePush` | lift-off of some satellites, of all | the same |
-| `Meaconing` | counterfeit, repeated noise | the same |
-| `Scer` | counterfeit on time, its symbols estimated | counterfeit a chip later, repeated noise or chip errors |
+| `Meaconing` | spoofing signal, repeated noise | the same |
+| `Scer` | spoofing signal on time, its symbols estimated | the same a chip later, repeated noise or chip errors |
 | `BetweenRecs` | lift-off and return between two RECS | the same |
 | `Nulling` | opposite signal | outside Assumption 2 |
 | `Forgery` | – | chips of the attacker's own |
-| `ForgeryAfterDisclosure` | counterfeit, later than the key of its RECS | the same |
+| `ForgeryAfterDisclosure` | spoofing signal, later than the key of its RECS | the same |
 | `Jam` | waveform | waveform |
 | `OsnmaDenial` | white noise, keys are lost | – |
 """
@@ -28,7 +28,7 @@ from vestige.own_parts import require_numbers
 from vestige.records import Band
 from vestige.signals.definitions import E1C, E6C
 from vestige.spoofer.after_disclosure import ForgeryAfterDisclosure
-from vestige.spoofer.attack import Attack, Counterfeit, Jamming
+from vestige.spoofer.attack import Attack, Jamming, SpoofingSignal
 from vestige.spoofer.between_recs import BetweenRecs
 from vestige.spoofer.interference import Jam, OsnmaDenial
 from vestige.spoofer.jammers import Wideband, rise
@@ -43,7 +43,7 @@ from vestige.spoofer.repeaters import (
 )
 from vestige.spoofer.scer import Scer
 
-_OF_EPOCHS = ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")  # fields of `Counterfeit`
+_OF_EPOCHS = ("delay_m", "delay_rate_mps", "power_db", "phase_rad", "doppler_hz")  # fields of `SpoofingSignal`
 
 Attacks = (
     E1Asynchronous
@@ -67,13 +67,13 @@ _PILOT = {Band.E1: E1C, Band.E6: E6C}
 class BandEffects:
     """Effects of the attacks on one band of one satellite; the second axis is that of the attacks."""
 
-    # of counterfeits against the line of sight, as what follows (`Counterfeit`); 0 and −inf dB without one
+    # of spoofing signals against the line of sight, as what follows (`SpoofingSignal`); 0 and −inf dB without one
     delay_m: Float[np.ndarray, "n k"]
     delay_rate_mps: Float[np.ndarray, "n k"]
     power_db: Float[np.ndarray, "n k"]
     phase_rad: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    forged_chips: Bool[np.ndarray, " k"]  # which counterfeits carry chips of the attacker's own
+    forged_chips: Bool[np.ndarray, " k"]  # which spoofing signals carry chips of the attacker's own
     forged_nav_data: Bool[np.ndarray, " k"]  # which carry navigation data of the attacker's own
     white: Float[np.ndarray, " n"]  # density of white noise that is added, over N0: repeated noise and wideband jamming
     jammers: tuple[Jamming, ...]  # jamming with a waveform of its own
@@ -89,7 +89,7 @@ class BandEffects:
 
     @property
     def amplitude(self) -> Complex128[np.ndarray, "n k"]:
-        """√η e^{jφ} of every counterfeit."""
+        """√η e^{jφ} of every spoofing signal."""
         return 10 ** (self.power_db / 20) * np.exp(1j * self.phase_rad)
 
     def rise(self, band: Band) -> Float[np.ndarray, " n"]:
@@ -110,10 +110,10 @@ class Spoofer:
         """Return what a receiver sees in one band of one satellite."""
         found = []
         for attack in self.attacks:
-            made = attack.counterfeit(band, times_s) if not attack.svids or svid in attack.svids else None
+            made = attack.spoofing_signal(band, times_s) if not attack.svids or svid in attack.svids else None
             found.append(made or _nothing(times_s.size))
             for name in _OF_EPOCHS if made else ():
-                require_numbers(attack, f"counterfeit.{name}", getattr(made, name), times_s.shape)
+                require_numbers(attack, f"spoofing_signal.{name}", getattr(made, name), times_s.shape)
         white, jammers = np.zeros(times_s.size), []
         for attack in self.attacks:
             noise = attack.noise_over_n0(band, times_s)
@@ -144,8 +144,8 @@ class Spoofer:
         anew = np.zeros(until_s.shape, bool)
         for attack in self.attacks:
             if attack.reacquired and (not attack.svids or svid in attack.svids):
-                counterfeit = attack.counterfeit(Band.E1, until_s)
-                is_on = counterfeit is not None and counterfeit.power_db > -inf
+                spoofing_signal = attack.spoofing_signal(Band.E1, until_s)
+                is_on = spoofing_signal is not None and spoofing_signal.power_db > -inf
                 anew |= (after_s < attack.start_s) & (attack.start_s <= until_s) & is_on
         return anew
 
@@ -165,6 +165,6 @@ class Spoofer:
 NO_SPOOFER = Spoofer()
 
 
-def _nothing(n: int) -> Counterfeit:
+def _nothing(n: int) -> SpoofingSignal:
     zero = np.zeros(n)
-    return Counterfeit(delay_m=zero, delay_rate_mps=zero, power_db=np.full(n, -inf), phase_rad=zero, doppler_hz=zero)
+    return SpoofingSignal(delay_m=zero, delay_rate_mps=zero, power_db=np.full(n, -inf), phase_rad=zero, doppler_hz=zero)

@@ -35,7 +35,7 @@ def _columns(*attacks: Attacks) -> tuple[dict[str, np.ndarray], TruthBlock, Simu
     return found, truth, simulation
 
 
-def test_each_band_has_its_own_counterfeit() -> None:
+def test_each_band_has_its_own_spoofing_signal() -> None:
     e1 = LiftOff(delay_m=PULL, power_db=6.0, phase=Locked(phase_rad=4.0), bands=(Band.E1,), start_s=2.0)
     e6 = LiftOff(delay_m=20.0, power_db=-3.0, phase=Locked(phase_rad=0.7), bands=(Band.E6,), start_s=8.0)
     found, _, _ = _columns(e1, e6)

@@ -59,7 +59,7 @@ def lift_off(svids: str, forged_nav_data: str) -> str:
     )
 
 
-def test_data_of_a_counterfeit_that_tracking_leaves_alone_are_not_demodulated() -> None:
+def test_data_of_a_spoofing_signal_that_tracking_leaves_alone_are_not_demodulated() -> None:
     weak = lift_off("svids=[7, 13],", "true").replace("power_db=3", "power_db=-3")
     results, found = judged("epochs=161", weak)
     assert not results["osnma_differs"].values.any()

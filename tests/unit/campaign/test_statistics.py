@@ -167,7 +167,8 @@ def test_false_alarms_are_counted_where_there_is_noise_alone() -> None:
 
 
 def test_false_alarms_are_counted_before_the_first_of_several_signals() -> None:
-    """E1 follows a counterfeit: the line of sight is 30 m before the prediction. Another is 40 m before it, or is not.
+    """E1 follows a spoofing signal: the line of sight is 30 m before the prediction. Another is 40 m before it, or is
+    not.
 
     A chip before the first signal is at −88.6 m or −128.6 m, and −56.1 m where E1 is not followed.
     """

@@ -1,4 +1,4 @@
-"""Counterfeits in a recording: exactly what a delay line makes of the true signal, and what a run makes of an epoch."""
+"""Spoofing signals in a recording: what a delay line makes of the true signal, and what a run makes of an epoch."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_forged_chips_in_a_recording_match_nothing(tmp_path: Path) -> None:
     assert power > 3 * usual
 
 
-def test_the_rate_of_a_counterfeit_is_that_of_its_range(tmp_path: Path) -> None:
+def test_the_rate_of_a_spoofing_signal_is_that_of_its_range(tmp_path: Path) -> None:
     """dP'/dt by differences: 3 km/s, 30 m/s² and a pull of 5 km/s from 0.1 s on: each term is 0.05 m/s or more."""
     path = tmp_path / "fast.toml"
     motion = "v_mps = 3000.0\na_mps2 = 30.0"
@@ -134,14 +134,14 @@ def test_the_rate_of_a_counterfeit_is_that_of_its_range(tmp_path: Path) -> None:
     )
     path.write_text(text, encoding="utf-8")
     case = _case(path, 2, 5)
-    true, counterfeit = case.sky(Band.E6)
+    true, spoofing_signal = case.sky(Band.E6)
     t_s, step_s = case.satellites[0].truth.time_s + 0.05, 1e-3
-    around = [counterfeit.pseudorange.range_m(t_s + one * step_s) for one in (-1, 1)]
-    assert counterfeit.pseudorange.rate_mps(t_s) == pytest.approx((around[1] - around[0]) / 2 / step_s, abs=1e-3)
-    rates = [counterfeit.pseudorange.rate_mps(t_s + one * step_s) for one in (-1, 1)]
+    around = [spoofing_signal.pseudorange.range_m(t_s + one * step_s) for one in (-1, 1)]
+    assert spoofing_signal.pseudorange.rate_mps(t_s) == pytest.approx((around[1] - around[0]) / 2 / step_s, abs=1e-3)
+    rates = [spoofing_signal.pseudorange.rate_mps(t_s + one * step_s) for one in (-1, 1)]
     bend = (rates[1] - rates[0]) / 2 / step_s
-    assert counterfeit.pseudorange.acceleration_mps2(t_s) == pytest.approx(bend, abs=0.01)
-    late_s = (counterfeit.pseudorange.range_m(t_s) - true.pseudorange.range_m(t_s)) / SPEED_OF_LIGHT_MPS
+    assert spoofing_signal.pseudorange.acceleration_mps2(t_s) == pytest.approx(bend, abs=0.01)
+    late_s = (spoofing_signal.pseudorange.range_m(t_s) - true.pseudorange.range_m(t_s)) / SPEED_OF_LIGHT_MPS
     assert np.all(late_s > 0.09)
 
 

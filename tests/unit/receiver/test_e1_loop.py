@@ -149,7 +149,7 @@ def test_a_nulled_signal_is_weaker_by_what_the_attacker_left() -> None:
     assert np.all(np.abs(tracked.error_m) < 1e-6)
 
 
-def test_a_weak_counterfeit_pulls_like_a_ray() -> None:
+def test_a_weak_spoofing_signal_pulls_like_a_ray() -> None:
     """The loop's zero is that of the multipath model: two programs, one discriminator."""
     delay_m, power_db, phase_rad = 25.0, -10.0, 0.8
     attack = LiftOff(delay_m=delay_m, power_db=power_db, phase=Locked(phase_rad=phase_rad), bands=E1)

@@ -1,4 +1,4 @@
-"""E1 correlators against what they are made of: shape, noise, a counterfeit, gain control."""
+"""E1 correlators against what they are made of: shape, noise, a spoofing signal, gain control."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_the_power_that_passes_is_the_integral_over_the_spectrum() -> None:
     assert folded - found[0] == pytest.approx(2 / 11, rel=0.15)
 
 
-def test_a_counterfeit_is_there_and_the_gain_holds_the_power() -> None:
+def test_a_spoofing_signal_is_there_and_the_gain_holds_the_power() -> None:
     attack = 'attack=[{kind="time-push", delay_m=0, power_db=10, phase={kind="locked"}, bands=["E1"]}]'
     found = _found("epochs=200", attack)
     signals = 1.16 * np.sum(10 ** (found["cn0_dbhz"] / 10), axis=1) / 2e6  # of both components in 2 MHz

@@ -73,9 +73,9 @@ def test_e1_observes_what_the_samples_hold(
     observed = whole_block(scenario)[0].e1
     case = AcasTestCase(scenario=scenario, first=0, end=4)
     t_s = np.arange(4.0)[1:]  # what was sent before the run began has the first value of the profiles
-    counterfeits = case.sky(Band.E1)[1::2]
-    assert len(counterfeits) == 2
-    for column, signal in enumerate(counterfeits):
+    spoofing_signals = case.sky(Band.E1)[1::2]
+    assert len(spoofing_signals) == 2
+    for column, signal in enumerate(spoofing_signals):
         range_m, rate_mps = signal.pseudorange.range_m(t_s), signal.pseudorange.rate_mps(t_s)
         assert observed.pseudorange_m[1:, column] == pytest.approx(range_m, abs=within_m, rel=0)
         doppler_hz = -rate_mps * E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
-from vestige.receiver.samples.sampled_attack import add_jammers, counterfeit_signals, true_signal
+from vestige.receiver.samples.sampled_attack import add_jammers, spoofing_signals, true_signal
 from vestige.receiver.samples.sampled_epoch import arrival, e6_samples, window
 from vestige.receiver.simulation import SVID, Simulation
 from vestige.records import Band, Handover, SampleBatch
@@ -38,12 +38,12 @@ def _simulation(*attacks: object) -> Simulation:
 
 
 def _injected(simulation: Simulation) -> tuple[SampleBatch, Handover, complex]:
-    """Return noise-free samples with the counterfeits alone, where the line of sight would be, and its amplitude."""
+    """Return noise-free samples of the spoofing signals alone, the line of sight's time and its amplitude."""
     truth, sent = simulation.truth().advance(0, 8), simulation.start + EPOCH
     key, strength = encryption_key(simulation.seed), amplitude(simulation.cn0_dbhz, 12.5e6)
     direct = arrival(simulation.line_of_sight, truth, slice(EPOCH, EPOCH + 1))
     taken = window(float(direct.dt_s[0]), simulation.n_chips, simulation.front_end)
-    signals = counterfeit_signals(
+    signals = spoofing_signals(
         (key, b"other"), SVID, sent, simulation.line_of_sight, truth, EPOCH, taken, amplitude=strength
     )
     batch, _ = e6_samples(signals, sent, taken, front_end=simulation.front_end, noise_key=None)
@@ -94,7 +94,7 @@ def test_power_delay_and_phase_are_those_that_were_asked_for(delay_m: float, pha
 
 
 @pytest.mark.parametrize("phase", [Locked(phase_rad=0.7), Coherent()])
-def test_a_counterfeit_that_moves(phase: Phase) -> None:
+def test_a_spoofing_signal_that_moves(phase: Phase) -> None:
     """5 m/s: code and carrier where the profile puts them at the start of the RECS, and on the move in it."""
     moving = Ramp(first=0.0, last=500.0, start_s=0.0, stop_s=100.0)
     attack = LiftOff(delay_m=moving, power_db=2.0, phase=phase, bands=E6)

@@ -80,14 +80,14 @@ def test_nulling_leaves_what_is_left(gain_db: float, error_rad: float, left_db: 
     assert np.all(np.abs(found.exhaustive_error_m) < 15)
 
 
-def test_counterfeits_of_e1_alone_leave_one_in_e6() -> None:
+def test_spoofing_signals_of_e1_alone_leave_one_in_e6() -> None:
     found = search(air((1, 0.0), (2, 1e-4)), air((1, 0.0), (0, 0.0)))
     assert np.all(_handover_count(found) == 2)
     assert np.all(np.abs(found.handover_error_m) < 15)
     assert np.all(found.exhaustive_signals == 1)
 
 
-def test_a_true_signal_lost_in_noise_is_not_replaced_by_the_counterfeit() -> None:
+def test_a_true_signal_lost_in_noise_is_not_replaced_by_the_spoofing_signal() -> None:
     """Where E1 itself is weak, a signal that E6 does not show may yet be there: no range is given."""
     weak = air((1, 0.0), (4, 1e-4), cn0_dbhz=28.5)
     found = search(weak, air((1, 0.0), (4, 1e-4), cn0_dbhz=25.0))

@@ -90,12 +90,12 @@ def test_both_detectors_and_the_truth_of_an_attack(pages: dict[str, str]) -> Non
     page, data = pages["liftoff_sudden"], data_of(pages["liftoff_sudden"])
     assert "under attack (lift-off)" in page
     assert {"E11, early", "E11, maximum"} <= set(rows_of(page, "What came of the attack"))
-    (attack,) = data["satellites"][0]["counterfeits"]
+    (attack,) = data["satellites"][0]["spoofing_signals"]
     power_db = unpacked(attack["power_db"])
     assert attack["name"] == "0 lift-off"
     assert np.isnan(power_db[:100]).all()
     assert power_db[-1] == pytest.approx(4.5)
-    assert "counterfeits" not in data_of(pages["quick"])["satellites"][0]
+    assert "spoofing_signals" not in data_of(pages["quick"])["satellites"][0]
 
 
 def test_false_alarms_are_those_without_the_attack(results: dict[str, xarray.Dataset], pages: dict[str, str]) -> None:

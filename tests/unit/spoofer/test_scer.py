@@ -21,7 +21,7 @@ RISING = Ramp(first=-10.0, last=10.0, start_s=0.0, stop_s=20.0)
 
 def test_scer_is_a_chip_behind_on_e6() -> None:
     scer = Scer(delay_m=RISING, power_db=0.0)
-    e1, e6 = scer.counterfeit(Band.E1, T), scer.counterfeit(Band.E6, T)
+    e1, e6 = scer.spoofing_signal(Band.E1, T), scer.spoofing_signal(Band.E6, T)
     assert e1 is not None
     assert e6 is not None
     assert e1.delay_m == pytest.approx([-10.0, 0.0, 10.0])

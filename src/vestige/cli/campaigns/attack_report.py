@@ -33,7 +33,7 @@ def attack_values(results: xarray.Dataset) -> list[dict[str, Any]]:
 
 
 def attack_lines(results: xarray.Dataset) -> list[str]:
-    """Return three lines for each satellite with a counterfeit, or for all where there is only noise; for people."""
+    """Return three lines of text for each satellite with a spoofing signal, or for all if there is only noise."""
     aimed = results["svid"].values[results["truth_spoofed"].any("epoch").values] if "truth_spoofed" in results else ()
     return [
         line

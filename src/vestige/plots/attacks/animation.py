@@ -12,7 +12,7 @@ from matplotlib.animation import PillowWriter
 
 from vestige.campaign.statistics import detectors_of
 from vestige.output import replacement
-from vestige.plots.attacks.attack_comparison import counterfeits
+from vestige.plots.attacks.attack_comparison import spoofing_power_and_offset
 from vestige.plots.epochs import attribute, column, is_attacked, magnitudes_sigma, select, thinned, title_of
 from vestige.plots.figure import (
     BLACK,
@@ -41,7 +41,7 @@ def write_animation(
 ) -> int:
     """Write a GIF and return its number of frames: magnitude over tap offset, and what each detector found.
 
-    Under attack, dashed lines stand where the true signal and the strongest counterfeit are.
+    Under attack, dashed lines stand where the true signal and the strongest spoofing signal are.
 
     The path ends in `.gif`; an inch of width has 150 pixels.
 
@@ -95,8 +95,8 @@ def write_animation(
 
 
 def _truth(selected: xarray.Dataset) -> dict[str, Float[np.ndarray, " n_epochs"]]:
-    """Return where the true signal and the strongest counterfeit are, by name."""
-    power_db, spoofer_m = counterfeits(selected)
+    """Return where the true signal and the strongest spoofing signal are, by name."""
+    power_db, spoofer_m = spoofing_power_and_offset(selected)
     strongest = np.argmax(np.where(np.isnan(power_db), -np.inf, power_db), axis=1)
     return {
         "true signal": column(selected, "truth_prediction_error_m"),

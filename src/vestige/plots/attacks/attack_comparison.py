@@ -33,10 +33,10 @@ _LINE: dict[str, Any] = {"linewidth": 0.5, "rasterized": True}
 
 
 def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Axes:
-    """Return the uppermost of the axes on one time axis: power of the counterfeits, range offset of each detector.
+    """Return the uppermost of the axes on one time axis: power of the spoofing signals, range offset of each detector.
 
-    Over the range offsets lie the lines on which they belong: where the true signal is, and where each counterfeit is,
-    by the truth. A counterfeit without power has no line.
+    Over the range offsets lie the lines on which they belong: where the true signal is, and where each spoofing signal
+    is, by the truth. A spoofing signal without power has no line.
 
     Raises `VestigeError` if the campaign has no attack, or lacks the satellite.
     """
@@ -45,7 +45,7 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
     shown = {detector: select(results, detector=detector, svid=svid) for detector in detectors_of(results)}
     one = next(iter(shown.values()))
     time_s, true_m = column(one, "time_s"), column(one, "truth_prediction_error_m")
-    power_db, spoofer_m = counterfeits(one)
+    power_db, spoofer_m = spoofing_power_and_offset(one)
     figure = figure_of(new_axes(height_cm=_REST_CM + _AXES_CM * len(shown)))
     figure.clear()
     power, *offsets = figure.subplots(1 + len(shown), sharex=True, height_ratios=[_POWER_SHARE, *(1 for _ in shown)])
@@ -72,10 +72,10 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
     return power
 
 
-def counterfeits(
+def spoofing_power_and_offset(
     selected: xarray.Dataset,
 ) -> tuple[Float[np.ndarray, "n_epochs n_attacks"], Float[np.ndarray, "n_epochs n_attacks"]]:
-    """Return power in dB, and place on the axis of range offsets in m, of the counterfeits; NaN while they are off."""
+    """Return power in dB and range offset in m of the spoofing signals; NaN while they are off."""
     power_db = selected["truth_spoofer_power_db"].transpose("epoch", "attack").values.astype(np.float64)
     later_m = selected["truth_spoofer_offset_m"].transpose("epoch", "attack").values.astype(np.float64)
     on = np.isfinite(power_db)

@@ -14,7 +14,7 @@ front end: a sampled correlation at an incommensurate rate has the same distribu
 filter or a quantiser R_n of `front_end_correlation` is in the place of R, and R_e(x) = Σ_d A_|d| R_h(x − d).
 
 Under a sky all other signals are white noise (`other_signals`).
-Under attack, counterfeits are further rays; noise, jamming, and rays too far off for A_d come from `disturbance`.
+Under attack, spoofing signals are further rays; noise, jamming, and rays too far off for A_d come from `disturbance`.
 
 The measured noise floor comes from N_c chips, so it scatters by 1/√N_c, and it holds the signal's own share.
 """

@@ -12,9 +12,9 @@ with their phases, signals that slip fast add their powers. The loop sits at a s
 and when the signals change it goes to the zero that is next in its direction. So the loop has a memory: it stays on one
 of two peaks. Steps of 0.1 s are small enough for all pull-off rates up to 100 m/s.
 
-**Capture.** From an aligned start (counterfeit on top, then leaving) a counterfeit of more power takes the loop along,
-whatever its phase, and one of equal or less power never does [JWCN18, Eq. 4-6]. One that starts more than a chip away
-never captures a loop in lock.
+**Capture.** From an aligned start (spoofing signal on top, then leaving) a spoofing signal of more power takes the loop
+along, whatever its phase, and one of equal or less power never does [JWCN18, Eq. 4-6]. One that starts more than a chip
+away never captures a loop in lock.
 
 **Lock.** A receiver acquires the strongest signal if its prompt correlator falls below 20 dBHz, or if an attack
 restarts it (`acquired`). That takes `reacquisition_s`, in which a signal above 20 dBHz has to be there; until then E1
@@ -32,10 +32,10 @@ spacing before the side peak: 16 m here, where d is 0.1 chip; 11 m on samples of
 
 Not modelled: the carrier loop (Doppler is that of the strongest signal in the prompt correlator), the loop's own
 dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
-(`sample_processor.tracking`) agree on who captures the code as long as the counterfeit has the carrier frequency of the
-true signal. One whose Doppler fits its pull-off, and steps by more than the carrier loop's bandwidth, does not capture
-them: they stay with the true signal (210 Hz), or lose both in the beat and acquire the stronger one (26 Hz). There the
-model errs to the attacker's advantage.
+(`sample_processor.tracking`) agree on who captures the code as long as the spoofing signal has the carrier frequency of
+the true signal. One whose Doppler fits its pull-off, and steps by more than the carrier loop's bandwidth, does not
+capture them: they stay with the true signal (210 Hz), or lose both in the beat and acquire the stronger one (26 Hz).
+There the model errs to the attacker's advantage.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class E1Tracking:
     gain: Float[np.ndarray, " n"]  # C/N0 of what is tracked over that of the undisturbed true signal
     # whether the receiver acquires: it has no measurements; place and gain are those of the signal that it will find
     acquiring: Bool[np.ndarray, " n"]
-    captured: Bool[np.ndarray, " n"]  # whether a counterfeit is the strongest signal in the prompt correlator
+    captured: Bool[np.ndarray, " n"]  # whether a spoofing signal is the strongest signal in the prompt correlator
     # whether it is one with navigation data of the attacker's own, and those are what is demodulated
     forged_nav_data: Bool[np.ndarray, " n"]
 

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-The correlators stand at offsets d from where the loop has settled, x₀ (by noise, rays and counterfeits). With R the
+The correlators stand at offsets d from where the loop has settled, x₀ (by noise, rays and spoofing signals). With R the
 autocorrelation of BOC(1,1), signals of complex amplitude a_i relative to the true one, delay τ_i and Doppler f_i
 relative to what the carrier loop follows, T the integration time and s = √(2 C/N0 T),
 
@@ -15,8 +15,8 @@ g the gain control, which holds the power of the band W,
     g^{−2} = (1 + Σ r_i η_i + w + J/N) / (1 + Σ r_i),    r_i = C/N0_i / W
     η_i = Σ_jk a_j a_k* e^{jπ Δf T_P} sinc(Δf T_P) R(τ_j − τ_k)
 
-so a counterfeit beats with the true signal while they overlap. The power is read over T_P with the scatter of noise,
-4.343 dB/√(W T_P). The front end itself does not drift here.
+so a spoofing signal beats with the true signal while they overlap. The power is read over T_P with the scatter of
+noise, 4.343 dB/√(W T_P). The front end itself does not drift here.
 
 This is the limit of continuous time without a front end. On a single line of sight the signal is BOC(1,1), as it is in
 `e1_samples`. Under a sky it is CBOC(6,1,1/11), as on air: its correlation with BOC(1,1) takes the place of R in ξ,
@@ -61,7 +61,7 @@ class Arriving(NamedTuple):
 
 
 def arriving(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, with_rays: bool) -> Arriving:
-    """Return line of sight, rays and counterfeits; parameters are those of `e1_taps`."""
+    """Return line of sight, rays and spoofing signals; parameters are those of `e1_taps`."""
     one, attack, rays = np.ones((truth.time_s.size, 1)), truth.e1_attack, truth.rays
     return Arriving(
         amplitude=np.concatenate([one + 0j, rays.amplitude_e1 * with_rays, attack.amplitude], axis=1),
@@ -126,7 +126,7 @@ def power_with_rays(
     """Return the mean power of the prompt correlator beside rays, over that of the undisturbed signal, without noise.
 
     The line of sight and its rays beat with each other; what turns fast against `averaging_s` is averaged out. Rays
-    are those of the true signal: once the loop has gone with a counterfeit, they lie outside its correlator.
+    are those of the true signal: once the loop has gone with a spoofing signal, they lie outside its correlator.
 
     Parameters
     ----------
@@ -218,9 +218,9 @@ def power_with_beat(
     """
     one, attack, rays = np.ones((truth.time_s.size, 1)), truth.e1_attack, truth.rays
     first = (one + 0j, 0 * one, 0 * one)
-    counterfeits = (attack.amplitude, attack.delay_m, attack.doppler_hz)
+    spoofing_signals = (attack.amplitude, attack.delay_m, attack.doppler_hz)
     reflections = (rays.amplitude_e1, rays.delay_m, rays.doppler_hz * _RAY_DOPPLER)
-    present = (first, reflections, counterfeits) if with_rays else (first, counterfeits)
+    present = (first, reflections, spoofing_signals) if with_rays else (first, spoofing_signals)
     amplitude, delay_m, doppler_hz = (np.concatenate(parts, axis=1) for parts in zip(*present, strict=True))
     chips, turns = (
         (values[:, :, None] - values[:, None, :]) * unit

@@ -24,7 +24,7 @@ A false alarm comes with p_fa, anywhere in the window.
 The earliest in E6 is the true one, and its place less the predicted E6 − E1 delay is the range that a receiver then
 uses: wrong by its delay, by ionosphere and group delay as every hand-over, and by the noise of one snapshot. It is used
 where every signal of E1 was found in E6 or could not have been missed (P_d ≥ 0.9999 at E1's C/N0, a quarter chip off),
-and of the exhaustive search where there are two: one alone may be the counterfeit's, the true one lost in noise.
+and of the exhaustive search where there are two: one alone may be the spoofing signal's, the true one lost in noise.
 
 Multipath components do not count as signals of their own here, and a satellite 16 dB below the strongest of the others
 is not left out.

@@ -1,7 +1,7 @@
-"""An attack in a recording that runs on: each counterfeit is one more satellite in the sky, with a path of its own.
+"""An attack in a recording that runs on: each spoofing signal is one more satellite in the sky, with a path of its own.
 
-A counterfeit that is τ later at the receiver left the satellite when the true signal did that arrived τ before, and the
-receiver's clock is that of its arrival:
+A spoofing signal that is τ later at the receiver left the satellite when the true signal did that arrived τ before, and
+the receiver's clock is that of its arrival:
 
     P'(t) = s(t − τ) + clock(t) + c τ
 
@@ -30,8 +30,8 @@ from vestige.spoofer.spoofer import BandEffects, Spoofer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CounterfeitSignal:
-    """One counterfeit in one band: pseudorange and propagation at a receiver time in s after the scenario's start."""
+class ReceivedSpoofingSignal:
+    """One spoofing signal in one band: pseudorange and propagation at a time in s after the scenario's start."""
 
     true: ReceivedSatellite
     path: ContinuousTruth  # the truth that it repeats
@@ -62,7 +62,7 @@ class CounterfeitSignal:
         return geometry.acceleration_mps2(t_s - delay_m / SPEED_OF_LIGHT_MPS) + change_mps2
 
     def __call__(self, t_s: float) -> Propagation:
-        """Return what holds at a time: the delay of the signal that it repeats, and the counterfeit's own phasor."""
+        """Return, for a time, the delay of the signal that is repeated and the spoofing signal's own phasor."""
         range_m, rate_mps = self._motion_near(t_s)
         effects, k = self._effects_sent(np.array([t_s - range_m / SPEED_OF_LIGHT_MPS])), self.number
         carrier_hz = CARRIER_HZ[self.band]
@@ -105,7 +105,7 @@ class CounterfeitSignal:
         return self.spoofer.effects(self.band, self.true.svid, np.maximum(sent_s, 0.0))
 
 
-def counterfeit_satellites(
+def spoofing_satellites(
     true: ReceivedSatellite,
     path: ContinuousTruth,
     spoofer: Spoofer,
@@ -117,13 +117,13 @@ def counterfeit_satellites(
     """Yield what the attacks add to a band of a satellite; `seed` is of what an attacker estimates."""
     forged_chips = spoofer.effects(band, true.svid, np.zeros(1)).forged_chips
     for number, own in enumerate(forged_chips):
-        signal = CounterfeitSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)
+        signal = ReceivedSpoofingSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)
         replayed = tuple(spoofer.attacks[number].replayed(one, true.svid, seed) for one in true.components)
         yield replace(true, components=forged if own else replayed, pseudorange=signal, propagation=signal)
 
 
 def latest_s(spoofer: Spoofer, svid: int, times_s: Float[np.ndarray, " n"]) -> float:
-    """Return the largest delay of a counterfeit that is on air at some times, at least 0, in s."""
+    """Return the largest delay of a spoofing signal that is on air at some times, at least 0, in s."""
     delays_m = [
         float(np.max(effects.delay_m, initial=0.0, where=effects.power_db > -math.inf))
         for effects in (spoofer.effects(band, svid, times_s) for band in Band)

@@ -4,8 +4,8 @@ Under a sky they come out of samples that all satellites share (`snapshots.sky_e
 
 Theory of operation
 -------------------
-For each epoch and satellite T = 0.1 s of E1-C are synthesised: line of sight, rays, counterfeits, noise, jamming. The
-processor's own correlator takes them with BOC(1,1), the code of twice the rate whose every chip is followed by its
+For each epoch and satellite T = 0.1 s of E1-C are synthesised: line of sight, rays, spoofing signals, noise, jamming.
+The processor's own correlator takes them with BOC(1,1), the code of twice the rate whose every chip is followed by its
 opposite. Epochs are sent at whole tenths of a second, where the secondary code begins anew. Time zero is where
 the loop has settled, so a signal of delay τ stands at τ − x₀; sample phase and Doppler, on code and carrier, are those
 of the pseudorange. With M = f_s T samples of noise 1 the mean over them times √(2M) is ξ.

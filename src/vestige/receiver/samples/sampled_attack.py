@@ -1,9 +1,9 @@
-"""An attack at the `samples` fidelity: counterfeits as further signals, noise, jamming waveforms.
+"""An attack at the `samples` fidelity: spoofing signals as further signals, noise, jamming waveforms.
 
-A counterfeit of the encrypted signal is what the line of sight brought, later. At the receiver, chip i of it arrives
-τ + τ̇ i T_c later than chip i of the true signal does. So for the samples of a window, the chips that are on air in it
-are those that were sent τ before: for a meaconer of seconds they come out of the keystream of that time, and what the
-line of sight did then is in their arrival. They fill the window, its margins too.
+A spoofing signal of the encrypted signal is what the line of sight brought, later. At the receiver, chip i of it
+arrives τ + τ̇ i T_c later than chip i of the true signal does. So for the samples of a window, the chips that are on
+air in it are those that were sent τ before: for a meaconer of seconds they come out of the keystream of that time, and
+what the line of sight did then is in their arrival. They fill the window, its margins too.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SAME_ARRIVAL_S = 5e-3  # within which the line of sight moves by less than a ch
 _JAMMER = 16  # first stream number of the jammers
 
 
-def counterfeit_signals(
+def spoofing_signals(
     keys: tuple[bytes, bytes],
     svid: int,
     sent: GalileoTime,
@@ -42,7 +42,7 @@ def counterfeit_signals(
     *,
     amplitude: float,
 ) -> tuple[ReceivedSignal, ...]:
-    """Return the counterfeits that are on air in a window; `start_s` counts from the epoch.
+    """Return the spoofing signals that are on air in a window; `start_s` counts from the epoch.
 
     `keys` are those of the encryption, and of the chips that attackers make up; `amplitude` is that of the line of
     sight.
@@ -86,7 +86,7 @@ def true_signal(
 ) -> ReceivedSignal | None:
     """Return the true signal in a window that an attacker has moved away from it; None if the RECS lies in it.
 
-    Parameters are those of `counterfeit_signals`.
+    Parameters are those of `spoofing_signals`.
     """
     if abs(truth.e1.error_m[row]) < _FAR_M:
         return None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from vestige.broadcast.cnav import cnav_symbols
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs.group_delay import LSB_S, inter_frequency_delay_s
-from vestige.receiver.samples.attacked_sky import counterfeit_satellites
+from vestige.receiver.samples.attacked_sky import spoofing_satellites
 from vestige.receiver.samples.continuous import ContinuousTruth
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.simulation import Simulation
@@ -54,14 +54,14 @@ def continuous_truth(simulation: Simulation, truth: TruthBlock) -> ContinuousTru
 
 @dataclass(frozen=True, kw_only=True)
 class SatelliteOnAir:
-    """A satellite with its counterfeits, as both bands receive it."""
+    """A satellite with its spoofing signals, as both bands receive it."""
 
     simulation: Simulation
     path: ContinuousTruth
     symbols: Sequence | None = None  # of E1-B, counted from the start; None for random ones
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
-        """Return the true signal in a band, and its counterfeits."""
+        """Return the true signal in a band, and its spoofing signals."""
         simulation = self.simulation
         true = ReceivedSatellite(
             svid=simulation.svid,
@@ -72,7 +72,7 @@ class SatelliteOnAir:
         )
         secret = stream_key(simulation.seed, "chips that an attacker makes up")
         forged = (encrypted_component(secret, simulation.svid, simulation.start),)
-        return true, *counterfeit_satellites(true, self.path, simulation.spoofer, band, forged, seed=simulation.seed)
+        return true, *spoofing_satellites(true, self.path, simulation.spoofer, band, forged, seed=simulation.seed)
 
     def _components(self, band: Band) -> tuple[Component, ...]:
         seed, start, svid = self.simulation.seed, self.simulation.start, self.simulation.svid

@@ -52,7 +52,7 @@ def test_a_subframe_that_began_before_the_run_does_not_end_in_it() -> None:
     assert int(osnma.subframe[0]) == scenario.start_time.gst_seconds - 17
 
 
-def test_what_a_counterfeit_with_data_of_its_own_brings_differs() -> None:
+def test_what_a_spoofing_signal_with_data_of_its_own_brings_differs() -> None:
     attack = (
         'attack=[{kind="e1-asynchronous", start_s=60.0, power_db=20.0, delay_m=0.0, forged_nav_data=true, svids=[6]}]'
     )
