@@ -143,6 +143,28 @@ def test_of_two_signals_in_the_correlators_the_earlier_one_is_used(quiet: Verdic
     assert np.abs(error_m).max() < 10.0
 
 
+def test_the_correlators_give_no_range_while_a_search_does_not_know_the_true_signal(quiet: VerdictBlock) -> None:
+    """The correlators show E6 90 m before E1. A search finds two signals; the true one may come before both bands."""
+    nan, m = float("nan"), np.ones((1, M))
+    measured = quiet.measured
+    changed = replace(
+        quiet,
+        failed=dict(quiet.failed) | {CheckName.E1_E6_RANGE: np.ones((1, M), np.bool_)},
+        measured=replace(measured, detected=replace(measured.detected, range_offset_m=-90.0 * m)),
+    )
+    assert _used(changed, [S] * M)[0].earlier.all()
+    undecided = replace(SearchResults.empty((1, M)), signals=2 * m, earliest_m=nan * m)
+    for search in ("e1_search", "exhaustive_search"):
+        block = ranges_in_use(
+            replace(changed, status=np.full((1, M), POSITION[S], np.int8), **{search: undecided}),
+            PROCESSOR,
+            np.array([15.0]),
+        )
+        assert not np.isfinite(block.range_in_use_m).any()
+    decided, _ = _used(changed, [S] * M, found_m=[-300.0] * M)
+    assert decided.true_offset_m[0].tolist() == [-300.0] * M
+
+
 def test_a_range_that_is_not_possible_is_not_used(quiet: VerdictBlock) -> None:
     """A false alarm of a search five seconds before E1: the clock alone would allow it, other satellites do not."""
     nan, far_m = float("nan"), -5 * SPEED_OF_LIGHT_MPS

@@ -10,7 +10,9 @@ A RECS authenticates the time since the RECS before. In epochs with RECS the ran
    E6, for the same reason;
 4. where the verdict is AUTHENTIC, and so is the state that is shown: that of E1.
 
-Otherwise no range is in use. A range that is not possible is left out, too (`possible_range.py`).
+Otherwise no range is in use. Nor is one where a search found several signals and cannot say which is the true one: the
+true one may come before all signals that the correlators of the RECS reach, so their earliest proves nothing. A range
+that is not possible is left out, too (`possible_range.py`).
 
 The position is the fix of all satellites with a range in use, four at least. It takes
 pseudoranges and broadcast orbits as they are: delays of ionosphere and troposphere stay in, mostly in height and clock.
@@ -56,7 +58,9 @@ def ranges_in_use(
     authentic = POSITION[Status.AUTHENTIC]
     e1_in_use = (block.status == authentic) & (block.state == authentic)
     offset_m = _earliest_m(block.e1_search.earliest_m, block.exhaustive_search.earliest_m)
-    in_bank_m, limit_m = _earlier_in_bank_m(block, processor), processor.range_limit_m
+    undecided = np.isnan(offset_m) & (block.e1_search.twice | block.exhaustive_search.twice)
+    in_bank_m = np.where(undecided, np.nan, _earlier_in_bank_m(block, processor))
+    limit_m = processor.range_limit_m
     e1_in_use |= np.abs(in_bank_m) <= limit_m
     offset_m = np.where(np.isnan(offset_m) & (in_bank_m < -limit_m), in_bank_m, offset_m)
     earlier = np.isfinite(offset_m) & snapshots.recs[:, None]
