@@ -1,11 +1,12 @@
-"""What a count of missed RECS says about the rays that the paper's harsh channel had, and what it does not.
+"""What a count of missed RECS says about the reflections that the paper's harsh channel had, and what it does not.
 
     python examples/multipath_calibration.py [FOLDER] [--epochs 100000]
 
-The paper [WFO, Sec. VI-A] gives one number, 52 of 100,000 missed, and not the power, delay and number of its rays. This
-script runs `scenarios/harsh.toml` as correlators over many channels. For each number of rays and each mean excess delay
-it finds the power at which 52 are missed, and then compares what else the paper tells: the cluster near −22.5 m and the
-standard deviation of the range offset. It writes FOLDER/calibration.csv and FOLDER/calibration.png (build/calibration).
+The paper [WFO, Sec. VI-A] gives one number, 52 of 100,000 missed, and not power, delay and number of its reflections.
+This script runs `scenarios/harsh.toml` as correlators over many channels. For each number of reflections and each mean
+excess delay it finds the power at which 52 are missed, and then compares what else the paper tells: the cluster near
+−22.5 m and the standard deviation of the range offset. It writes FOLDER/calibration.csv and FOLDER/calibration.png
+(build/calibration).
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ def outcome(n_rays: int, excess_m: float, power_db: float, epochs: int) -> Outco
 
 
 def calibrated(found: list[Outcome]) -> Outcome | None:
-    """Return the channel of one number of rays and one delay that misses as many as the paper, between two powers."""
+    """Return the channel of one number of reflections and one delay that misses as many as the paper."""
     misses = np.array([one.misses for one in found])
     if not misses.min() < PAPER_MISSES < misses.max():
         return None
@@ -94,7 +95,7 @@ def main() -> None:
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     found: dict[tuple[int, float], list[Outcome]] = {}
-    print("rays  excess (m)  power of 52 misses (dB)  cluster  1σ of the range (m)")
+    print("reflections  excess (m)  power of 52 misses (dB)  cluster  1σ of the range (m)")
     for n_rays in RAYS:
         for excess_m in EXCESSES_M:
             here = [outcome(n_rays, excess_m, power_db, options.epochs) for power_db in POWERS_DB]
@@ -105,7 +106,7 @@ def main() -> None:
                 if one is None
                 else f"{one.power_db:23.1f}  {one.cluster:7.0f}  {one.sigma_m:19.2f}"
             )
-            print(f"{n_rays:4d}  {excess_m:10.0f}  {says}", flush=True)
+            print(f"{n_rays:11d}  {excess_m:10.0f}  {says}", flush=True)
     rows = [one for each in found.values() for one in each]
     with (options.folder / "calibration.csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
@@ -135,14 +136,14 @@ def draw(found: dict[tuple[int, float], list[Outcome]], path: Path) -> None:
                 values,
                 style,
                 color=f"C{EXCESSES_M.index(excess_m)}",
-                label=f"{excess_m:.0f} m, {n_rays} ray{'s' if n_rays > 1 else ''}",
+                label=f"{excess_m:.0f} m, {n_rays} reflection{'s' if n_rays > 1 else ''}",
             )
         panel.set_ylabel(label)
     panels[0].set_yscale("symlog", linthresh=1)
     panels[1].set_yscale("symlog", linthresh=1)
     panels[0].axhline(PAPER_MISSES, color="black", linewidth=1)
     panels[0].annotate("the paper: 52", (POWERS_DB[0], PAPER_MISSES), xytext=(0, 3), textcoords="offset points")
-    panels[-1].set_xlabel("mean power of all rays over the direct signal (dB)")
+    panels[-1].set_xlabel("mean power of all reflections over the direct signal (dB)")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     plots.write(panels[0], path)
 

@@ -30,5 +30,5 @@ for detector in ("early", "maximum"):
     label = f"{detector}: median {np.median(found):+.1f} m, {np.mean(found > 20):.2%} beyond 20 m"
     axes.hist(found, bins=np.arange(-60, 75, 1.5), histtype="step", label=label)
 axes.set(xlabel="range offset (m)", ylabel="RECS", yscale="log")
-axes.legend(loc="lower center")
+axes.legend(loc="upper right")
 plt.show()

@@ -23,6 +23,7 @@ HEIGHT_CM = 5.6
 CM_PER_INCH = 2.54
 DPI = 300
 LETTERS_PT = 7.0
+P_D, P_FA = r"$P_\mathrm{d}$", r"$P_\mathrm{fa}$"  # as Matplotlib typesets the two probabilities
 SMALL_LETTERS_PT = 6.0
 LEGEND: dict[str, Any] = {
     "fontsize": SMALL_LETTERS_PT,
@@ -83,6 +84,15 @@ def legend(ax: Axes, place: str = "best", columns: int = 1) -> None:
     """Set a legend in small letters, if something has a label."""
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc=place, ncols=columns, framealpha=0.85, edgecolor="none", **LEGEND)  # type: ignore[call-overload]
+
+
+def typeset(number: float) -> str:
+    """Return a number as Matplotlib typesets it: a power of ten in place of an exponent, such as 1e-7."""
+    digits, _, exponent = f"{number:g}".partition("e")
+    if not exponent:
+        return digits
+    factor = "" if digits == "1" else rf"{digits} \cdot "
+    return f"${factor}10^{{{int(exponent)}}}$"
 
 
 def dot_size_pt(n: int) -> float:

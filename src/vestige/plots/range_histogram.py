@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray
@@ -58,6 +59,7 @@ def range_histogram(
     bin_m: float = BIN_M,
     mark_cluster: bool = True,
     right_flank: RightFlank | float | None = None,
+    limit_m: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Return axes with the histogram of the range offset in log scale.
@@ -71,6 +73,8 @@ def range_histogram(
         taps of 15 m, with the number of epochs within 4.5 m.
     right_flank
         A law to draw over the right flank, a straight line in log scale; a number is where one is fitted from, in m.
+    limit_m
+        Largest range offset in m that passes the range check; dashed lines on both sides show it.
 
     Raises
     ------
@@ -93,6 +97,10 @@ def range_histogram(
         x_m = np.array([right_flank.start_m, right_flank.last_m(bin_m)])
         name = f"exponential, {right_flank.scale_m:.2f} m"
         ax.plot(x_m, right_flank.expected(x_m, bin_m), color=BLACK, linewidth=1.0, label=name)
+    if limit_m is not None:
+        dashed: dict[str, Any] = {"color": BLACK, "linestyle": "--", "linewidth": 0.7}
+        ax.axvline(-limit_m, **dashed)
+        ax.axvline(limit_m, **dashed, label=f"range check ±{limit_m:.1f} m")
     log_counts(ax, float(counts.max()))
     dress(ax, title=title_of("Range offset", shown), x="range offset (m)", y=f"epochs per {bin_m:g} m")
     legend(ax, "upper right")
@@ -105,4 +113,5 @@ def _mark_cluster(ax: Axes, offset_m: Float[np.ndarray, " n"], tap_m: float) -> 
     ax.axvspan(centre_m - reach_m, centre_m + reach_m, color=ORANGE, alpha=0.3, linewidth=0, zorder=0)
     text = f"early flank\n{centre_m:g} m: {count}".replace("-", "−")
     size = SMALL_LETTERS_PT
-    ax.annotate(text, (centre_m, 0.86), xycoords=("data", "axes fraction"), ha="center", fontsize=size, color=BLACK)
+    place = (centre_m - 0.75 * reach_m, 0.86)
+    ax.annotate(text, place, xycoords=("data", "axes fraction"), ha="left", fontsize=size, color=BLACK)

@@ -23,8 +23,8 @@ def test_frequencies_in_the_order_of_c_over_n0() -> None:
     dots = next(line for line in ax.lines if line.get_label() == "counted")
     np.testing.assert_array_equal(dots.get_xdata(), [30.0, 33.0, 36.0])
     np.testing.assert_allclose(dots.get_ydata(), [0.1, 0.9, 1.0])
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("C/N0 (dBHz)", "probability (P_d)")
-    assert ax.get_title() == "Detection, 16 ms, P_fa 1e-7"
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("C/N0 (dBHz)", r"probability ($P_\mathrm{d}$)")
+    assert ax.get_title() == r"Detection, 16 ms, $P_\mathrm{fa}$ $10^{-7}$"
 
 
 def test_the_interval_is_that_of_clopper_and_pearson() -> None:
@@ -61,7 +61,7 @@ def test_false_alarms_beside_the_probability_asked_for() -> None:
     ax = detection_curve(sweep([30.0, 34.0], [10**8, 10**8], [7, 12]), count="false_alarms")
     dots = next(line for line in ax.lines if line.get_label() == "counted")
     np.testing.assert_allclose(dots.get_ydata(), [7e-8, 1.2e-7])
-    theory = next(line for line in ax.lines if line.get_label() == "P_fa asked for")
+    theory = next(line for line in ax.lines if line.get_label() == r"$P_\mathrm{fa}$ asked for")
     assert set(theory.get_ydata()) == {1e-7}
 
 

@@ -60,6 +60,12 @@ def test_the_early_detector_makes_the_cluster_and_the_maximum_detector_does_not(
     assert maximum <= 1
 
 
+def test_the_limit_of_the_range_check_is_a_line_on_both_sides() -> None:
+    lines = range_histogram(with_offsets(np.zeros(3)), limit_m=26.6).lines
+    assert [line.get_xdata()[0] for line in lines] == [-26.6, 26.6]
+    assert [str(line.get_label()) for line in lines][1] == "range check ±26.6 m"
+
+
 def test_right_flank_is_a_straight_line_over_the_bars() -> None:
     rng = np.random.default_rng(1)
     offsets_m = 4.0 + rng.exponential(1.2, 50_000)

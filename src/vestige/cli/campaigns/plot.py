@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -208,14 +209,18 @@ def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dat
 def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
     """Return the axes of one kind of figure."""
     from vestige import plots
+    from vestige.campaign.verdicts import range_limit_m
 
     if KINDS[name].of_sky:
         return _sky_axes(name, results, of.svid)
     choice: dict[str, int | float | str | None] = {"svid": of.svid}
     if KINDS[name].with_detector:
         choice["detector"] = of.detector
-    if name == "range-histogram" and of.flank_from_m is not None:
-        choice["right_flank"] = of.flank_from_m
+    if name == "range-histogram":
+        with suppress(VestigeError):  # results without their scenario do not say what their processor allows
+            choice["limit_m"] = range_limit_m(results)
+        if of.flank_from_m is not None:
+            choice["right_flank"] = of.flank_from_m
     return getattr(plots, name.replace("-", "_"))(results, **choice)
 
 

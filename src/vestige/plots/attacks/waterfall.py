@@ -48,7 +48,7 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
     title, time = title_of("Correlators", shown, with_detector=False), time_label(space.yaxis, time_s)
     dress(space, title=title, x="tap offset (m)", y=time)
     space.set_zlabel("magnitude (σ)", fontsize=LETTERS_PT)
-    for axis, label_pt in ((space.xaxis, -6), (space.yaxis, -6), (space.zaxis, -8)):
+    for axis, label_pt in ((space.xaxis, -6), (space.yaxis, -3), (space.zaxis, -8)):
         axis.labelpad = label_pt
         axis.set_tick_params(pad=-3)
     _ticks_at_taps(space.xaxis, offsets_m)

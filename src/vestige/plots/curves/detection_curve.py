@@ -14,7 +14,7 @@ from vestige.campaign.statistics import CONFIDENCE, binomial_intervals
 from vestige.errors import VestigeError
 from vestige.plots.curves.sweep_curves import CN0, COLOURS, abscissa, curves
 from vestige.plots.epochs import attribute
-from vestige.plots.figure import BLACK, dress, legend, new_axes
+from vestige.plots.figure import BLACK, P_D, P_FA, dress, legend, new_axes, typeset
 from vestige.theory.thresholds import miss_probability, probability_of_detection
 
 _CURVE_POINTS = 300
@@ -40,9 +40,9 @@ def _as_asked(cn0_dbhz: Float[np.ndarray, " n"], _: float, p_fa: float) -> Float
 
 _DETECTED, _ALIGNED = ("trials", "detections"), "Marcum Q, aligned"
 COUNTED_EVENTS = {
-    "detections": _Kind("Detection", "P_d", *_DETECTED, probability_of_detection, _ALIGNED, log=False),
-    "misses": _Kind("Missed detection", "1 − P_d", *_DETECTED, miss_probability, f"1 − {_ALIGNED}", of_others=True),
-    "false_alarms": _Kind("False alarm", "P_fa", "false_alarm_trials", "false_alarms", _as_asked, "P_fa asked for"),
+    "detections": _Kind("Detection", P_D, *_DETECTED, probability_of_detection, _ALIGNED, log=False),
+    "misses": _Kind("Missed detection", f"1 − {P_D}", *_DETECTED, miss_probability, f"1 − {_ALIGNED}", of_others=True),
+    "false_alarms": _Kind("False alarm", P_FA, "false_alarm_trials", "false_alarms", _as_asked, f"{P_FA} asked for"),
 }
 
 
@@ -134,5 +134,5 @@ def _title(kind: _Kind, integration_s: float | None, p_fa: float | None) -> str:
     if integration_s is not None:
         parts.append(f"{integration_s * 1e3:g} ms")
     if p_fa is not None:
-        parts.append(f"P_fa {p_fa:g}".replace("e-0", "e-"))
+        parts.append(f"{P_FA} {typeset(p_fa)}")
     return ", ".join(parts)

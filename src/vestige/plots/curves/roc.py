@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 
 from vestige.campaign.statistics import binomial_intervals
-from vestige.plots.figure import BLUE, GREEN, ORANGE, RED, dress, legend, new_axes
+from vestige.plots.figure import BLUE, GREEN, ORANGE, P_D, P_FA, RED, dress, legend, new_axes
 
 _COLOURS = (BLUE, RED, GREEN, ORANGE)
 
@@ -31,6 +31,6 @@ def roc_curves(curves: Sequence[RocCurve], *, title: str) -> Axes:
         ax.errorbar(at, share, [share - low, high - share], fmt="o", color=colour, markersize=2, linewidth=0.6)
     ax.set_xscale("log")
     ax.set_ylim(0, 1)
-    dress(ax, title=title, x="P_FA of the whole search", y="P_d")
+    dress(ax, title=title, x=f"{P_FA} of the whole search", y=P_D)
     legend(ax, "lower right")
     return ax
