@@ -40,7 +40,7 @@ from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.waveform import open_component
 from vestige.signals.definitions import E1B, E1C
 from vestige.spoofer.scer import Scer
-from vestige.theory.code_estimation import chip_energy_over_n0, estimation_noise, matching_share, sign_error_probability
+from vestige.theory.scer.code_estimation import chip_energy_over_n0, estimation_noise, matching_share, sign_error_probability
 from vestige.time import GalileoTime
 
 CN0_DBHZ = 42.0  # of E1-B
@@ -85,7 +85,7 @@ def sampled_prompts(gain_db: float | None, delay_us: float, seed: int) -> Partia
         attack = Scer(
             delay_m=delay_us * 299.792458,
             power_db=0.0,
-            symbols="estimated",
+            symbols="hard",
             reception_gain_db=gain_db,
             victim_cn0_dbhz=CN0_DBHZ,
         )

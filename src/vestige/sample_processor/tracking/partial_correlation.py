@@ -13,7 +13,7 @@ dimension. For n unpredictable symbols b_k, with the carrier in phase, the test 
 
 Without an attack d_k is Gaussian of mean 0, so T has Student's distribution with n − 1 degrees of freedom, whatever the
 C/N0 and the strength of the front end are. The alarm is T > t, P(T > t) = P_fa. A replayed symbol has less amplitude at
-its beginning, m_j in its chip j (`replayed_mean` of `vestige.theory.code_estimation`). Then d_k has the mean
+its beginning, m_j in its chip j (`replayed_mean` of `vestige.theory.scer.code_estimation`). Then d_k has the mean
 mean(m later) − mean(m first) and the variance of the noise plus that of the replayed amplitude; T is non-central t.
 
 **Which symbols.** Those that nobody can foretell, for the attacker knows the others: `unpredictable_symbols` names them
@@ -40,7 +40,7 @@ from vestige.sample_processor.tracking.channel import TrackedPeriods
 from vestige.sample_processor.tracking.replica_kernel import correlate_period, half_chip_windows
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C
-from vestige.theory.code_estimation import Decision, replayed_covariance, replayed_mean
+from vestige.theory.scer.code_estimation import Decision, replayed_covariance, replayed_mean
 
 FIRST_CHIPS = 4  # 3.9 µs: near the best for an attacker with a gain of 10 dB, at 42 dBHz
 MIN_SYMBOLS = 10  # of a test; fewer do not tell their own scatter

@@ -26,7 +26,7 @@ from vestige.sample_processor.tracking.partial_correlation import (
 )
 from vestige.signals.definitions import E1B
 from vestige.spoofer.scer import Scer
-from vestige.theory.code_estimation import replayed_covariance, replayed_mean
+from vestige.theory.scer.code_estimation import replayed_covariance, replayed_mean
 
 SVID, CN0_DBHZ, RATE_HZ = 11, 45.0, 4.1e6
 
@@ -74,7 +74,7 @@ def test_an_authentic_signal_passes_and_a_replayed_one_fails(honest: tuple[Sampl
     assert abs(authentic.statistic) < 3.5
     assert not authentic.failed
 
-    attack = Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=0.0)
+    attack = Scer(delay_m=0.0, power_db=0.0, symbols="hard", reception_gain_db=0.0)
     parts = partial_prompts(*tracked(attack), SVID)
     replayed = symbol_replay_test(parts.first, parts.later, p_fa=1e-3)
     assert replayed.n_symbols > 200
@@ -90,10 +90,12 @@ def test_an_authentic_signal_passes_and_a_replayed_one_fails(honest: tuple[Sampl
 @pytest.mark.parametrize(
     ("attack", "cn0_dbhz", "head_s"),
     [
-        (Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=0.0), 45.0, 0.0),
-        (Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=10.0, latency_s=4e-6), 55.0, -4e-6),
+        (Scer(delay_m=0.0, power_db=0.0, symbols="hard", reception_gain_db=0.0), 45.0, 0.0),
+        (Scer(delay_m=0.0, power_db=0.0, symbols="hard", reception_gain_db=10.0, latency_s=4e-6), 55.0, -4e-6),
+        (Scer(delay_m=0.0, power_db=0.0, symbols="soft", reception_gain_db=0.0), 45.0, 0.0),
+        (Scer(delay_m=0.0, power_db=0.0, symbols="soft", reception_gain_db=10.0, latency_s=4e-6), 55.0, -4e-6),
     ],
-    ids=["on time", "with a latency"],
+    ids=["hard, on time", "hard, with a latency", "soft, on time", "soft, with a latency"],
 )
 def test_estimated_symbols_in_samples_grow_as_the_theory_says(attack: Scer, cn0_dbhz: float, head_s: float) -> None:
     """The beginning of a symbol against its later part, behind acquisition and tracking.
@@ -101,13 +103,13 @@ def test_estimated_symbols_in_samples_grow_as_the_theory_says(attack: Scer, cn0_
     The victim has 65 dBHz, so that its own noise is a small part of the scatter. The mean over the symbols is that of
     the theory to within 3.5 standard deviations, which follow from the theory, too; an authentic signal has 1.
     """
-    samples = tracked(attack, 65.0)
+    samples, decision = tracked(attack, 65.0), "soft" if attack.symbols == "soft" else "hard"
     for first_chips in (4, 16, 64):
         parts = partial_prompts(*samples, SVID, first_chips=first_chips)
         symbols = np.sign(parts.later.real)
         found = np.mean(parts.first.real * symbols) / np.mean(parts.later.real * symbols)
-        expected = replayed_mean(cn0_dbhz, head_s, first_chips).mean()
-        variance = replayed_covariance(cn0_dbhz, head_s, first_chips).sum() / first_chips**2
+        expected = replayed_mean(cn0_dbhz, head_s, first_chips, decision).mean()
+        variance = replayed_covariance(cn0_dbhz, head_s, first_chips, decision).sum() / first_chips**2
         variance += E1B.chip_rate_hz / (2 * 10**6.5 * first_chips)
         assert abs(found - expected) < 3.5 * np.sqrt(variance / symbols.size)
         assert found < 1 - 3.5 * np.sqrt(variance / symbols.size)
