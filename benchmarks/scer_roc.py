@@ -40,7 +40,12 @@ from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.waveform import open_component
 from vestige.signals.definitions import E1B, E1C
 from vestige.spoofer.scer import Scer
-from vestige.theory.scer.code_estimation import chip_energy_over_n0, estimation_noise, matching_share, sign_error_probability
+from vestige.theory.scer.code_estimation import (
+    chip_energy_over_n0,
+    estimation_noise,
+    matching_share,
+    sign_error_probability,
+)
 from vestige.time import GalileoTime
 
 CN0_DBHZ = 42.0  # of E1-B

@@ -1,9 +1,9 @@
 """Security code estimation and replay: symbols of E1-B and chips of E6-C, estimated with the attacker's own antenna.
 
-`vestige.theory.scer.code_estimation` says how good the estimates are. In a recording the E1-B chips of the spoofing signal
-are drawn one by one from what the attacker has received of their symbol: their signs for hard decisions, their signs
-and amplitudes for soft ones. The noise in its E6 is white, of the density
-that estimated chips have behind a correlator that they do not match.
+`vestige.theory.scer.code_estimation` says how good the estimates are. In a recording the E1-B chips of the spoofing
+signal are drawn one by one from what the attacker has received of their symbol: their signs for hard decisions, their
+signs and amplitudes for soft ones. The noise in its E6 is white, of the density that estimated chips have behind a
+correlator that they do not match.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class Scer(CheckedAttack):
     chips
         Treatment of E6-C: it is repeated with its noise, or sent with hard or soft decisions on each chip.
     symbols
-        Treatment of the symbols of E1-B: they are known from their beginning on, or the attacker estimates them meanwhile
-        and sends hard or soft decisions (in recordings; campaigns do not generate E1-B).
+        Treatment of the symbols of E1-B: they are known from their beginning on, or the attacker estimates them
+        meanwhile and sends hard or soft decisions (in recordings; campaigns do not generate E1-B).
     victim_cn0_dbhz
         C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz. Together with G it sets the quality of the
         attacker's estimates. One number holds for all satellites. `received` is that of E6-C which the victim has of

@@ -17,9 +17,8 @@ from vestige.sample_processor.acquisition import acquire
 from vestige.sample_processor.e1_snapshot import measure_e1
 from vestige.sample_processor.tracking.channel import Channel, TrackedPeriods
 from vestige.sample_processor.tracking.partial_correlation import (
-    FIRST_CHIPS,
     partial_prompts,
-    replay_detection_probability,
+    predictable_reference_test,
     replay_threshold,
     symbol_replay_test,
     unpredictable_symbols,
@@ -27,6 +26,7 @@ from vestige.sample_processor.tracking.partial_correlation import (
 from vestige.signals.definitions import E1B
 from vestige.spoofer.scer import Scer
 from vestige.theory.scer.code_estimation import replayed_covariance, replayed_mean
+from vestige.theory.scer.partial_correlations import FIRST_CHIPS, replay_detection_probability
 
 SVID, CN0_DBHZ, RATE_HZ = 11, 45.0, 4.1e6
 
