@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -26,17 +26,21 @@ from vestige.sample_processor.tracking.partial_correlation import (
 from vestige.signals.definitions import E1B
 from vestige.spoofer.scer import Scer
 from vestige.theory.scer.code_estimation import replayed_covariance, replayed_mean
-from vestige.theory.scer.partial_correlations import FIRST_CHIPS, replay_detection_probability
+from vestige.theory.scer.partial_correlations import FIRST_CHIPS, ReferenceMetric, replay_detection_probability
 
 SVID, CN0_DBHZ, RATE_HZ = 11, 45.0, 4.1e6
 
 
-def tracking(attack: Scer | None = None, cn0_dbhz: float = CN0_DBHZ) -> tuple[SampleBatch, Channel]:
+def tracking(
+    attack: Scer | None = None, cn0_dbhz: float = CN0_DBHZ, bandwidth_hz: float | None = None
+) -> tuple[SampleBatch, Channel]:
     """Return E1 samples of a satellite, or of the spoofing signal that has captured the channel, and the channel."""
     one = satellite(SVID, 2.41e7, -350.0, cn0_dbhz, 45.0, seed=2)[Band.E1]
     if attack is not None:
         one = replace(one, components=tuple(attack.replayed(true, SVID, 5) for true in one.components))
-    batch = received_batch(Band.E1, [{Band.E1: one}], duration_s=1.2, rate_hz=RATE_HZ, seed=4)
+    batch = received_batch(
+        Band.E1, [{Band.E1: one}], duration_s=1.2, rate_hz=RATE_HZ, seed=4, bandwidth_hz=bandwidth_hz
+    )
     window = replace(batch, samples=batch.samples[: int(0.1 * RATE_HZ)])
     (found,) = acquire(window, (SVID,))
     measured = measure_e1(window, found)
@@ -84,6 +88,36 @@ def test_an_authentic_signal_passes_and_a_replayed_one_fails(honest: tuple[Sampl
     # the P_fa at which half of the attacks are seen gives the mean of the statistic
     p_fa = next(p for p in np.logspace(-12, -1, 200) if replay_detection_probability(CN0_DBHZ, 0.0, n, p) > 0.5)
     assert replayed.statistic == pytest.approx(replay_threshold(n, float(p_fa)), abs=4.0)
+
+
+def test_a_narrow_filter_misleads_only_the_test_without_predictable_symbols() -> None:
+    """2.2 MHz of E1, an authentic signal of 65 dBHz: the filter makes the first four chips of SVID 11 stronger.
+
+    They are stronger by 12 % than the later ones: a replay that loses as much at the beginning would not be seen. The
+    beginnings of two halves of the symbols differ by chance.
+    """
+    batch, channel = tracking(None, 65.0, bandwidth_hz=2.2e6)
+    parts = partial_prompts(batch, channel.run(batch.samples, batch.first_sample), SVID)
+    paired = symbol_replay_test(parts.first, parts.later)
+    assert paired.statistic < -4.5
+    assert not paired.failed
+    half = parts.numbers % 2 == 0
+    for metric in get_args(ReferenceMetric):
+        assert not predictable_reference_test(parts.first, parts.later, half, metric=metric, p_fa=1e-3).failed
+    assert abs(predictable_reference_test(parts.first, parts.later, half).statistic) < 3.5
+
+
+def test_beginnings_that_are_known_show_those_that_are_estimated(honest: tuple[SampleBatch, TrackedPeriods]) -> None:
+    """Predictable symbols from an authentic signal, unpredictable ones from a replay, both from samples."""
+    known = partial_prompts(*honest, SVID)
+    estimated = partial_prompts(*tracked(Scer(delay_m=0.0, power_db=0.0, symbols="soft", reception_gain_db=0.0)), SVID)
+    first, later = (np.concatenate([getattr(one, part) for one in (known, estimated)]) for part in ("first", "later"))
+    unpredictable = np.arange(first.size) >= known.first.size
+    for metric in get_args(ReferenceMetric):
+        assert predictable_reference_test(first, later, unpredictable, metric=metric, p_fa=1e-3).failed
+        assert not predictable_reference_test(first, later, ~unpredictable, metric=metric, p_fa=1e-12).failed or (
+            metric == "distance"  # it does not know which of the two is weaker
+        )
 
 
 @pytest.mark.slow
@@ -151,5 +185,9 @@ def test_too_little_is_refused(honest: tuple[SampleBatch, TrackedPeriods]) -> No
     for first_chips in (0, 4092):
         with pytest.raises(ValueError, match=f"has 1 to 4091 chips, found {first_chips}"):
             partial_prompts(*honest, SVID, first_chips=first_chips)
+    with pytest.raises(
+        ValueError, match="of each kind, found 3 unpredictable and 17 predictable ones"
+    ):
+        predictable_reference_test(np.ones(20) + 0j, np.ones(20) + 0j, np.arange(20) < 3)
     with pytest.raises(ValueError, match="needs 10 symbols or more, found 9"):
         symbol_replay_test(np.ones(9) + 0j, np.ones(9) + 0j)
