@@ -100,12 +100,16 @@ def received_batch(
     duration_s: float = 0.1,
     rate_hz: float = 5e6,
     seed: int = 1,
+    bandwidth_hz: float | None = None,
 ) -> SampleBatch:
+    front_end = FrontEnd(
+        sample_rate_hz=rate_hz, bandwidth_hz=bandwidth_hz, oversampling=1 if bandwidth_hz is None else 3
+    )
     batches = record_band(
         band,
         tuple(one[band] for one in satellites),
         reference=START,
-        front_end=FrontEnd(sample_rate_hz=rate_hz),
+        front_end=front_end,
         n_samples=int(duration_s * rate_hz),
         noise_key=noise_key(seed, 0, 1),
     )

@@ -51,7 +51,7 @@ CASES: dict[str, tuple[Attack, dict[str, float]]] = {
     "meaconing": (Meaconing(delay_s=3e-7, power_db=6.0), OFF),
     "slow meaconing": (Meaconing(delay_s=2.0, power_db=6.0), OFF),
     "scer": (Scer(delay_m=PULL, power_db=3.0), OFF),
-    "scer with estimates": (Scer(delay_m=PULL, power_db=3.0, chips="soft", symbols="estimated"), OFF),
+    "scer with estimates": (Scer(delay_m=PULL, power_db=3.0, chips="soft", symbols="hard"), OFF),
     "between-recs": (BetweenRecs(top_m=50.0, power_db=3.0, period_s=1.0, guard_s=0.2), OFF),
     "nulling": (Nulling(), {"gain_db": -inf}),
     "nulling of both": (Nulling(bands=(Band.E1, Band.E6)), {"gain_db": -inf}),

@@ -34,10 +34,10 @@ def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[s
 
 def _estimated_symbols(scenario: CampaignScenario) -> tuple[str, ...]:
     return tuple(
-        f'attack.{number}.symbols: "estimated" changes nothing in a campaign, which does not simulate E1-B; recordings '
-        "(vestige simulate) have it"
+        f'attack.{number}.symbols: "{attack.symbols}" changes nothing in a campaign, which does not simulate E1-B; '
+        "recordings (vestige simulate) have it"
         for number, attack in enumerate(scenario.attack)
-        if isinstance(attack, Scer) and attack.symbols == "estimated"
+        if isinstance(attack, Scer) and attack.symbols != "known"
     )
 
 

@@ -54,7 +54,7 @@ class BandModulation:
             for one, pulse in zip(self.components, self._pulses, strict=True)
         )
 
-    def _chips(self, one: Component, first: int, n: int) -> Int8[np.ndarray, " n"]:
+    def _chips(self, one: Component, first: int, n: int) -> Int8[np.ndarray, " n"] | Float32[np.ndarray, " n"]:
         """Return chips of a component times its symbols."""
         if one.stretch is not None and one.symbol is None:
             return one.stretch(first, n)

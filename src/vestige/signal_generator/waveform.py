@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex128, Float, Int8, Int64
+from jaxtyping import Complex128, Float, Float32, Int8, Int64
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.codes import primary_code, secondary_code, tiered_code
@@ -25,6 +25,7 @@ from vestige.signals.definitions import SignalDefinition
 from vestige.streams import stream_key
 
 Sequence = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]
+Chips = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"] | Float32[np.ndarray, " n"]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +33,7 @@ class Component:
     """One signal component of one satellite."""
 
     signal: SignalDefinition
-    chip: Sequence  # chip ±1 for a chip number counted from the reference second
+    chip: Chips  # chip for a chip number counted from the reference second: ±1, int8, or any amplitude, float32
     symbol: Sequence | None = None  # symbol ±1 for a symbol number counted from the reference second; None for a pilot
     # chips number `first` to `first + n - 1`, where it is quicker to ask for a stretch
     stretch: Callable[[int, int], Int8[np.ndarray, " n"]] | None = None

@@ -1,8 +1,9 @@
 """Security code estimation and replay: symbols of E1-B and chips of E6-C, estimated with the attacker's own antenna.
 
-`vestige.theory.code_estimation` says how good the estimates are. In a recording the E1-B chips of the spoofing signal
-are drawn one by one from what the attacker has received of their symbol. The noise in its E6 is white, of the density
-that estimated chips have behind a correlator that they do not match.
+`vestige.theory.scer.code_estimation` says how good the estimates are. In a recording the E1-B chips of the spoofing
+signal are drawn one by one from what the attacker has received of their symbol: their signs for hard decisions, their
+signs and amplitudes for soft ones. The noise in its E6 is white, of the density that estimated chips have behind a
+correlator that they do not match.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float, Int8, Int64
+from jaxtyping import Float, Float32, Int8, Int64
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import Band
 from vestige.signal_generator.noise_kernel import normal_pairs
-from vestige.signal_generator.waveform import Component, Sequence
+from vestige.signal_generator.waveform import Chips, Component, Sequence
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E6C
 from vestige.spoofer.attack import CheckedAttack, SpoofingSignal, delayed
@@ -24,7 +25,7 @@ from vestige.spoofer.phase import COHERENT, Phase
 from vestige.spoofer.profiles import Profile, as_profile, extremes
 from vestige.spoofer.repeaters import RECEPTION_GAIN_DB, repeated_noise
 from vestige.streams import stream_key
-from vestige.theory.code_estimation import Estimation, estimation_noise
+from vestige.theory.scer.code_estimation import Decision, Estimation, estimation_noise
 
 _MAX_LATENCY_S = E1B.period_s
 
@@ -49,8 +50,8 @@ class Scer(CheckedAttack):
     chips
         Treatment of E6-C: it is repeated with its noise, or sent with hard or soft decisions on each chip.
     symbols
-        Whether E1-B carries the true symbols from their beginning on, or those that the attacker estimates meanwhile
-        (in recordings; campaigns do not generate E1-B).
+        Treatment of the symbols of E1-B: they are known from their beginning on, or the attacker estimates them
+        meanwhile and sends hard or soft decisions (in recordings; campaigns do not generate E1-B).
     victim_cn0_dbhz
         C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz. Together with G it sets the quality of the
         attacker's estimates. One number holds for all satellites. `received` is that of E6-C which the victim has of
@@ -66,7 +67,7 @@ class Scer(CheckedAttack):
     e6_lag_m: float = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
     reception_gain_db: float = RECEPTION_GAIN_DB
     chips: Estimation = "repeated"
-    symbols: Literal["known", "estimated"] = "known"
+    symbols: Literal["known"] | Decision = "known"
     victim_cn0_dbhz: float | Literal["received"] = 45.0
     latency_s: float = 0.0
     kind: Literal["scer"] = "scer"
@@ -75,6 +76,8 @@ class Scer(CheckedAttack):
         CheckedAttack.__post_init__(self)
         if self.chips not in get_args(Estimation):
             raise ValueError(f"chips are one of {', '.join(get_args(Estimation))}, found {self.chips!r}")
+        if self.symbols not in ("known", *get_args(Decision)):
+            raise ValueError(f"symbols are one of known, {', '.join(get_args(Decision))}, found {self.symbols!r}")
         found = self.victim_cn0_dbhz
         if isinstance(found, str):
             if found != "received":
@@ -138,27 +141,29 @@ class Scer(CheckedAttack):
         key = np.uint64(int.from_bytes(stream_key(seed, "symbols that an attacker estimates", svid)[:8], "little"))
         return Component(signal=E1B, chip=self._estimated_chips(component.symbol, primary_code(E1B, svid), key))
 
-    def _estimated_chips(self, symbol: Sequence, code: Int8[np.ndarray, " 4092"], key: np.uint64) -> Sequence:
-        """Return the chips of E1-B times the sign that the attacker would decide for with each of them.
+    def _estimated_chips(self, symbol: Sequence, code: Int8[np.ndarray, " 4092"], key: np.uint64) -> Chips:
+        """Return the chips of E1-B times what the attacker sends for the symbol with each of them.
 
-        Per chip time the attacker's sum grows by s √(2γ) and a standard normal number, with γ of one chip.
+        Per chip time the attacker's sum Σ grows by s √(2γ) and a standard normal number, with γ of one chip. A hard
+        decision is sign Σ, a guess if nothing was received. A soft one is tanh(√(2γ) Σ).
         """
         root = np.sqrt(2 * 10 ** (self.attacker_cn0_dbhz / 10) / E1B.chip_rate_hz)
 
-        def signs(period: int) -> Int8[np.ndarray, " 4092"]:
+        def estimates(period: int) -> Int8[np.ndarray, " 4092"] | Float32[np.ndarray, " 4092"]:
             start_s = np.array([max(period * E1B.period_s, 0.0)])
             head_chips = float(self.head_start_s(start_s)[0]) * E1B.chip_rate_hz
             received = np.maximum(np.arange(code.size) + head_chips, 0.0)  # chips, when each one is transmitted
             step = np.diff(received, prepend=0.0)
             normal = normal_pairs(key, period * (code.size // 2), code.size // 2).reshape(-1)
             total = np.cumsum(int(symbol(np.array([period]))[0]) * root * step + np.sqrt(step) * normal)
-            # nothing received: a guess
+            if self.symbols == "soft":
+                return np.tanh(root * total).astype(np.float32)
             return np.where(np.where(received > 0, total, normal) > 0, 1, -1).astype(np.int8)
 
-        def chip(index: Int64[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
+        def chip(index: Int64[np.ndarray, " n"]) -> Int8[np.ndarray, " n"] | Float32[np.ndarray, " n"]:
             period, place = np.divmod(index, code.size)
             periods, row = np.unique(period, return_inverse=True)
-            return np.stack([code * signs(one) for one in periods.tolist()])[row, place]
+            return np.stack([code * estimates(one) for one in periods.tolist()])[row, place]
 
         return chip
 

@@ -164,7 +164,7 @@ def test_a_window_is_a_part_of_the_recording() -> None:
     assert replace(window, samples=window.samples[:0]).start == one.reference + 0.01
 
 
-@pytest.mark.parametrize(("symbols", "right"), [("known", 1.0), ("estimated", 0.5)])
+@pytest.mark.parametrize(("symbols", "right"), [("known", 1.0), ("hard", 0.5)])
 def test_scer_replays_what_it_estimates(tmp_path: Path, symbols: str, right: float) -> None:
     """Half of the first chips of E1-B symbols are wrong, as they are guesses; E1-C is the true one."""
     path = tmp_path / "scer.toml"

@@ -164,8 +164,8 @@ def test_satellites_that_are_not_there(tmp_path: Path) -> None:
 
 def test_estimated_symbols_are_for_recordings(tmp_path: Path) -> None:
     scer = '[[attack]]\nkind = "scer"\npower_db = 3\ndelay_m = 0\n'
-    (warning,) = scenario_warnings(_with(tmp_path, FINE + scer + 'symbols = "estimated"\n'))
-    assert warning.startswith('attack.1.symbols: "estimated" changes nothing in a campaign')
+    (warning,) = scenario_warnings(_with(tmp_path, FINE + scer + 'symbols = "hard"\n'))
+    assert warning.startswith('attack.1.symbols: "hard" changes nothing in a campaign')
     assert scenario_warnings(_with(tmp_path, FINE + scer)) == ()
 
 

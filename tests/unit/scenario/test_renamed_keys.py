@@ -1,4 +1,4 @@
-"""Old names of keys work for one release, with a warning."""
+"""Old names of keys and values work for one release, with a warning."""
 
 from __future__ import annotations
 
@@ -26,3 +26,10 @@ def test_an_old_name_is_read_and_warned_of() -> None:
 def test_both_names_are_left_for_the_reader_to_refuse() -> None:
     both = {"own_data": True, "forged_nav_data": False}
     assert with_new_names(both) == both
+
+
+def test_an_old_value_is_read_and_warned_of() -> None:
+    attack = 'attack=[{{kind="scer", power_db=0.0, delay_m=0.0, symbols="{0}"}}]'
+    with pytest.warns(VestigeWarning, match='symbols = "estimated" is called "hard" now'):
+        old = load_scenario(SKY, [attack.format("estimated")])
+    assert old == load_scenario(SKY, [attack.format("hard")])

@@ -13,7 +13,7 @@ from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.spoofer.profiles import Ramp
 from vestige.spoofer.scer import Scer, against
-from vestige.theory.code_estimation import Estimation, replayed_mean
+from vestige.theory.scer.code_estimation import Estimation, replayed_mean
 
 T = np.array([0.0, 10.0, 20.0])
 RISING = Ramp(first=-10.0, last=10.0, start_s=0.0, stop_s=20.0)
@@ -50,13 +50,15 @@ def test_e1_is_made_without_noise(chips: Estimation) -> None:
 @pytest.mark.parametrize(
     ("attack", "head_start_s"),
     [
-        (Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=5.0), 0.0),
-        (Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=0.0, latency_s=2e-6), -2e-6),
-        (Scer(delay_m=300.0, power_db=0.0, symbols="estimated", reception_gain_db=5.0), 1.0007e-6),
+        (Scer(delay_m=0.0, power_db=0.0, symbols="hard", reception_gain_db=5.0), 0.0),
+        (Scer(delay_m=0.0, power_db=0.0, symbols="hard", reception_gain_db=0.0, latency_s=2e-6), -2e-6),
+        (Scer(delay_m=300.0, power_db=0.0, symbols="hard", reception_gain_db=5.0), 1.0007e-6),
+        (Scer(delay_m=0.0, power_db=0.0, symbols="soft", reception_gain_db=5.0), 0.0),
+        (Scer(delay_m=300.0, power_db=0.0, symbols="soft", reception_gain_db=5.0, latency_s=3e-6), -1.9993e-6),
     ],
 )
 def test_drawn_symbols_get_better_as_they_arrive(attack: Scer, head_start_s: float) -> None:
-    """1200 symbols: the share of right chips is that of the theory, within 4.5 standard deviations, chip by chip."""
+    """1200 symbols: the mean of each chip is that of the theory, within 4.5 standard deviations, for its decision."""
     true, n = open_component(E1B, 11, seed=2), 1200
     replayed = attack.replayed(true, 11, seed=5)
     assert replayed.symbol is None
@@ -65,14 +67,14 @@ def test_drawn_symbols_get_better_as_they_arrive(attack: Scer, head_start_s: flo
     assert true.symbol is not None
     right = replayed.chip(number) * primary_code(E1B, 11)[place] * true.symbol(period)
     mean = right.reshape(n, 40).mean(axis=0)
-    expected = replayed_mean(attack.attacker_cn0_dbhz, head_start_s, 40)
+    expected = replayed_mean(attack.attacker_cn0_dbhz, head_start_s, 40, "soft" if attack.symbols == "soft" else "hard")
     assert np.abs(mean - expected).max() < 4.5 / np.sqrt(n)
     assert np.array_equal(right, replayed.chip(number[::-1])[::-1] * primary_code(E1B, 11)[place] * true.symbol(period))
 
 
 def test_who_replays_what() -> None:
     """The pilot stays, and so does E1-B of an attacker who knows the symbols; satellites have draws of their own."""
-    attack = Scer(delay_m=0.0, power_db=0.0, symbols="estimated", reception_gain_db=-40.0)
+    attack = Scer(delay_m=0.0, power_db=0.0, symbols="hard", reception_gain_db=-40.0)
     pilot, data = open_component(E1C, 11), open_component(E1B, 11)
     assert attack.replayed(pilot, 11, 0) is pilot
     assert Scer(delay_m=0.0, power_db=0.0).replayed(data, 11, 0) is data
@@ -87,6 +89,7 @@ def test_who_replays_what() -> None:
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
+        ({"symbols": "estimated"}, "symbols are one of known, hard, soft, found 'estimated'"),
         ({"chips": "linear"}, "chips are one of repeated, hard, soft, found 'linear'"),
         ({"victim_cn0_dbhz": "measured"}, "a number of dBHz or received, found 'measured'"),
         ({"victim_cn0_dbhz": 450.0}, "between 0 and 70 dBHz, found 450"),

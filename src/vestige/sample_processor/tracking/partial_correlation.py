@@ -1,25 +1,27 @@
-"""Detect replayed E1-B symbols: the first part of each symbol against the rest of it.
+"""Detect replayed E1-B symbols from correlations over their beginnings.
 
 An attacker who replays E1-B on time has to estimate each unpredictable symbol while it arrives, so the beginning of the
 symbol is wrong more often than its rest [SECO-GRANADOS20]. A receiver that tracks E1-B correlates both parts, wipes
-them with the symbol that it has decoded, and compares.
+them with the symbol that it has decoded, and compares the beginnings. There are two references to compare them with.
 
-Theory of operation
--------------------
-With the amplitude of the signal 1 and C/N0 = c, the mean over a part of w seconds has noise of variance 1/(2 c w) per
-dimension. For n unpredictable symbols b_k, with the carrier in phase, the test uses
+**The later parts of the same symbols** (`symbol_replay_test`). With the amplitude of the signal 1 and C/N0 = c, the
+mean over a part of w seconds has noise of variance 1/(2 c w) per dimension. For n unpredictable symbols b_k, with the
+carrier in phase, the test uses
 
     d_k = b_k Re(later_k − first_k)        T = √n mean(d) / std(d)
 
 Without an attack d_k is Gaussian of mean 0, so T has Student's distribution with n − 1 degrees of freedom, whatever the
-C/N0 and the strength of the front end are. The alarm is T > t, P(T > t) = P_fa. A replayed symbol has less amplitude at
-its beginning, m_j in its chip j (`replayed_mean` of `vestige.theory.code_estimation`). Then d_k has the mean
-mean(m later) − mean(m first) and the variance of the noise plus that of the replayed amplitude; T is non-central t.
+C/N0 and the strength of the front end are. The alarm is T > t, P(T > t) = P_fa. A narrow filter of the front end breaks
+this: it smears the first chips of a symbol in another way than the average chip, so the mean of d_k is not 0.
 
-**Which symbols.** Those that nobody can foretell, for the attacker knows the others: `unpredictable_symbols` names them
-in an I/NAV page, 32 of 500 or 480 in an OSNMA subframe of 30 s.
+**The beginnings of predictable symbols** (`predictable_reference_test`), which the attacker knows in time. The filter
+does the same to them, so it cancels. `vestige.theory.scer.partial_correlations` has the metrics of this test, the
+thresholds, and the detection probabilities of both tests.
 
-**What it cannot see**: a spoofing signal that is late by more than it takes to learn a symbol. The same test on
+**Which symbols are unpredictable.** Those that nobody can foretell, for the attacker knows the others:
+`unpredictable_symbols` names them in an I/NAV page, 32 of 500 or 480 in an OSNMA subframe of 30 s.
+
+**What no such test can see**: a spoofing signal that is late by more than it takes to learn a symbol. The same test on
 chips of E6-C is not possible: the attacker estimates a chip as a whole, 195 ns, and transmits the estimate when the
 chip is over, so all parts of a transmitted chip are equally good.
 """
@@ -31,7 +33,7 @@ from functools import cache
 
 import numpy as np
 from jaxtyping import Bool, Complex128, Float, Int64
-from scipy.special import nctdtr, stdtrit
+from scipy.special import stdtrit
 
 from vestige.navigation.inav.coding.channel_coding import page_symbols
 from vestige.navigation.inav.page import OSNMA_BYTES, encode_page
@@ -40,9 +42,8 @@ from vestige.sample_processor.tracking.channel import TrackedPeriods
 from vestige.sample_processor.tracking.replica_kernel import correlate_period, half_chip_windows
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C
-from vestige.theory.code_estimation import Decision, replayed_covariance, replayed_mean
+from vestige.theory.scer.partial_correlations import FIRST_CHIPS, ReferenceMetric, metric_threshold, metric_value
 
-FIRST_CHIPS = 4  # 3.9 µs: near the best for an attacker with a gain of 10 dB, at 42 dBHz
 MIN_SYMBOLS = 10  # of a test; fewer do not tell their own scatter
 
 
@@ -65,7 +66,7 @@ class PartialPrompts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SymbolReplayTest:
-    """The test's answer: replay if `statistic` exceeds `threshold`."""
+    """The test's answer: replay if `statistic` exceeds `threshold`; `n_symbols` unpredictable symbols were used."""
 
     statistic: float
     threshold: float
@@ -180,65 +181,68 @@ def symbol_replay_test(
     """
     if first.size < MIN_SYMBOLS:
         raise ValueError(f"a test of replayed symbols needs {MIN_SYMBOLS} symbols or more, found {first.size}")
-    signs = np.sign(later.real) if symbols is None else symbols * np.sign(np.sum(symbols * later.real))
-    missing = signs * (later - first).real
+    missing = _signs(later, symbols) * (later - first).real
     statistic = np.sqrt(missing.size) * np.mean(missing) / np.std(missing, ddof=1)
     return SymbolReplayTest(
         statistic=float(statistic), threshold=replay_threshold(missing.size, p_fa), n_symbols=missing.size
     )
 
 
-def replay_detection_probability(
-    cn0_dbhz: float,
-    reception_gain_db: float,
-    n_symbols: int,
-    p_fa: float,
+def predictable_reference_test(
+    first: Complex128[np.ndarray, " n"],
+    later: Complex128[np.ndarray, " n"],
+    unpredictable: Bool[np.ndarray, " n"],
+    symbols: Float[np.ndarray, " n"] | None = None,
     *,
-    head_start_s: float = 0.0,
-    first_chips: int = FIRST_CHIPS,
-    decision: Decision = "hard",
-) -> float:
-    """Return P_d of the test against an attacker who estimates the symbols.
-
-    The spoofing signal is alone in the correlators, as strong as the authentic one would be, and noise is white.
+    metric: ReferenceMetric = "real",
+    p_fa: float = 1e-6,
+) -> SymbolReplayTest:
+    """Test whether the beginnings of unpredictable E1-B symbols are weaker than those of predictable ones.
 
     Parameters
     ----------
-    cn0_dbhz
-        C/N0 of E1-B at the victim in dBHz.
-    reception_gain_db
-        G, C/N0 of the attacker's reception over it in dB.
-    n_symbols
-        Unpredictable symbols in the test.
+    first, later, symbols
+        The same as for `symbol_replay_test`, for symbols of both kinds. The later parts give the amplitude.
+    unpredictable
+        Which of them nobody can foretell.
+    metric
+        How the two means are compared. `real` has an exact threshold and needs a carrier in phase. `distance`,
+        `magnitudes` and `ratio` do not depend on the carrier's phase.
     p_fa
-        False-alarm probability.
-    head_start_s
-        How much of a symbol the attacker has received when its transmission begins, in s; negative for a latency.
-    first_chips
-        Length of the first part in chips.
-    decision
-        Whether the attacker transmits hard or soft decisions.
+        False-alarm probability, below 0.5.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than `MIN_SYMBOLS` symbols of either kind.
 
     Examples
     --------
-    A subframe of 480 symbols at 42 dBHz, P_fa 1e-3: an attacker with the antenna of the victim, one with 10 dB, and
-    the latter with a spoofing signal that is 3 µs late.
-
-    >>> f"{replay_detection_probability(42.0, 0.0, 480, 1e-3):.3f}"
-    '0.999'
-    >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3):.3f}"
-    '0.906'
-    >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3, head_start_s=3e-6):.3f}"
-    '0.104'
+    >>> rng = np.random.default_rng(1)
+    >>> later, unpredictable = rng.choice([-1.0, 1.0], 2000) + 0j, np.arange(2000) < 500
+    >>> noise = 0.8 * (rng.standard_normal(2000) + 1j * rng.standard_normal(2000))
+    >>> predictable_reference_test(0.9 * later + noise, later, unpredictable).failed
+    False
+    >>> predictable_reference_test((0.9 - 0.3 * unpredictable) * later + noise, later, unpredictable).failed
+    True
     """
-    attacker = cn0_dbhz + reception_gain_db, head_start_s
-    mean = replayed_mean(*attacker, E1B.code_length, decision)
-    covariance = replayed_covariance(*attacker, first_chips, decision)
-    first_s, later_s = (n / E1B.chip_rate_hz for n in (first_chips, E1B.code_length - first_chips))
-    noise = (1 / first_s + 1 / later_s) / (2 * 10 ** (cn0_dbhz / 10))
-    missing = float(np.mean(mean[first_chips:]) - np.mean(mean[:first_chips]))
-    shift = np.sqrt(n_symbols) * missing / np.sqrt(noise + np.mean(covariance))
-    return float(1 - nctdtr(n_symbols - 1, shift, replay_threshold(n_symbols, p_fa)))
+    signs = _signs(later, symbols)
+    kinds = [(signs * first)[unpredictable], (signs * first)[~unpredictable]]
+    n_u, n_p = (kind.size for kind in kinds)
+    if min(n_u, n_p) < MIN_SYMBOLS:
+        found = f"{n_u} unpredictable and {n_p} predictable ones"
+        raise ValueError(f"a test of replayed symbols needs {MIN_SYMBOLS} symbols or more of each kind, found {found}")
+    squares = sum(float(np.sum(np.square(kind.real - np.mean(kind.real)))) for kind in kinds)
+    noise = float(np.sqrt(squares / (n_u + n_p - 2)))
+    amplitude = float(np.mean(signs * later.real)) / noise
+    statistic = metric_value(complex(np.mean(kinds[0])), complex(np.mean(kinds[1])), noise, n_u, n_p, metric)
+    threshold = metric_threshold(n_u, n_p, p_fa, amplitude, metric)
+    return SymbolReplayTest(statistic=statistic, threshold=threshold, n_symbols=n_u)
+
+
+def _signs(later: Complex128[np.ndarray, " n"], symbols: Float[np.ndarray, " n"] | None) -> Float[np.ndarray, " n"]:
+    """Return the symbols with the sign that the later parts have."""
+    return np.sign(later.real) if symbols is None else symbols * np.sign(np.sum(symbols * later.real))
 
 
 @cache

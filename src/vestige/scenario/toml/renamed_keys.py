@@ -1,4 +1,4 @@
-"""Keys of scenario files that have another name now. The old name works for one release, with a warning."""
+"""Keys and values of scenario files that have another name now. The old name works for one release, with a warning."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from typing import Any
 from vestige.errors import VestigeWarning
 
 NEW_NAMES = {"own_data": "forged_nav_data"}  # of version 0.1
+NEW_VALUES = {("symbols", "estimated"): "hard"}  # of version 0.2
 
 
 def with_new_names(value: Any) -> Any:
-    """Return a table as TOML gives it with the names that keys have now; warn of each old one.
+    """Return a table as TOML gives it with the names that keys and values have now; warn of each old one.
 
     Examples
     --------
@@ -26,4 +27,8 @@ def with_new_names(value: Any) -> Any:
         if old in value and new not in value:
             warnings.warn(f"the key {old} is called {new} now; use that name", VestigeWarning, stacklevel=2)
             value = {(new if key == old else key): item for key, item in value.items()}
+    for (key, old), new in NEW_VALUES.items():
+        if value.get(key) == old:
+            warnings.warn(f'{key} = "{old}" is called "{new}" now; use that name', VestigeWarning, stacklevel=2)
+            value = {**value, key: new}
     return {key: with_new_names(item) for key, item in value.items()}

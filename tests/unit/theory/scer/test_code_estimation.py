@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from vestige.signals.definitions import E1B
-from vestige.theory.code_estimation import (
+from vestige.theory.scer.code_estimation import (
     Decision,
     Estimation,
     chip_energy_over_n0,
