@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -37,6 +38,7 @@ from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
 from vestige.recording.snapshots import MARGIN_S, RecordingSource
 from vestige.records import Band, SampleBatch, Snapshot
 from vestige.sample_processor.correlator import CorrelatableSamples
+from vestige.sample_processor.tracking.settings import TrackingSettings
 
 SCENARIO = (
     TWO_SATELLITES
@@ -457,3 +459,30 @@ def test_alarms_a_day_set_the_range_limit(folder: Path) -> None:
 def test_fewer_alarms_a_day_than_noise_brings_are_one_line(folder: Path) -> None:
     result = CliRunner().invoke(process, [str(folder), "--alarms-per-day", "0.01"])
     assert "alarms_per_day: found 0.01, expected more than 0.13" in str(result.exception)
+
+
+class _LoopSettings(Exception):  # noqa: N818  (carries what a test looks at)
+    """Ends a command where it would begin to track."""
+
+
+@pytest.mark.parametrize(
+    ("where", "follow"),
+    [("tracked.track_recording.track_recording", ()), ("live.live_tracking.LiveTracking", ("--follow",))],
+    ids=["process", "follow"],
+)
+def test_the_options_of_the_loops_reach_the_tracking(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, where: str, follow: tuple[str, ...]
+) -> None:
+    def end(*arguments: object, settings: object = None, **_options: object) -> None:
+        raise _LoopSettings(settings or arguments[1])
+
+    monkeypatch.setattr(f"vestige.recording.{where}", end)
+    loops = ("--pll-bandwidth-hz", 8, "--integration-ms", 20, "--dll-discriminator", "dot product", "--correlators", 7)
+    with pytest.raises(_LoopSettings) as found:
+        raise invoke(process, folder, "--track", *follow, *loops).exception or AssertionError
+    assert found.value.args[0] == TrackingSettings(
+        pll_bandwidth_hz=8.0, integration_periods=5, dll_discriminator="dot product", n_correlators=7
+    )
+    refused = invoke(process, folder, "--no-track", *follow, "--pll-order", 3).exception
+    assert isinstance(refused, click.UsageError)
+    assert "--pll-order: for E1 that is tracked" in str(refused)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.loop_options import check_no_loop_options, loop_settings
 from vestige.cli.options import FiniteRange, options_together
 from vestige.errors import InputFileError, VestigeError
 
@@ -72,11 +73,12 @@ def live_tracking(
     wish, file = options["track"], description.bands.get(Band.E1)
     observed = options["observations"] is not None or description.observations is not None
     if wish is False or (wish is None and (observed or file is None)):
+        check_no_loop_options()
         return None
     if file is None:
         raise InputFileError(description.path, "E1", "no samples", "E1 samples, which are tracked (--no-track)")
     message = ReceivedMessage(description.path)
-    return LiveTracking(file, message, workers=options["workers"], warn=warn)
+    return LiveTracking(file, message, settings=loop_settings(options), workers=options["workers"], warn=warn)
 
 
 def _streams(description: RecordingDescription, options: dict[str, Any], around_s: float) -> dict[Band, SampleStream]:

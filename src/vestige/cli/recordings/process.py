@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vestige.cli.loop_options import check_no_loop_options, loop_settings
 from vestige.cli.option_groups import GroupedCommand
 from vestige.cli.options import assistance_folder
 from vestige.cli.outputs.other_programs import (
@@ -233,12 +234,15 @@ def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording 
     from vestige.recording.tracked.track_recording import MIN_TRACKED_S, track_recording
 
     e1, wish = recording.e1, options["track"]
-    if wish is False or e1 is None:
-        return None
-    if wish is None and (recording.observations is not None or e1.duration_s < MIN_TRACKED_S):
+    if (
+        e1 is None
+        or wish is False
+        or (wish is None and (recording.observations is not None or e1.duration_s < MIN_TRACKED_S))
+    ):
+        check_no_loop_options()
         return None
     with progress() as report:
-        return track_recording(recording, workers=options["workers"], progress=report)
+        return track_recording(recording, loop_settings(options), workers=options["workers"], progress=report)
 
 
 def _message(recording: Recording, tracked: TrackedRecording | None) -> Message | None:

@@ -8,6 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from vestige.cli.loop_options import LOOP_NAMES, loop_options
 from vestige.cli.options import (
     FiniteRange,
     assistance_option,
@@ -49,6 +50,7 @@ PROCESSOR_GROUPS = {
         "time_uncertainty",
         "cn0_estimator",
     ),
+    "Tracking loops": LOOP_NAMES,
     "Mitigation level": (
         "level",
         "alarms_per_day",
@@ -218,6 +220,7 @@ processor_options = options_together(
         "[default: track if there are no observations]",
     ),
     threads_option("Number of threads that track E1."),
+    loop_options,
     click.option(
         "--navigation",
         type=_path,

@@ -8,103 +8,24 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.live.live_input import STDIN, STDIN_OPTIONS, stdin_description, stdin_options, stdin_stream
-from vestige.cli.options import FiniteRange, options_together, recording_argument, start_option, threads_option
+from vestige.cli.loop_options import loop_options, loop_settings
+from vestige.cli.options import recording_argument, start_option, threads_option
 from vestige.cli.recordings.time_tag import late_or_early
 from vestige.cli.terminal import echo
 from vestige.errors import InputFileError
 
 if TYPE_CHECKING:
     from vestige.recording.tracked.track_recording import TrackedRecording
-    from vestige.sample_processor.tracking.settings import TrackingSettings
 
 _path = click.Path(path_type=Path)
-
-
-# The options of the loops
-tracking_options = options_together(
-    click.option(
-        "--pll-bandwidth-hz",
-        type=FiniteRange(0.1, 100),
-        default=15.0,
-        help="One-sided noise bandwidth of the PLL.",
-    ),
-    click.option("--pll-order", type=click.Choice(["2", "3"]), default="3", help="Order of the PLL."),
-    click.option(
-        "--fll-bandwidth-hz",
-        type=FiniteRange(0.1, 60),
-        default=10.0,
-        help="One-sided noise bandwidth of the FLL.",
-    ),
-    click.option(
-        "--dll-bandwidth-hz",
-        type=FiniteRange(0.01, 20),
-        default=1.0,
-        help="One-sided noise bandwidth of the DLL.",
-    ),
-    click.option(
-        "--pll-discriminator",
-        type=click.Choice(["normalized quadrature", "arctan2", "arctan"]),
-        default="normalized quadrature",
-        help="Discriminator of the PLL.",
-    ),
-    click.option(
-        "--dll-discriminator",
-        type=click.Choice(["early-minus-late power", "dot product"]),
-        default="early-minus-late power",
-        help="Discriminator of the DLL.",
-    ),
-    click.option(
-        "--integration-ms",
-        type=click.Choice(["4", "20"]),
-        default="4",
-        help="Coherent integration time in ms.",
-    ),
-    click.option(
-        "--early-late-chips",
-        type=FiniteRange(0.01, 0.66),
-        default=0.16,
-        help="Early-to-late spacing of the DLL in chips.",
-    ),
-    click.option(
-        "--correlators",
-        type=click.Choice(["5", "7", "9", "11"]),
-        default="5",
-        help="Number of correlators of each satellite.",
-    ),
-    click.option(
-        "--replica",
-        type=click.Choice(["BOC(1,1)", "CBOC"]),
-        default="BOC(1,1)",
-        help="Subcarrier of the replica.",
-    ),
-    threads_option("Number of threads that track E1."),
-)
-
-
-def tracking_settings(options: dict[str, Any]) -> TrackingSettings:
-    """Return the settings that the options of the loops name."""
-    from vestige.constants import E1_CODE_PERIOD_S
-    from vestige.sample_processor.tracking.settings import TrackingSettings
-
-    return TrackingSettings(
-        pll_bandwidth_hz=options["pll_bandwidth_hz"],
-        pll_order=int(options["pll_order"]),
-        fll_bandwidth_hz=options["fll_bandwidth_hz"],
-        dll_bandwidth_hz=options["dll_bandwidth_hz"],
-        pll_discriminator=options["pll_discriminator"],
-        dll_discriminator=options["dll_discriminator"],
-        integration_periods=round(int(options["integration_ms"]) / (1e3 * E1_CODE_PERIOD_S)),
-        early_late_chips=options["early_late_chips"],
-        n_correlators=int(options["correlators"]),
-        replica=options["replica"],
-    )
 
 
 @click.command()
 @recording_argument
 @click.option("-o", "--output", type=_path, required=True, help="Folder to write; must not exist.")
 @start_option
-@tracking_options
+@loop_options
+@threads_option("Number of threads that track E1.")
 @stdin_options
 def command(recording_path: Path, **options: Any) -> None:
     """Track E1 of RECORDING: observations, navigation message and correlators of every satellite.
@@ -156,7 +77,7 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
     for line in recording.notes:
         echo(f"warning: {line}", err=True)
     with progress() as report:
-        tracked = track_recording(recording, tracking_settings(options), workers=options["workers"], progress=report)
+        tracked = track_recording(recording, loop_settings(options), workers=options["workers"], progress=report)
     return tracked, recording.e1.n_samples, recording.e1.file.sample_rate_hz
 
 
@@ -171,7 +92,7 @@ def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, int, floa
     if file.start is None:
         raise InputFileError(file.described_in, "start time", "nothing", "start in the description, or --start")
     stream = stdin_stream(file, capacity_bytes=round(options["buffer_mb"] * 1e6))
-    tracked = track_batches(streamed_batches(stream), tracking_settings(options), workers=options["workers"])
+    tracked = track_batches(streamed_batches(stream), loop_settings(options), workers=options["workers"])
     n_samples = stream.look().end_sample - file.first_sample
     if n_samples == 0:
         raise InputFileError(STDIN, "standard input", "no sample", "samples of E1")

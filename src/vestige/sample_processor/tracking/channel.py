@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from vestige.sample_processor.tracking.channel_kernel import (
     CONSTANTS,
     LOST,
     PERIOD,
-    track_periods,
+    track_channels,
 )
 from vestige.sample_processor.tracking.loop_gains import loop_gains
 from vestige.sample_processor.tracking.replica_kernel import half_chip_windows
@@ -221,37 +222,59 @@ class Channel:
         return float(self._state["doppler_hz"][0])
 
     def run(self, samples: Complex64[np.ndarray, " n"], first: int) -> TrackedPeriods:
-        """Track all code periods that lie in some samples whole.
+        """Track all code periods that lie in some samples whole; arguments and errors as for `track_together`."""
+        return track_together([self], samples, first)[0]
 
-        Parameters
-        ----------
-        samples
-            E1, from `first_sample` of the channel or before on.
-        first
-            Number of the first of them.
 
-        Raises
-        ------
-        ValueError
-            If the samples begin too late.
-        """
-        if first > self.first_sample:
-            raise ValueError(f"samples from number {first} on, the channel needs {self.first_sample}")
-        x: Float32[np.ndarray, " n"] = samples.view(np.float32)
-        most = int(samples.size / (self._constants["sample_rate_hz"][0] * E1C.period_s) * 1.01) + 2
-        periods = np.zeros(most, PERIOD)
-        banks = np.zeros((most, self.lags.size), np.complex64)
-        n = track_periods(
-            x,
-            first,
-            self._secondary,
-            self._pilot,
-            self._data,
-            self.lags,
-            self._constants,
-            self._state,
-            self._total,
-            periods,
-            banks,
-        )
-        return TrackedPeriods(periods[:n], banks[:n])
+def track_together(
+    channels: Sequence[Channel], samples: Complex64[np.ndarray, " n"], first: int
+) -> list[TrackedPeriods]:
+    """Track all code periods of some channels that lie in the same samples whole.
+
+    The result of a channel does not depend on the others. Together they are faster, because they share the cache.
+
+    Parameters
+    ----------
+    channels
+        With equally many correlators.
+    samples
+        E1, from `first_sample` of each channel or before on.
+    first
+        Number of the first of them.
+
+    Raises
+    ------
+    ValueError
+        If the samples begin too late for a channel.
+    """
+    if not channels:
+        return []
+    needed = min(channel.first_sample for channel in channels)
+    if first > needed:
+        raise ValueError(f"samples from number {first} on, a channel needs {needed}")
+    x: Float32[np.ndarray, " n"] = samples.view(np.float32)
+    constants, states = np.zeros(len(channels), CONSTANTS), np.zeros(len(channels), CHANNEL_STATE)
+    for i, channel in enumerate(channels):  # np.concatenate compares the fields' types each time
+        constants[i], states[i] = channel._constants[0], channel._state[0]
+    totals = np.stack([channel._total for channel in channels])
+    most = int(samples.size / (constants["sample_rate_hz"].min() * E1C.period_s) * 1.01) + 2
+    periods = np.zeros((len(channels), most), PERIOD)
+    banks = np.zeros((len(channels), most, totals.shape[1]), np.complex64)
+    done = np.zeros(len(channels), np.int64)
+    track_channels(
+        x,
+        first,
+        np.stack([channel._secondary for channel in channels]),
+        np.stack([channel._pilot for channel in channels]),
+        np.stack([channel._data for channel in channels]),
+        np.stack([channel.lags for channel in channels]),
+        constants,
+        states,
+        totals,
+        periods,
+        banks,
+        done,
+    )
+    for channel, state, total in zip(channels, states, totals, strict=True):
+        channel._state[0], channel._total[:] = state, total
+    return [TrackedPeriods(periods[i, :n], banks[i, :n]) for i, n in enumerate(done)]

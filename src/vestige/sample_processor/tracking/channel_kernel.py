@@ -33,6 +33,7 @@ from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 
 CODE_LENGTH = 4092.0  # chips of E1-B and E1-C
 PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
+_PIECE = 1 << 15  # samples, 256 kB: a piece and a code period stay in the second-level cache
 _AMPLITUDE_TIME_S = 0.2  # over which the amplitude of the prompt is smoothed
 _CN0_SHARE = 0.1  # of the newest 100 ms in the smoothed signal and noise: 1 s
 _TURNED = 0.3  # of the amplitude: an in-phase part below it means that the carrier has slipped, or is about to
@@ -119,8 +120,13 @@ PERIOD = np.dtype(
 
 
 @njit(cache=True, nogil=True)
-def track_periods(x, x_first, secondary, pilot_windows, data_windows, lags, constants, state, total, periods, banks):
-    """Track as many code periods as the samples hold; return their number.
+def track_channels(
+    x, x_first, secondary, pilot_windows, data_windows, lags, constants, states, totals, periods, banks, done
+):
+    """Track as many code periods of some channels as the samples hold.
+
+    All channels pass a piece of `_PIECE` samples before any goes to the next one, so that the samples are read from
+    memory once and not once for each channel. The pieces change no number: channels have nothing in common.
 
     Parameters
     ----------
@@ -129,23 +135,46 @@ def track_periods(x, x_first, secondary, pilot_windows, data_windows, lags, cons
     x_first
         Number of the first of them.
     secondary
-        float64[25], the secondary code of E1-C.
+        float64[channel, 25], the secondary codes of E1-C.
     pilot_windows, data_windows
-        `half_chip_windows` of E1-C and E1-B.
+        uint32[channel, window], `half_chip_windows` of E1-C and E1-B.
     lags
-        int64[k], the places of the correlators in samples.
-    constants, state
-        Arrays of one `CONSTANTS` and one `CHANNEL_STATE`; the state is carried on.
-    total
-        complex128[k], the bank of the integration that is under way; carried on.
+        int64[channel, k], the places of the correlators in samples.
+    constants, states
+        `CONSTANTS`[channel] and `CHANNEL_STATE`[channel]; the states are carried on.
+    totals
+        complex128[channel, k], the banks of the integrations that are under way; carried on.
     periods, banks
-        `PERIOD`[m] and complex64[m, k], filled; m is at least the number of periods in the samples.
+        `PERIOD`[channel, m] and complex64[channel, m, k], filled; m is at least the number of periods in the samples.
+    done
+        int64[channel], zeros; the number of periods that were tracked is added.
     """
-    c, s = constants[0], state[0]
+    x_end = x_first + x.size // 2
+    for piece_end in range(min(x_first + _PIECE, x_end), x_end + _PIECE, _PIECE):
+        for i in range(states.size):
+            done[i] += _track_periods(
+                x,
+                x_first,
+                piece_end,
+                secondary[i],
+                pilot_windows[i],
+                data_windows[i],
+                lags[i],
+                constants[i],
+                states[i],
+                totals[i],
+                periods[i, done[i] :],
+                banks[i, done[i] :],
+            )
+
+
+@njit(cache=True, nogil=True)
+def _track_periods(x, x_first, begin_before, secondary, pilot_windows, data_windows, lags, c, s, total, periods, banks):
+    """Track the code periods of a channel that begin before a sample and lie in `x` whole; return their number."""
     pilot = np.empty(lags.size, np.complex128)
     x_end = x_first + x.size // 2
     n_done = 0
-    while s.mode != LOST and n_done < periods.size:
+    while s.mode != LOST and n_done < periods.size and s.first_sample < begin_before:
         count = np.int64(np.ceil((CODE_LENGTH - s.code_phase) / s.code_rate))
         begin = s.first_sample - x_first
         if s.first_sample + count > x_end:

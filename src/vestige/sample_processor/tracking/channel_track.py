@@ -80,7 +80,9 @@ class ChannelTrack:
     def take(self, tracked: TrackedPeriods) -> list[ReceivedPage]:
         """Keep what the channel has tracked; return the pages that are complete with it."""
         kept = np.searchsorted(self._past["first_sample"], self._oldest(tracked), side="left")
-        self._past = np.concatenate((self._past[kept:], tracked.periods))
+        past = np.empty(self._past.size - kept + tracked.periods.size, PERIOD)
+        past[: self._past.size - kept], past[self._past.size - kept :] = self._past[kept:], tracked.periods
+        self._past = past
         self._banks = np.concatenate((self._banks[kept:], tracked.banks))
         locked = tracked.periods[tracked.periods["locked"]]
         return self._sync.take(locked["number"], locked["data"]) if locked.size else []

@@ -70,7 +70,7 @@ class PageSync:
             self._soft, self._place = np.empty(0), None
         if not self._soft.size:
             self._first = int(numbers[0])
-        self._soft = np.concatenate((self._soft, np.nan_to_num(prompts.real)))
+        self._soft = np.concatenate((self._soft, np.where(np.isfinite(prompts.real), prompts.real, 0.0)))
         pages = []
         while (page := self._next()) is not None:
             if page.data:

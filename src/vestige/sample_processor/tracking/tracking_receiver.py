@@ -29,7 +29,7 @@ from vestige.records import E1Observation, SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.sample_processor.acquisition import Acquisition, acquire
 from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, MIN_SECONDARY_MARGIN_DB, measure_e1
-from vestige.sample_processor.tracking.channel import Channel, correlator_lags
+from vestige.sample_processor.tracking.channel import Channel, correlator_lags, track_together
 from vestige.sample_processor.tracking.channel_track import ChannelTrack, Observables
 from vestige.sample_processor.tracking.outlook import Outlook
 from vestige.sample_processor.tracking.page_sync import ReceivedPage
@@ -147,19 +147,25 @@ class TrackingReceiver:
         self._rest = np.empty(0, np.complex64)
         self._stretch, self._origin, self.time_is_told = 0, None, False
 
-    def _take(self, batch: SampleBatch, run_all: Callable[..., Iterator[list[ReceivedPage]]]) -> TrackedStretch:
+    def _take(
+        self, batch: SampleBatch, run_all: Callable[..., Iterator[dict[int, list[ReceivedPage]]]]
+    ) -> TrackedStretch:
         running = self._alive()
         seam = np.concatenate((self._rest, batch.samples[: round(_SEAM_S * batch.sample_rate_hz)]))
         seam_first = batch.first_sample - self._rest.size
 
-        def run(track: ChannelTrack) -> list[ReceivedPage]:
-            pages = []
-            if track.channel.first_sample < batch.first_sample:
-                pages = track.take(track.channel.run(seam, seam_first))
-            return pages + track.take(track.channel.run(batch.samples, batch.first_sample))
+        def run(tracks: list[ChannelTrack]) -> dict[int, list[ReceivedPage]]:
+            early = [track for track in tracks if track.channel.first_sample < batch.first_sample]
+            pages: dict[int, list[ReceivedPage]] = {track.svid: [] for track in tracks}
+            for some, samples, first in ((early, seam, seam_first), (tracks, batch.samples, batch.first_sample)):
+                found = track_together([track.channel for track in some], samples, first)
+                for track, tracked in zip(some, found, strict=True):
+                    pages[track.svid] += track.take(tracked)
+            return pages
 
-        found = run_all(run, running)
-        pages = {track.svid: received for track, received in zip(running, found, strict=True)}
+        shares = [running[worker :: self.workers] for worker in range(min(self.workers, len(running)))]
+        found = {svid: received for share in run_all(run, shares) for svid, received in share.items()}
+        pages = {track.svid: found[track.svid] for track in running}
         placed = self._place(pages, batch)
         power = float(np.vdot(batch.samples, batch.samples).real) / max(batch.samples.size, 1)
         for page in placed:

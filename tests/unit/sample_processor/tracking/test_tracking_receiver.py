@@ -11,7 +11,9 @@ from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
 from vestige.records import Band, SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
-from vestige.sample_processor.tracking.channel import correlator_lags
+from vestige.sample_processor.acquisition import acquire
+from vestige.sample_processor.e1_snapshot import measure_e1
+from vestige.sample_processor.tracking.channel import Channel, correlator_lags, track_together
 from vestige.sample_processor.tracking.settings import TrackingSettings
 from vestige.sample_processor.tracking.tracking_receiver import TrackedStretch, TrackingReceiver, recut
 
@@ -81,6 +83,21 @@ def test_workers_change_no_bit(sky: SampleBatch) -> None:
     receivers = [TrackingReceiver(svids=(11, 30), workers=n) for n in (1, 3)]
     one, three = (_epochs(list(receiver.run([sky]))) for receiver in receivers)
     assert repr([epoch.observations for epoch in one]) == repr([epoch.observations for epoch in three])
+
+
+def test_channels_together_are_as_each_alone(sky: SampleBatch) -> None:
+    found = [measure_e1(sky, one) for one in acquire(sky, (11, 30), max_stretches=8)]
+    channels = [[Channel(one, sky) for one in found if one is not None] for _ in range(2)]
+    together = track_together(channels[0], sky.samples, 0)
+    assert len(together) == 2
+    for tracked, channel in zip(together, channels[1], strict=True):
+        alone = channel.run(sky.samples, 0)
+        assert alone.periods.size > 250
+        assert tracked.periods.tobytes() == alone.periods.tobytes()
+        assert np.array_equal(tracked.banks, alone.banks)
+    with pytest.raises(ValueError, match="a channel needs"):
+        track_together(channels[0], sky.samples, sky.samples.size)
+    assert track_together([], sky.samples, 0) == []
 
 
 def test_a_signal_that_ends_is_lost_and_found_again() -> None:

@@ -1,0 +1,112 @@
+"""Options of the tracking loops, which `vestige track`, `vestige process` and `vestige live` share."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from vestige.cli.options import FiniteRange, options_together
+
+if TYPE_CHECKING:
+    from vestige.sample_processor.tracking.settings import TrackingSettings
+
+LOOP_NAMES = (
+    "pll_bandwidth_hz",
+    "pll_order",
+    "fll_bandwidth_hz",
+    "dll_bandwidth_hz",
+    "pll_discriminator",
+    "dll_discriminator",
+    "integration_ms",
+    "early_late_chips",
+    "correlators",
+    "replica",
+)
+
+loop_options = options_together(
+    click.option(
+        "--pll-bandwidth-hz",
+        type=FiniteRange(0.1, 100),
+        default=15.0,
+        help="One-sided noise bandwidth of the PLL.",
+    ),
+    click.option("--pll-order", type=click.Choice(["2", "3"]), default="3", help="Order of the PLL."),
+    click.option(
+        "--fll-bandwidth-hz",
+        type=FiniteRange(0.1, 60),
+        default=10.0,
+        help="One-sided noise bandwidth of the FLL.",
+    ),
+    click.option(
+        "--dll-bandwidth-hz",
+        type=FiniteRange(0.01, 20),
+        default=1.0,
+        help="One-sided noise bandwidth of the DLL.",
+    ),
+    click.option(
+        "--pll-discriminator",
+        type=click.Choice(["normalized quadrature", "arctan2", "arctan"]),
+        default="normalized quadrature",
+        help="Discriminator of the PLL.",
+    ),
+    click.option(
+        "--dll-discriminator",
+        type=click.Choice(["early-minus-late power", "dot product"]),
+        default="early-minus-late power",
+        help="Discriminator of the DLL.",
+    ),
+    click.option(
+        "--integration-ms",
+        type=click.Choice(["4", "20"]),
+        default="4",
+        help="Coherent integration time in ms.",
+    ),
+    click.option(
+        "--early-late-chips",
+        type=FiniteRange(0.01, 0.66),
+        default=0.16,
+        help="Early-to-late spacing of the DLL in chips.",
+    ),
+    click.option(
+        "--correlators",
+        type=click.Choice(["5", "7", "9", "11"]),
+        default="5",
+        help="Number of correlators of each satellite.",
+    ),
+    click.option(
+        "--replica",
+        type=click.Choice(["BOC(1,1)", "CBOC"]),
+        default="BOC(1,1)",
+        help="Subcarrier of the replica.",
+    ),
+)
+
+
+def loop_settings(options: dict[str, Any]) -> TrackingSettings:
+    """Return the settings of tracking that the options of the loops name."""
+    from vestige.constants import E1_CODE_PERIOD_S
+    from vestige.sample_processor.tracking.settings import TrackingSettings
+
+    return TrackingSettings(
+        pll_bandwidth_hz=options["pll_bandwidth_hz"],
+        pll_order=int(options["pll_order"]),
+        fll_bandwidth_hz=options["fll_bandwidth_hz"],
+        dll_bandwidth_hz=options["dll_bandwidth_hz"],
+        pll_discriminator=options["pll_discriminator"],
+        dll_discriminator=options["dll_discriminator"],
+        integration_periods=round(int(options["integration_ms"]) / (1e3 * E1_CODE_PERIOD_S)),
+        early_late_chips=options["early_late_chips"],
+        n_correlators=int(options["correlators"]),
+        replica=options["replica"],
+    )
+
+
+def check_no_loop_options() -> None:
+    """Raise a usage error if the command line has an option of the loops, although E1 is not tracked."""
+    context = click.get_current_context()
+    for name in LOOP_NAMES:
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            option = f"--{name.replace('_', '-')}"
+            raise click.UsageError(f"{option}: for E1 that is tracked; here observations are given, or it is measured")
