@@ -8,6 +8,7 @@ alarm and which range is in use is the processor's word, at the level of the sce
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -49,6 +50,7 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.scenario_processor import Overhead, navigation_text, overhead_of, receiver_processor
 from vestige.source_version import processor_name
 
+_log = logging.getLogger(__name__)
 _MANY_EPOCHS = 10_000  # in a chunk, where a store costs more time than what it stores
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
 _RAYS, _FOUND = ("epoch", "satellite", "ray"), ("detector", "epoch", "satellite")
@@ -178,6 +180,7 @@ class ScenarioPlan:
     def _judged(self) -> Judged:
         """Settings of the campaign that decide which columns there are."""
         processor = receiver_processor(self.scenario, self._overhead, self._navigation)
+        _log.info("%s", processor.limits)
         return Judged(scenario=self.scenario, processor=processor, svids=tuple(one.svid for one in self.simulations))
 
     def prepare(self) -> _Preparation:

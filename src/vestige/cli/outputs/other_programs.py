@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from vestige.cli.options import options_together
+from vestige.cli.options import PATH, options_together
 from vestige.output import check_output, replacement
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ output_options = options_together(
     click.option(
         "--positions",
         multiple=True,
-        type=click.Path(path_type=Path),
+        type=PATH,
         callback=_with_an_ending,
         metavar="FILE",
         help="Write authentic positions into this file. Its ending names the format: .nmea, .csv, .geojson or .kml. "

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import json_option, time_option, trust_options
+from vestige.cli.options import PATH, json_option, time_option, trust_options
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -16,16 +16,13 @@ if TYPE_CHECKING:
     from vestige.recording.inspection import BandInspection, Inspection, ObservationCoverage
 
 
-_path = click.Path(path_type=Path)
-
-
 @click.command()
-@click.argument("path", type=_path)
+@click.argument("path", type=PATH)
 @click.option(
     "--start", callback=time_option, help="Time of the earliest sample, in place of the recording's own label."
 )
 @click.option("--time-uncertainty", type=click.FloatRange(0), help="Bound on the receiver clock's error in s.")
-@click.option("--assistance", type=_path, help="Folder with RECS, group delays and keys [that of the recording].")
+@click.option("--assistance", type=PATH, help="Folder with RECS, group delays and keys [that of the recording].")
 @trust_options
 @click.option(
     "--check-hash", is_flag=True, help="Compare the samples with the hash in their description, which reads them all."

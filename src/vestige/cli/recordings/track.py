@@ -8,39 +8,23 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.live.live_input import STDIN, STDIN_OPTIONS, stdin_description, stdin_options, stdin_stream
-from vestige.cli.options import FiniteRange, options_together, recording_argument, start_option, threads_option
+from vestige.cli.options import PATH, number_option, options_together, recording_argument, start_option, threads_option
 from vestige.cli.recordings.time_tag import late_or_early
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import echo, warn
 from vestige.errors import InputFileError
+from vestige.output import check_new_folder
 
 if TYPE_CHECKING:
     from vestige.recording.tracked.track_recording import TrackedRecording
     from vestige.sample_processor.tracking.settings import TrackingSettings
 
-_path = click.Path(path_type=Path)
-
 
 # The options of the loops
 tracking_options = options_together(
-    click.option(
-        "--pll-bandwidth-hz",
-        type=FiniteRange(0.1, 100),
-        default=15.0,
-        help="One-sided noise bandwidth of the PLL.",
-    ),
+    number_option("--pll-bandwidth-hz", (0.1, 100), default=15.0, help="One-sided noise bandwidth of the PLL."),
     click.option("--pll-order", type=click.Choice(["2", "3"]), default="3", help="Order of the PLL."),
-    click.option(
-        "--fll-bandwidth-hz",
-        type=FiniteRange(0.1, 60),
-        default=10.0,
-        help="One-sided noise bandwidth of the FLL.",
-    ),
-    click.option(
-        "--dll-bandwidth-hz",
-        type=FiniteRange(0.01, 20),
-        default=1.0,
-        help="One-sided noise bandwidth of the DLL.",
-    ),
+    number_option("--fll-bandwidth-hz", (0.1, 60), default=10.0, help="One-sided noise bandwidth of the FLL."),
+    number_option("--dll-bandwidth-hz", (0.01, 20), default=1.0, help="One-sided noise bandwidth of the DLL."),
     click.option(
         "--pll-discriminator",
         type=click.Choice(["normalized quadrature", "arctan2", "arctan"]),
@@ -59,12 +43,7 @@ tracking_options = options_together(
         default="4",
         help="Coherent integration time in ms.",
     ),
-    click.option(
-        "--early-late-chips",
-        type=FiniteRange(0.01, 0.66),
-        default=0.16,
-        help="Early-to-late spacing of the DLL in chips.",
-    ),
+    number_option("--early-late-chips", (0.01, 0.66), default=0.16, help="Early-to-late spacing of the DLL in chips."),
     click.option(
         "--correlators",
         type=click.Choice(["5", "7", "9", "11"]),
@@ -102,7 +81,7 @@ def tracking_settings(options: dict[str, Any]) -> TrackingSettings:
 
 @click.command()
 @recording_argument
-@click.option("-o", "--output", type=_path, required=True, help="Folder to write; must not exist.")
+@click.option("-o", "--output", type=PATH, required=True, help="Folder to write; must not exist.")
 @start_option
 @tracking_options
 @stdin_options
@@ -116,8 +95,7 @@ def command(recording_path: Path, **options: Any) -> None:
     from vestige.recording.tracked.tracked_folder import write_tracked
 
     folder: Path = options["output"]
-    if folder.exists():
-        raise InputFileError(folder, "output folder", "something there already", "a name that is not taken")
+    check_new_folder(folder)
     tracked, n_samples, rate_hz = (
         _tracked_stdin(options) if recording_path == STDIN else _tracked(recording_path, options)
     )
@@ -154,7 +132,7 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
     if recording.e1 is None:
         raise _without_e1(recording.description.path)
     for line in recording.notes:
-        echo(f"warning: {line}", err=True)
+        warn(line)
     with progress() as report:
         tracked = track_recording(recording, tracking_settings(options), workers=options["workers"], progress=report)
     return tracked, recording.e1.n_samples, recording.e1.file.sample_rate_hz
