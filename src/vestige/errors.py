@@ -51,7 +51,7 @@ class InputFileError(VestigeError):
         self.path, self.place, self.found, self.expected = Path(path), place, found, expected
 
     def __reduce__(self) -> tuple[type[InputFileError], tuple[Path, str, object, object]]:
-        """Return what makes it again: a worker process hands its errors back pickled."""
+        """Return the class and its arguments for pickle: a worker process hands its errors back pickled."""
         return type(self), (self.path, self.place, self.found, self.expected)
 
 

@@ -309,7 +309,7 @@ LEVELS: dict[int, tuple[CheckSpec, ...]] = {
     3: (*_MINIMUM, *_POWER, *_HANDOVER_SEARCH, *_SECOND_CHANNEL, *_EXHAUSTIVE_SEARCH, *_FIX, *_BRIDGING),
 }
 MINIMUM = tuple(spec.name for spec in _MINIMUM)
-STEADY_P_FA = 1e-6  # of one test of E6 phase or E6 fading
+STEADY_P_FA = 1e-6  # false-alarm probability of one test of E6 phase or E6 fading
 
 
 def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor | E6FadingMonitor | None]) -> CheckSpec:

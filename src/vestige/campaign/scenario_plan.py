@@ -73,9 +73,9 @@ SCENARIO_COLUMNS = column_table(
     ("truth_e1_rate_noise_mps", _SATELLITE, "float64", "m s-1", "noise of the range rate from the E1 Doppler"),
     ("truth_e1_multipath_m", _SATELLITE, "float64", "m", "multipath error of the E1 pseudorange"),
     ("truth_bias_m", _SATELLITE, "float64", "m", "group delay and hardware residual, E6 later"),
-    ("truth_ray_delay_m", _RAYS, "float64", "m", "excess delay of a ray"),
-    ("truth_ray_amplitude", _RAYS, "complex64", "1", "amplitude of a ray over the line of sight, on E6"),
-    ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a ray over the line of sight, on E6"),
+    ("truth_ray_delay_m", _RAYS, "float64", "m", "excess delay of a reflection"),
+    ("truth_ray_amplitude", _RAYS, "complex64", "1", "amplitude of a reflection over the line of sight, on E6"),
+    ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a reflection over the line of sight, on E6"),
     attrs=_FLAGS,
 )
 
@@ -133,7 +133,7 @@ class ScenarioPlan:
                     long_name="detector",
                 ),
                 "check": Coord(dim="check", values=checks, long_name="check"),
-                "ray": Coord(dim="ray", values=rays, long_name="ray beside the line of sight"),
+                "ray": Coord(dim="ray", values=rays, long_name="reflection beside the line of sight"),
             }
             | attack_coords(simulation)
             | (sky_coords() if self.scenario.constellation else {})

@@ -120,13 +120,13 @@ class Summary:
 
     detector: str
     epochs: int
-    # of all decisions (epochs × satellites that were correlated): the probability of detection, or that of a false
-    # alarm if there is no signal.
+    # detections among all decisions (epochs × satellites that were correlated): the probability of detection, or
+    # that of a false alarm if there is no signal
     detections: Proportion
     misses: int  # decisions without a detection
     cluster: Proportion  # detections whose range offset lies in `cluster_m`, of all detections
     cluster_m: tuple[float, float]  # the range in m, ends included
-    # of the detections; NaN without any
+    # statistics of the detections; NaN without any
     range_offset_mean_m: float
     range_offset_std_m: float
     percentiles_m: dict[float, float]  # percent to range offset in m, linear between detections
@@ -187,7 +187,7 @@ def false_alarms(results: xarray.Dataset) -> Proportion:
     Only taps more than a chip apart are counted, so that the trials are independent: their noise has the replicas'
     correlation, a triangle that ends at one chip (a narrow filter draws it out a little). If there is a signal, only
     taps more than a chip before the line of sight and any spoofing signal are counted: they hold none of them, nor
-    rays, which come later.
+    reflections, which come later.
     """
     apart = E6_CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))

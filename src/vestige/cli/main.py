@@ -108,7 +108,8 @@ def main(arguments: list[str] | None = None) -> None:
         echo(*text.getvalue().rstrip("\n").split("\n"), err=True)
         sys.exit(error.exit_code)
     except click.Abort as abort:
-        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of a write that was cut off; the notes say it
+        # it logs a write that was cut off, which the notes report
+        logging.getLogger("asyncio").setLevel(logging.CRITICAL)
         echo(f"interrupted{_notes(abort.__cause__)}", err=True)
         sys.exit(130)
     except VestigeError as error:

@@ -1,6 +1,6 @@
 """Options that state what a receiver expects: usual power and C/N0, errors of E1 ranges, and false alarms a day.
 
-A power or a C/N0 that is not stated is learned from the first quiet RECS.
+A power or a C/N0 that is not stated is learned from the first RECS without an alarm.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from vestige.records import Band, SampleBatch
 from vestige.time import GalileoTime
 
 OBSERVATION_NAMES = re.compile(r".*\.(rnx|obs|csv|\d\do|crx|\d\dd)", re.IGNORECASE)
-SAMPLE_TOLERANCE = 1e-3  # of a sampling interval: a time that is this near to a sample is that sample's
+SAMPLE_TOLERANCE = 1e-3  # share of a sampling interval: a time that is this near to a sample is that sample's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,7 +30,7 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_time_uncertainty
 
-MARGIN_S = 1e-3  # of E6 samples on both sides: hardware bias, taps, error of the observation
+MARGIN_S = 1e-3  # duration of E6 samples on both sides: hardware bias, taps, error of the observation
 ALL_SVIDS = range(1, MAX_SVID + 1)
 
 
@@ -52,7 +52,7 @@ class RecordingSource:
     tracked
         Observations that the receiver has tracked in the E1 samples, in place of an observation file; None without.
     time_uncertainty_s
-        Bound on the receiver clock's error, in place of the recording's own.
+        Upper limit of the receiver clock's error, in place of the recording's own.
     time_tag_error_s
         Error of the samples' time tag in s, positive if it is late, from the message or `time_tag_search`. It decides
         where in the recording a RECS is, and resolves the multiple of 100 ms that 100 ms of E1 leave open.

@@ -222,7 +222,7 @@ class Snapshot:
         Receiver-clock time at which the last E6 sample of the snapshot ends, never before its time tag; the
         delayed-disclosure rule looks at this and at the window that is correlated.
     time_uncertainty_s
-        Bound on the error of the receiver's clock against Galileo System Time, in s; infinite if it is not known.
+        Upper limit of the error of the receiver's clock against Galileo System Time, in s; infinite if it is not known.
     observations
         E1 observations by SVID, with Doppler and its rate.
     recs

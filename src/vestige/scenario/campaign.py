@@ -103,7 +103,8 @@ class ReceiverTable(Section):
     cn0_dbhz, cn0_e1_dbhz
         C/N0 of E6-C alone and of E1-C alone.
     signal
-        Whether E6-C is on air at all; without it, neither line of sight nor rays, every detection is a false alarm.
+        Whether E6-C is on air at all; without it, neither line of sight nor reflections, every detection is a false
+        alarm.
     time_uncertainty_s
         Error of its clock that the receiver believes possible, in s.
     clock_offset_s
@@ -113,7 +114,7 @@ class ReceiverTable(Section):
         How long a signal on E1 has to be there until a receiver that lost lock, or was restarted, tracks it. Until then
         E1 has no measurements.
     e1_multipath
-        Whether the rays disturb E1 too.
+        Whether the reflections disturb E1 too.
     accelerometers
         Accelerometers of a receiver under a sky, for the inertial check.
     """

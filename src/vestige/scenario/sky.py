@@ -230,7 +230,8 @@ class PositionTable(Section):
     ionosphere_common
         Share of its variance that the receiver believes all satellites to have in common: in the covariance of the fix.
     multipath_sigma_m
-        Standard deviation of multipath in m at 16° elevation; it follows the power of the rays at other elevations.
+        Standard deviation of multipath in m at 16° elevation; it follows the power of the reflections at other
+        elevations.
     floor_sigma_m
         Standard deviation of all other errors in m.
     p_fa

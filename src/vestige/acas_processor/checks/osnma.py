@@ -32,7 +32,7 @@ from vestige.records.checks import CheckName, CheckSeries
 class _LossMonitor(Monitor):
     """Whether no more is missing than reception loses; the test keeps below its P_fa."""
 
-    loss_probability: float = 0.02  # of one trial without an attack
+    loss_probability: float = 0.02  # probability of a loss in one trial without an attack
     p_fa: float = 1e-5
 
     def threshold(self, trials: int) -> int:
@@ -78,7 +78,7 @@ class OsnmaAgreementMonitor:
     name: ClassVar = CheckName.OSNMA_AGREEMENT
     unit: ClassVar = "fields"
 
-    p_fa: float = 2.0**-24  # of one field: CRC-24 passes a damaged page
+    p_fa: float = 2.0**-24  # probability that one field fails: CRC-24 passes a damaged page
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block; it is made at the end of each subframe."""

@@ -62,7 +62,7 @@ def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMem
 class _Pieces(NamedTuple):
     """Pieces of one subframe that follow each other, with the bits of all of them."""
 
-    start: int  # of the subframe
+    start: int  # start of the subframe
     epoch: int  # row of the last piece
     last: bool  # whether that ends the subframe
     # a number of bits for each satellite

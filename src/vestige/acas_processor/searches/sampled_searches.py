@@ -74,11 +74,11 @@ class SatelliteSearch:
 class E1VestigialSearch:
     """All signals on E1, handed over to E6."""
 
-    p_fa: float = 1e-3  # of one snapshot, for E1 and for E6 each
-    # of `search_e1`
+    p_fa: float = 1e-3  # false-alarm probability of one snapshot, for E1 and for E6 each
+    # arguments of `search_e1`
     doppler_span_hz: float = 5000.0
     periods: int = 24
-    taps: int = 5  # of `search_handover`
+    taps: int = 5  # correlators of `search_handover`
     # as `AcasProcessor` has them
     cipher_mode: CipherMode = CipherMode.CBC
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
@@ -172,7 +172,7 @@ class E1VestigialSearch:
 class E6ExhaustiveSearch:
     """Every half chip and Doppler bin of E6."""
 
-    p_fa: float = 1e-3  # of one snapshot
+    p_fa: float = 1e-3  # false-alarm probability of one snapshot
     # integration time, Doppler span, engine, workers
     how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
     # how far before and after the place where E1 expects the RECS to look; None for all of the time uncertainty
@@ -331,7 +331,7 @@ def _proof(
 ) -> ReceptionProof:
     """Return which arrivals of a RECS in a snapshot are provably from before the disclosure of its key.
 
-    The labels of the samples follow E1, and with it a spoofer; `received_at` does not.
+    The time tags of the samples follow E1, and with it a spoofer; `received_at` does not.
     """
     proof = reception_proof(assistance, code, uncertainty.at(snapshot.received_at))
     behind_s = 0.0 if snapshot.e6 is None else max(snapshot.received_at - snapshot.e6.received_until, 0.0)

@@ -142,7 +142,7 @@ def osnma_columns(snapshots: SnapshotBlock, pages: PagesReceived) -> dict[str, n
 class Judged:
     """A campaign whose columns are judged."""
 
-    scenario: CampaignScenario | StoredScenario  # of the campaign, or as its results hold it
+    scenario: CampaignScenario | StoredScenario  # the campaign's scenario, or the one that its results hold
     processor: AcasProcessor
     svids: tuple[int, ...]
 

@@ -79,7 +79,7 @@ class Row:
     epochs: int
     detections: Mapping[str, Proportion]  # for each detector. Without a signal, banks with a false alarm.
     p_d_theory: float  # Marcum Q on a tap; NaN without signal
-    false_alarms: Proportion  # of single taps, on noise alone
+    false_alarms: Proportion  # share of single taps, on noise alone
     level: int
     # what came of it at that level, from the first start of an attack to the last stop; None without an attack at
     # level 1 without checks of the user's, and of a campaign that was ended early.

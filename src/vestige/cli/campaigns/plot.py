@@ -24,10 +24,10 @@ class FigureKind:
     """A figure: what it shows, and which options choose something in it."""
 
     help: str
-    of_sweep: bool = False  # of several campaigns, or a table, in place of one campaign
-    of_attack: bool = False  # of a campaign with an attack
-    of_threats: bool = False  # of the folder that `vestige threats` writes
-    of_sky: bool = False  # of a campaign with a constellation; shows all its satellites
+    of_sweep: bool = False  # figure of several campaigns, or a table, in place of one campaign
+    of_attack: bool = False  # figure of a campaign with an attack
+    of_threats: bool = False  # figure of the folder that `vestige threats` writes
+    of_sky: bool = False  # figure of a campaign with a constellation; shows all its satellites
     with_detector: bool = True
     compared: bool = False  # drawn for each detector if there is an attack, which they see differently
     formats: tuple[str, ...] = FORMATS

@@ -20,7 +20,7 @@ from vestige.threats.scenes import LEVEL_NUMBERS, Threat
 from vestige.threats.table import statistics_of
 
 _LONG = 1e6
-WIDTH = 196  # of the table at least: on a narrower terminal lines wrap, and nothing is cut off
+WIDTH = 196  # width of the table at least: on a narrower terminal lines wrap, and nothing is cut off
 _STYLES = {Agreement.DIFFERS: "bold red", Agreement.UNDECIDED: "yellow", Agreement.AGREES: "green"}
 
 

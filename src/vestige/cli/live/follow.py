@@ -277,7 +277,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
     searchable = options["level"] != "1"
     if searchable and math.isinf(around_s):
         raise VestigeError(
-            f"{description.path}: time uncertainty: found none, expected a bound on the clock's error to search in "
+            f"{description.path}: time uncertainty: found none, expected an upper limit of the clock's error "
             "(--time-uncertainty)"
         )
     tracking = live_tracking(description, options, warn)

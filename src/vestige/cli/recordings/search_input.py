@@ -66,7 +66,7 @@ def decrypted_recs(
 
 
 def clock_bound_s(recording: Recording, uncertainty_s: float | None) -> float:
-    """Return the bound on the clock's error; says what follows if there is none."""
+    """Return the upper limit of the clock's error; says what follows if there is none."""
     around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
     if math.isinf(around_s):
         warn(

@@ -23,7 +23,7 @@ class SignatureScheme:
     curve_name: str
     curve: ec.EllipticCurve
     hash: hashes.HashAlgorithm
-    coordinate_bytes: int  # of a coordinate of the curve
+    coordinate_bytes: int  # size of a coordinate of the curve
 
     @property
     def point_bytes(self) -> int:

@@ -303,7 +303,7 @@ class OsnmaReceiver:
     def _withhold(self, key: ValidatedKey, reason: str) -> None:
         time = key.time.gst_seconds
         self._withheld.setdefault(time, WithheldKey(time=key.time, chain_id=key.chain_id, data=key.data, reason=reason))
-        self._keys.pop(time, None)  # of the same subframe, when a recording is read twice
+        self._keys.pop(time, None)  # the key of the same subframe, when a recording is read twice
         self._problems.report_once(ProblemKind.STATUS, key.time, f"{reason}: keys are withheld")
 
     def _withdraw(self) -> None:

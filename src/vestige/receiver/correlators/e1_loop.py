@@ -31,7 +31,7 @@ loops on samples do the same, since they do not look for side peaks either. Both
 spacing before the side peak: 16 m here, where d is 0.1 chip; 11 m on samples of 12.3 MHz, where it is 0.166.
 
 Not modelled: the carrier loop (Doppler is that of the strongest signal in the prompt correlator), the loop's own
-dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
+dynamics, and reflections, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
 (`sample_processor.tracking`) agree on who captures the code as long as the spoofing signal has the carrier frequency of
 the true signal. One whose Doppler fits its pull-off, and steps by more than the carrier loop's bandwidth, does not
 capture them: they stay with the true signal (210 Hz), or lose both in the beat and acquire the stronger one (26 Hz).

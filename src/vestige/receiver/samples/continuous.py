@@ -11,7 +11,7 @@ recording goes through all epochs in one piece:
 
 In the middle of the reception of the chips that are sent at an epoch, everything is what the epoch says, and changes
 slowly. From there it goes over into the next epoch's without a step: delays and strengths along half a cosine, the
-phase of a ray along the cubic that begins and ends with the Dopplers of its epochs. So a RECS meets the signal of
+phase of a path along the cubic that begins and ends with the Dopplers of its epochs. So a RECS meets the signal of
 `Simulation.snapshot`, but for carrier phase and micrometres, and a tracking loop meets a channel.
 """
 
@@ -39,7 +39,7 @@ class ContinuousTruth:
 
     line_of_sight: RangeHistory
     truth: TruthBlock  # at the epochs, at least two, and beyond the times that are asked for
-    e1_multipath: bool  # whether the rays are in E1 too
+    e1_multipath: bool  # whether the reflections are in E1 too
     # delay of E6 against E1 beyond the truth's residuals, which the receiver is told of, in m
     group_delay_m: float = 0.0
     atmosphere: AtmosphericDelay | None = None  # whose troposphere is in P(t); None for none
@@ -133,9 +133,9 @@ class ContinuousPropagation:
     band: Band
     truth: ContinuousTruth
     received_s: Float[np.ndarray, " n"]  # when the first chip of each epoch arrives
-    duration_s: float  # of a RECS
+    duration_s: float  # duration of a RECS
 
-    # of all epochs, once: a recording asks for the propagation a hundred times a second
+    # computed once for all epochs: a recording asks for the propagation a hundred times a second
 
     @cached_property
     def _knots_s(self) -> Float[np.ndarray, " n"]:
@@ -178,7 +178,7 @@ class ContinuousPropagation:
     def _rays(
         self, left: int, u: float, beyond: float, span_s: float, share: float
     ) -> dict[str, Float[np.ndarray, " k"]]:
-        """Return the rays between knot `left` and the next one at the part `u` of the way, or `beyond` the ends."""
+        """Return the paths between knot `left` and the next one at the part `u` of the way, or `beyond` the ends."""
         rays, e1 = self.truth.truth.rays, self.band is Band.E1
         if e1 and not self.truth.e1_multipath:
             nothing = np.zeros(0)

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-With h the filter's taps at the input rate f_i and Λ the triangle of rectangular chips, a correlator x away from a ray
+With h the filter's taps at the input rate f_i and Λ the triangle of rectangular chips, a correlator x away from a path
 of unit amplitude, and the covariance of the noise in two correlators δ apart, are
 
     R_h(x) = Σ_k h_k Λ(k/f_i − x) / Σ h

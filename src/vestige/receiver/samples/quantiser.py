@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 from scipy.special import ndtr
 
-_ORDERS = 60  # of Hermite polynomials; what follows them is below 1e-3 up to |ρ| = 0.9
+_ORDERS = 60  # orders of Hermite polynomials; what follows them is below 1e-3 up to |ρ| = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -59,7 +59,7 @@ class KnownSearches:
     """Searches of which it is known what they would find."""
 
     finds: SearchFinds
-    start: GalileoTime  # of the scenario
+    start: GalileoTime  # start of the scenario
     recs: RecsBlock  # RECS and keys of the block
 
     def e1(self, request: SearchRequest) -> SearchBlock:

@@ -73,7 +73,7 @@ class Following:
     folder: GrowingAssistance
     second: GrowingAssistance | None = None  # folder of OSNMA keys of the second channel
     accelerations: GrowingAccelerations | None = None  # file of inertial sensors
-    time_uncertainty_s: float  # bound on the receiver clock's error
+    time_uncertainty_s: float  # upper limit of the receiver clock's error
     searchable: bool  # as `RecordingSource`, and the next
     cn0_estimator: str = NOISE_FLOOR
     hardware_bias_s: float | None = None  # delay of E6 minus E1 in the receiver, in place of that of the folder

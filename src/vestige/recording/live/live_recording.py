@@ -32,7 +32,7 @@ from vestige.time import GalileoTime
 
 BEFORE_S = SEGMENT_WINDOW_S - TRAVEL_TIME_S[0] + 0.1
 AFTER_S = SEGMENT_WINDOW_S + TRAVEL_TIME_S[1] + E1_WINDOW_S + 0.1
-OBSERVED_BEFORE_S = 2.0  # of observations that are kept before a RECS, whose epochs around it are interpolated
+OBSERVED_BEFORE_S = 2.0  # duration of observations that are kept before a RECS, whose epochs around it are interpolated
 MOVED_S = 0.1  # by which windows that are kept may still move, when a message tells the error of the time tag
 ROOM = 1.5  # windows that a buffer has to hold at least
 
@@ -98,7 +98,7 @@ class LiveRecording:
         self._clock_s: tuple[float, float] | None = None  # by how much earlier and later the latest observations are
         self._seen: tuple[int, ...] = ()
         self._told_held_up: set[Band] = set()
-        self._kept_error_s: float | None = None  # of the time tag, when it was first known
+        self._kept_error_s: float | None = None  # error of the time tag, when it was first known
         self.n_dropped, self.full = 0, False
         self._look()
         self._tagged_start = SampleReader(

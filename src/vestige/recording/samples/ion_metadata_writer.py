@@ -1,7 +1,7 @@
 """ION GNSS SDR Metadata, revision 1.0 [IONSDR], of a recording that is there: one `.sdrx` file beside its samples.
 
 Names and units have the form of the working group's library, which other programs read with; `ion_metadata` reads it
-back. What the standard has no place for is lost: the sample counter and the bound on the clock's error.
+back. What the standard has no place for is lost: the sample counter and the upper limit of the clock's error.
 """
 
 from __future__ import annotations

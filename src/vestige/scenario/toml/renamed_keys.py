@@ -7,7 +7,7 @@ from typing import Any
 
 from vestige.errors import VestigeWarning
 
-NEW_NAMES = {"own_data": "forged_nav_data"}  # of version 0.1
+NEW_NAMES = {"own_data": "forged_nav_data"}  # by the names of version 0.1
 
 
 def with_new_names(value: Any) -> Any:

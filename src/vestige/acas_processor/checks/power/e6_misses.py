@@ -51,7 +51,7 @@ class MissPrediction:
 
     min_pd: float = MIN_PD  # smallest predicted probability of detection with which a missing signal means anything
     detection_p_fa: float = 1e-7  # false-alarm probability of the detection in one correlator
-    ray_power_db: float = -15.8  # mean power of all rays over the direct signal
+    ray_power_db: float = -15.8  # mean power of all reflections over the direct signal
     e6_over_e1_db: float = 0.0  # expected C/N0 of E6 over that of E1
 
     def counting(self, measured: MeasurementBlock) -> Bool[np.ndarray, "n m"]:

@@ -24,7 +24,7 @@ PAGE_SYMBOLS = 2 * HALF_SYMBOLS
 
 _GENERATORS = (0o171, 0o133)  # the most significant bit is the tap of the newest bit [OS-ICD, 4.1.4.1]
 _MEMORY = 6
-_ROWS = 8  # of the interleaver: written column by column, read row by row [OS-ICD, 4.1.4.2]
+_ROWS = 8  # rows of the interleaver: written column by column, read row by row [OS-ICD, 4.1.4.2]
 
 
 def _register_signs() -> Float[np.ndarray, "128 2"]:
