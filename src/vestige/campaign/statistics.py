@@ -1,9 +1,9 @@
 """Counts of a campaign and how sure they are.
 
-Every probability is estimated from k successes in n independent trials, with the exact interval of Clopper and Pearson
-(Biometrika 26, 1934, 404–413) and the two-sided test that belongs to it: the test rejects p at level α exactly if p
-lies outside the interval of confidence 1 − α, so the two never disagree. Independence is the campaign's business:
-epochs that share a slow error (an ionosphere with a time constant of hours) are fewer trials than they look.
+Every probability is estimated from k successes in n independent trials. Its interval is the exact one of Clopper and
+Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects p at level α exactly if p lies outside the interval
+of confidence 1 − α. The campaign has to make trials independent: epochs that share a slow error (an ionosphere with a
+time constant of hours) are fewer trials than they look.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from vestige.cli.terminal import echo, usual_amount, warn, with_common_options
 from vestige.errors import VestigeError, VestigeWarning
 from vestige.own_parts import blamed_on_own_parts
 
-# verb: module of `command` within this room, one line of help
+# verb: module of `command` within this package, one line of help
 VERBS = {
     "demo": ("start.demo", "Show in a minute what vestige does, with every command as you would type it."),
     "init": ("start.init", "Write the scenario files that come with vestige into a folder."),

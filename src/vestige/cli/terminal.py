@@ -26,7 +26,7 @@ class Amount(Enum):
 
 
 class _Terminal(logging.Handler):
-    """What the terminal shows, and the handler of what modules log."""
+    """Amount of text that the terminal shows, and the handler of what modules log."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)

@@ -100,7 +100,7 @@ def inspect_recording(
     check_hash
         Compare sample files with the hashes in their descriptions, which reads all of them.
     signals
-        Look for satellites, and for what is wrong with the description: 10 to 40 s.
+        Look for satellites, and for errors of the description, which takes 10 to 40 s.
     progress
         Called with the step of that, and with the parts of the step that are done and of all.
     """

@@ -14,9 +14,9 @@ segment; M is the number of samples of the segment. So a path of amplitude a at 
 signal [WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w, random signs, gives
 Σ_j w_j y_j, and the mean of its power over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel.
 So one pass over the chips gives what an infinite number of wrong codes would: no reference cell is drawn, none is
-lucky. It holds for coloured noise and interference too. The true signal adds its own E_c/N_0 (−32 dB at 35 dBHz), as
-it does to any wrong code. Estimated from M chips its relative error is 1/√M, 0.35 % for 16 ms: the CFAR loss is
-0.0005 dB.
+lucky. The estimate is also right for coloured noise and interference. The true signal adds its own E_c/N_0 (−32 dB at
+35 dBHz), as it does to any wrong code. Estimated from M chips its relative error is 1/√M, 0.35 % for 16 ms: the CFAR
+loss is 0.0005 dB.
 """
 
 from __future__ import annotations

@@ -348,7 +348,7 @@ class CampaignScenario(Section):
 
     @property
     def own_parts(self) -> tuple[str, ...]:
-        """The parts of the user's, each with the digest of its file: `module:Name@1f2e3d4c5b6a`."""
+        """The user's own parts, each with the digest of its file: `module:Name@1f2e3d4c5b6a`."""
         receiver, processor = self.receiver, self.processor
         models = (receiver.clock, receiver.ionosphere, receiver.multipath, receiver.e1_tracking, receiver.bias)
         kinds = [kind_of(type(one)) for one in (*models, *self.attack) if whose(one) == OWN]

@@ -194,7 +194,7 @@ def _uniform(key: np.uint64) -> float:
 
 
 def _other_uniform(key: np.uint64) -> float:
-    """Return a second number in [0, 1), of the lower half of the key's bits: the first one is of the upper ones."""
+    """Return a second number in [0, 1) from the lower 32 bits of the key; `_uniform` takes the upper bits."""
     return (int(key) & 0xFFFFFFFF) / 2.0**32
 
 

@@ -179,9 +179,9 @@ class Meaconing(CheckedAttack):
     delay_s
         From the fraction of a microsecond of a repeater to seconds of a recorder.
     antenna
-        Where its receiving antenna is. Each satellite's signal is late by the way over this antenna as well, so that
-        whoever follows it finds itself at the antenna [WFO, Sec. II]. It wants a sky. Without one the delay is the same
-        for all satellites, as if the antenna stood beside the victim's.
+        Position of the repeater's receiving antenna. The path over this antenna adds to the delay of each satellite, so
+        a victim computes the position of the antenna [WFO, Sec. II]. An antenna needs a sky. Without one the delay is
+        the same for all satellites, as if the antenna stood beside the victim's.
     power_db
         Relative to the true signal.
     bands

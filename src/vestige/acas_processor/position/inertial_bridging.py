@@ -51,7 +51,7 @@ class RateStep:
 
 
 def rate_steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
-    """Yield the rows of the RECS of a block with what happened until there, or why there is nothing to compare.
+    """Yield each row with a RECS and its rate step, or the reason why rates cannot be compared.
 
     Nothing without inertial sensors.
     """

@@ -1,10 +1,9 @@
 """Sweeps: one campaign for each value of a setting, each as long as its count needs.
 
 A sweep is a folder. Each value has a store of its own, `receiver.cn0_dbhz=28.zarr`, exactly what `run` writes for that
-one scenario: it is resumed, opened and drawn like any other. Beside them stands `sweep.csv`, one row a value, which
-curves are drawn from; it is written anew after each value. If the scenario
-has an attack, a level above 1 or checks of the user, a row also says what came of it, as the threat table does of each
-of its runs (`run_outcome.py`).
+one scenario: it is resumed, opened and drawn like any other. The folder also has `sweep.csv` with a row for each value.
+Curves are drawn from this table; it is written anew after each value. If the scenario has an attack, a level above 1 or
+checks of the user, a row also says what came of it, as the threat table does of each of its runs (`run_outcome.py`).
 
 A value is finished when its scenario's epochs are measured, or earlier, when the interval of its count is narrow
 enough. This rule is evaluated after each chunk in the order of the chunks, so the epochs that count depend neither on

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-With R the autocorrelation and rays of complex amplitude a_i and excess delay τ_i, a correlator that is x later than the
+With R the autocorrelation and reflections of complex amplitude a_i and excess delay τ_i, a correlator x later than the
 line of sight gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where early and late have the same power:
 
     D(x) = |S(x − d/2)|² − |S(x + d/2)|² = 0,    D rising through 0

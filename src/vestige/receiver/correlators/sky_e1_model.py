@@ -151,7 +151,7 @@ def _aligned(svid: int) -> float:
 
 @lru_cache(maxsize=4)
 def strangers_covariance_s(sample_rate_hz: float) -> Float[np.ndarray, "n_taps n_taps"]:
-    """Return A in s, between the correlators.
+    """Return A, the covariance between the correlators by other satellites, in s.
 
     Examples
     --------

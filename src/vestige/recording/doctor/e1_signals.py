@@ -38,7 +38,7 @@ _TRY_STRETCHES = 2  # code periods for one reading: down to some 38 dBHz
 _STRONGER_DB = 0.5  # by which a reading must be better than the one before, which is simpler
 _TRY_BINS = 2  # every second one of the Doppler bins, for half of the time: 1 dB lost on average
 _RATES = 8  # number of usual sampling rates
-_RATE_STRETCHES = 1  # code periods for one sampling rate: down to some 41 dBHz
+_RATE_STRETCHES = 1  # code periods for each sampling rate that is tried; enough above some 41 dBHz
 
 Progress = Callable[[str, int, int], None]
 

@@ -120,7 +120,7 @@ def _satellites(e6: E6Result | None) -> tuple[E6Satellite, ...]:
 
 
 def _e6_files(e6: BandFile, e1: BandFile | None, result: E1Result | None) -> list[BandFile]:
-    """Return the ways to read E6: as described, or those of E1's file if E1 was found in that of E6."""
+    """Return descriptions of E6 to try: the given one, or that of the E1 file if E1 was found in the E6 file."""
     if e1 is None or result is None or result.file.path == e1.path:
         return [e6]
     return [reading.file for reading in swapped_readings(e6, e1)]

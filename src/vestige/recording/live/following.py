@@ -16,8 +16,8 @@ Where E1 is tracked in the samples, the observations, the keys and the time of t
 An epoch waits until a message has told the time. A key that has not come `wait_s` of tracked signal after the samples
 is missing, however fast a file is read.
 
-Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need theirs;
-which samples are there and which may go is answered as of that same look.
+Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need
+samples. Every decision about samples refers to that look.
 
 Nothing in a file says that it is finished. `idle_s` without anything new, or the end of a pipe, does; then what is left
 is handed out as it is, as from a finished recording.

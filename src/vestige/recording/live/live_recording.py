@@ -1,7 +1,7 @@
 """A recording that another process is still writing, as far as it goes: sample files, or pipes.
 
-`look` says what is new, and until the next look everything here is as of that moment. Out of files every window can be
-read at any time. Out of a pipe `keep` says which RECS still need a snapshot; the samples of all others are let go.
+`look` says what is new, and until the next look everything here is as of that moment. Any window of a file can be read
+at any time. For a pipe, `keep` says which RECS still need a snapshot; all other samples are dropped.
 
 Times here are those that are right: where E1 is tracked, a message tells by how much the time tag of the samples is
 late.

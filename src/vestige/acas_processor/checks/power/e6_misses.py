@@ -140,7 +140,7 @@ class E6MissesCheck(Monitor):
 def expected_miss_rate(prediction: MissPrediction, measured: MeasurementBlock) -> float:
     """Return how often a test of `E6PowerCheck` fails without an attack: the mean over its tests in a block.
 
-    A test in which a miss would mean nothing never fails. 0 without tests.
+    A test in which a miss would mean nothing never fails. The result is 0 without tests.
     """
     counting = prediction.counting(measured)
     detected = (measured.detected.tap >= 0) & (measured.availability == Availability.CORRELATED)

@@ -5,7 +5,7 @@ A page is two halves of 120 bits. Each half passes the convolutional code of rat
 synchronisation symbols: 250 symbols in 1 s. The six tail bits bring the encoder back to state 0, so each half is
 decoded for itself.
 
-Soft symbols are positive for a 0 and negative for a 1, as E1-B is modulated. Their scale does not matter.
+Soft symbols are positive for a 0 and negative for a 1, as E1-B is modulated. The scale of soft symbols does not matter.
 """
 
 from __future__ import annotations
