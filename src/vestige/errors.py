@@ -71,8 +71,8 @@ def satellite_names(svids: Iterable[int]) -> str:
 def printable(text: str) -> str:
     """Return `text` with what is not printable as escapes: control and C1 characters, line breaks, bidirectional marks.
 
-    Names and contents of files come from outside. Printed as they are, they can clear a terminal's screen, or show a
-    line that says something else than its characters do.
+    Names and contents of files come from outside. Such text can clear a terminal's screen, or show a line that differs
+    from its characters.
     """
     if text.isprintable():
         return text

@@ -75,7 +75,7 @@ class _Guess:
 def assess(
     processor: AcasProcessor, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData
 ) -> tuple[VerdictBlock, ReceiverState]:
-    """Return what the processor says of a block, and the state for the next one.
+    """Return the verdicts of a block, and the state for the next one.
 
     `state` is that after the block before, None at first; `measured` has at least one epoch.
     """

@@ -361,7 +361,7 @@ def combine(
     available: Bool[np.ndarray, "n m"],
     own: Sequence[CheckSpec] = (),
 ) -> tuple[Int8[np.ndarray, "n m"], Int8[np.ndarray, "n m"]]:
-    """Return what follows for every epoch and satellite, as positions in `Status`, and which check it follows from.
+    """Return the status of every epoch and satellite, as positions in `Status`, and which check it follows from.
 
     `failed` holds the confirmed failures, of each satellite or of the receiver; checks that are not of the level are
     not looked at. `available` says whether steps 1 and 2 were run. `own` are the optional checks and those of the user,

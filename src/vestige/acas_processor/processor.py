@@ -272,7 +272,7 @@ class AcasProcessor:
         return measure(self, block, assistance)
 
     def detect(self, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
-        """Return what the detector says of banks; `correlated` says which of them hold correlations."""
+        """Return the result of the detector for banks; `correlated` says which of them hold correlations."""
         return detect(self, banks, correlated)
 
     def false_alarm_budget(self, block: VerdictBlock) -> Mapping[CheckName | str, AlarmShare]:
@@ -282,5 +282,5 @@ class AcasProcessor:
     def assess(
         self, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData
     ) -> tuple[VerdictBlock, ReceiverState]:
-        """Return what a measured block means, and the state after it."""
+        """Return the verdicts of a measured block, and the state after it."""
         return assess(self, state, measured, assistance)

@@ -141,7 +141,7 @@ def run_outcome(
     limit_m: float,
     position_m: Float[np.ndarray, " n"],
 ) -> RunOutcome:
-    """Return what came of one run at one level.
+    """Return the outcome of one run at one level.
 
     `attacked` says which epochs count, `limit_m` is what the range test allows, κσ, and `position_m` the error of the
     position in use, NaN where there is none.
@@ -207,7 +207,7 @@ def _by_check(found: JudgedRun, attacked: Bool[np.ndarray, " n"]) -> Iterator[tu
 
 
 def outcome_word(detected: bool, mitigated: bool, missed: bool, denied: bool) -> str:
-    """Return what came of an attack in one or two words."""
+    """Return the outcome of an attack in one or two words."""
     if mitigated and (detected or missed):
         return "mitigated late" if missed else "mitigated"
     if missed:
@@ -235,7 +235,7 @@ def worst_of(values: Float[np.ndarray, "..."]) -> float:
 def outcomes_of(
     scenario: CampaignScenario, results: xarray.Dataset, levels: Sequence[int], window_s: tuple[float, float]
 ) -> tuple[RunOutcome, ...]:
-    """Return what came of one campaign in a window of time, a level each.
+    """Return the outcome of one campaign in a window of time, a level each.
 
     The scenario is of a sky, or with a processor of level 2 or 3; at level 1 alone it is any. The window ends before
     its second time.

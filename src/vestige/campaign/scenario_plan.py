@@ -188,7 +188,7 @@ class ScenarioPlan:
         return _Preparation(self._receiver.truth())
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
-        """Return what was measured in the epochs from `first` on, and the truth: all columns but those of `judge`."""
+        """Return the measurements of the epochs from `first` on, and the truth: all columns but those of `judge`."""
         with blamed_on_own_parts():
             return self._measured(first, inputs)
 
@@ -241,7 +241,7 @@ class ScenarioPlan:
         }
 
     def _detections(self, measured: MeasurementBlock) -> dict[str, np.ndarray]:
-        """Return what each detector says of the banks."""
+        """Return the result of each detector for the banks."""
         correlated = measured.availability == Availability.CORRELATED
         found = [
             replace(self._judged.processor, detector=detector()).detect(measured.banks, correlated)

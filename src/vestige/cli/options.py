@@ -168,14 +168,14 @@ def assistance_folder(recording: Path, given: Path | None) -> Path:
 
 
 def cipher_mode(options: Mapping[str, Any]) -> CipherMode:
-    """Return what `--cipher-mode` says."""
+    """Return the value of `--cipher-mode`."""
     from vestige.crypto.recs.recs_segment import CipherMode
 
     return CipherMode(options["cipher_mode"])
 
 
 def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
-    """Return what `--bgd` says."""
+    """Return the value of `--bgd`."""
     from vestige.crypto.recs.group_delay import GroupDelayConvention, GroupDelayScale
 
     text = options["bgd"]

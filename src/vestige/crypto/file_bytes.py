@@ -59,7 +59,7 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def list_folder(folder: Path) -> tuple[Path, ...]:
-    """Return what stands in `folder`, sorted by name.
+    """Return the content of `folder`, sorted by name.
 
     Raises `InputFileError` if it is not a folder or cannot be listed.
     """

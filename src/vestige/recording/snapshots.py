@@ -246,7 +246,7 @@ def e1_window(reader: SampleReader, middle: GalileoTime) -> SampleBatch:
 def svids_in_view(
     recording: Recording, svids: Iterable[int] = ALL_SVIDS, *, progress: Callable[[int, int], None] | None = None
 ) -> dict[int, E1Observation]:
-    """Return what E1 says of `svids` at the start of a recording; {} if there is no E1 in it."""
+    """Return the E1 observations of `svids` at the start of a recording; {} if there is no E1 in it."""
     if recording.observations is not None:
         epoch = next(iter(recording.observations), None)
         return {} if epoch is None else {svid: one for svid, one in epoch.observations.items() if svid in set(svids)}

@@ -272,7 +272,7 @@ class EncryptedSegment:
     key_time
         Start of the 30 s subframe in which the key that decrypts it is transmitted.
     key_delay
-        KDI of the file: 0 the key of the RECS's own subframe, 1 that of the next.
+        KDI of the file: 0 for the key of the RECS's own subframe, 1 for the key of the next.
     random_offset
         RAND of the file; part of the IV.
     """

@@ -55,7 +55,7 @@ class Constellation(Section):
 
     @abstractmethod
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
-        """Return one for each satellite that there is."""
+        """Return the ephemeris of each satellite."""
 
     def _why_missing(self, svid: int) -> str:
         """Return a satellite that has no ephemeris, as the error names it."""
@@ -253,7 +253,7 @@ def satellites_in_view(
 ) -> tuple[ElevationEffects, ...]:
     """Return the satellites that are above the mask at some time of a run, by ascending SVID.
 
-    They are looked for every minute, in long runs less often.
+    The elevation is tested every minute, in long runs less often.
 
     `longest_delay_s` is how far back an attacker's recording reaches.
 

@@ -129,7 +129,7 @@ class SceneOutcome(OutcomeCounts):
 
 
 def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> SceneOutcome:
-    """Return what came of the runs of a scene at one level, and of those without its attack."""
+    """Return the outcome of the runs of a scene at one level, and of those without its attack."""
 
     def share(name: str) -> Proportion:
         return proportion(sum(getattr(run, name) for run in runs), len(runs))

@@ -3,8 +3,9 @@
 An attacker who cannot forge OSNMA can keep it from being received: noise just strong enough for bit errors leaves
 ranging intact and denies keys and tags. Two checks look for that.
 
-**Availability.** Of the last n subframes so many brought no validated key. Without an attack each is lost with a known
-probability p, so the number is binomial, and the threshold is the smallest count that is exceeded with at most P_fa.
+**Availability.** The statistic is the number of the last n subframes without a validated key. Without an attack a
+subframe is lost with a known probability p, so the number is binomial. The threshold is the smallest count that is
+exceeded with at most P_fa.
 
 **Assisted comparison** [WFO, Sec. IV-C]. Keys and tags come from a second channel (the network) too. Fields that are
 missing or damaged count as above, now field by field and so within seconds. A field whose page passed its checksum

@@ -95,7 +95,7 @@ class SecondSignalMonitor(Monitor):
         noise_power: Float[np.ndarray, " n"],
         offsets_m: Float[np.ndarray, " n_taps"],
     ) -> TwoSignals:
-        """Return what two signals explain.
+        """Return the fit of two signals to the correlators.
 
         `noise_power` is the mean squared magnitude of noise in one correlator.
         """
@@ -140,7 +140,7 @@ class SecondSignalMonitor(Monitor):
 
 
 def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> TwoSignals:
-    """Return what two signals explain in every bank of a block; NaN where nothing was correlated."""
+    """Return the fit of two signals in every bank of a block; NaN where nothing was correlated."""
     correlated = measured.availability == Availability.CORRELATED
     banks = measured.banks
     near = monitor.near(banks.offsets_m)

@@ -69,7 +69,7 @@ def rate_steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
 
 
 def remembered_rates(evidence: Evidence) -> RateMemory | None:
-    """Return what the next block needs."""
+    """Return the memory for the next block."""
     snapshots = evidence.measured.snapshots
     after = int(np.max(np.flatnonzero(snapshots.recs), initial=-1)) + 1
     last = _left_behind(evidence, after - 1) if after and snapshots.increments is not None else evidence.rates

@@ -135,7 +135,7 @@ def known_positions(
 ) -> KnownPositions:
     """Return where the receiver may be at each epoch: near the last fix before it, or near the position that is stated.
 
-    Of the two it is the one with the smaller reach.
+    If both are known, the position with the smaller reach is returned.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ class E1VestigialSearch:
     def search(
         self, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
     ) -> tuple[SatelliteSearch, ...]:
-        """Return what there is of every satellite with a RECS; without E6 or a key E1 alone decides.
+        """Return the findings for every satellite with a RECS; without E6 or a key E1 alone decides.
 
         The hand-over is made of satellites with more than one signal on E1 and, before the first authentic fix, of all:
         then a signal may be the right one at the wrong time.
@@ -191,7 +191,7 @@ class E6ExhaustiveSearch:
         *,
         expected: Mapping[int, GalileoTime] | None = None,
     ) -> tuple[SatelliteSearch, ...]:
-        """Return what there is of every satellite with a RECS.
+        """Return the findings for every satellite with a RECS.
 
         Samples `e6` stand in place of those of the snapshot: a file that is too long for one. `expected` says where E1
         puts the RECS of a satellite, for `around_s`; satellites without are not searched then.
@@ -268,7 +268,7 @@ def _not_run(svid: int, why: str) -> SatelliteSearch:
 def _of_decision(
     svid: int, decision: VestigialDecision | None, codes: tuple[ChipSequence, ...], sent: Mapping[int, GalileoTime]
 ) -> SatelliteSearch:
-    """Return what an exhaustive search says of one satellite."""
+    """Return the result of an exhaustive search for one satellite."""
     if decision is None:
         why = "the E6 samples do not hold the RECS anywhere in the time uncertainty"
         return _not_run(svid, why if codes else "no RECS of this satellite, or no key that proves anything")

@@ -219,7 +219,7 @@ def _cells(row: Row) -> dict[str, object]:
 
 
 def _outcome_cells(row: Row) -> dict[str, object]:
-    """Return what came of an attack, or of a level above 1, under the names that `threats.csv` has."""
+    """Return the outcome of an attack, or of a level above 1, under the names that `threats.csv` has."""
     found = row.outcome
     if found is None:
         return {}

@@ -189,7 +189,7 @@ def _bounds(found: SceneOutcome) -> str:
 
 
 def expectations_text(threats: Sequence[Threat], level: int) -> str:
-    """Return what is expected of a level, and why."""
+    """Return the expected outcomes at a level, with reasons."""
     table = Table(title=f"Mitigation level {level}: expected", box=SIMPLE_HEAD)
     for name in ("", "attack", "expected", "by", "source"):
         table.add_column(name, overflow="fold")

@@ -323,7 +323,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
 
 
 def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> dict[str, str]:
-    """Return what the verdicts depend on, in words."""
+    """Return the settings on which the verdicts depend, in words."""
     from vestige import __version__
     from vestige.recording.exact_time import exact_gst
 

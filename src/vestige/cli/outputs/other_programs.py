@@ -125,7 +125,7 @@ def _file(path: Path, stack: ExitStack, *, replace: bool) -> Callable[[GalileoTi
 
 
 def _nmea_on_stdout(stack: ExitStack) -> Callable[[GalileoTime, AuthenticPosition | None], None]:
-    """Return what writes NMEA to standard output; all else goes to standard error then."""
+    """Return a function that writes NMEA to standard output; all other output then goes to standard error."""
     from vestige.recording.outputs.position_file import POSITION_FORMATS
 
     stream = sys.stdout

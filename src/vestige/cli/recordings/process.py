@@ -227,7 +227,7 @@ def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
 
 
 def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording | None:
-    """Return what tracking makes of E1, None if observations are given, or there is too little to track."""
+    """Return the result of tracking E1, None if observations are given, or there is too little to track."""
     from vestige.cli.progress import progress
     from vestige.recording.tracked.track_recording import MIN_TRACKED_S, track_recording
 

@@ -120,7 +120,7 @@ def _check_duration(path: Path, tracked: TrackedRecording, duration_s: float) ->
 
 
 def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedRecording, int, float]:
-    """Return what tracking makes of a recording, the number of its samples of E1, and their rate in Hz."""
+    """Return the result of tracking a recording, the number of its samples of E1, and their rate in Hz."""
     from vestige.cli.progress import progress
     from vestige.recording.recording import open_recording
     from vestige.recording.tracked.track_recording import track_recording

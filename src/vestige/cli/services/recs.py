@@ -124,7 +124,7 @@ def decrypt_command(
 
 
 def _describe(file: RecsFile) -> dict[str, Any]:
-    """Return what a file says, as JSON has it."""
+    """Return the content of a RECS file as JSON."""
     from vestige.crypto.recs.recs_segment import LENGTHS
 
     length = LENGTHS[file.n_chip_code]

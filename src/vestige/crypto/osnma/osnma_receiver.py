@@ -374,7 +374,7 @@ class OsnmaReceiver:
 def verify_pages(
     pages: Iterable[InavPage], public_keys: Sequence[PublicKey], tree: MerkleTree | None = None
 ) -> OsnmaReport:
-    """Return what OSNMA proves of a finite stretch of pages; see `OsnmaReceiver` for the parameters."""
+    """Return the OSNMA report on a finite series of pages; see `OsnmaReceiver` for the parameters."""
     return OsnmaReceiver(public_keys, tree).process_all(pages)
 
 

@@ -65,7 +65,7 @@ class SignatureName:
 
 
 def parse_signature_name(name: str) -> SignatureName | None:
-    """Return what a signature's file name says, or None if it is no such name."""
+    """Return the fields of a signature's file name, or None if it is no such name."""
     match = _NAME.fullmatch(name)
     if match is None:
         return None

@@ -50,7 +50,7 @@ def write_animation(
     VestigeError
         If the results lack the satellite.
     ValueError
-        If the suffix is another one.
+        If the suffix of `path` is not `.gif`.
     """
     if Path(path).suffix.lower() != ".gif":
         raise ValueError(f"{path}: an animation is a .gif")

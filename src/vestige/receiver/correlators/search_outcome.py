@@ -147,7 +147,7 @@ def search_outcome(
     p_fa: float = SEARCH_P_FA,
     clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
-    """Return what the searches find in the epochs from `first` on; independent of the cut.
+    """Return the results of the searches in the epochs from `first` on; independent of the cut.
 
     C/N0 are those of undisturbed pilots, before what the elevation makes of them; `p_fa` is of each search (`outcome`).
     `clock_offset_s` is the error of the receiver's clock.
@@ -182,7 +182,7 @@ def outcome(
     periods: int = MAX_STRETCHES,
     clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
-    """Return what the searches find.
+    """Return the results of the searches.
 
     `shift_m` is by how much E6 is later than E1 in truth and not in the prediction. `e1_p_fa` is of one search of one
     satellite on E1 and at the hand-over each, `exhaustive_p_fa` of all E6, `window_s` the time uncertainty either way

@@ -77,7 +77,7 @@ def is_tracked(simulation: Simulation, truth: TruthBlock) -> Bool[np.ndarray, " 
 
 
 def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple[E1Block, FrontEndBlock | None]:
-    """Return what E1 tracking and the front end of E1 say; without correlators there is no power either.
+    """Return the data of E1 tracking and of the E1 front end; without correlators there is no power either.
 
     `with_taps` says whether E1 is tracked between two RECS.
     """

@@ -132,7 +132,7 @@ def _head_is_usable(file: BandFile) -> bool:
 
 
 def _equal_or_broken(reader: SampleReader) -> Iterator[Finding]:
-    """Yield what is wrong with the values at the beginning, in the middle and at the end."""
+    """Yield the faults of the values at the beginning, in the middle and at the end."""
     name, band, rate = reader.file.path.name, reader.band, reader.file.sample_rate_hz
     count = min(max(round(_LOOKED_AT_S * rate), 1), reader.n_samples)
     firsts = (reader.first_sample, (reader.first_sample + reader.end_sample - count) // 2, reader.end_sample - count)

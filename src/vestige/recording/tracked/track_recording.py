@@ -58,7 +58,7 @@ def track_recording(
     workers: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> TrackedRecording:
-    """Return what tracking makes of E1 of a recording.
+    """Return the result of tracking E1 of a recording.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def track_batches(
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> TrackedRecording:
-    """Return what tracking makes of E1 samples that come in pieces, out of a pipe for example.
+    """Return the result of tracking E1 samples that come in pieces, out of a pipe for example.
 
     Parameters
     ----------

@@ -118,7 +118,7 @@ def _copy(value: Any) -> Any:
 
 
 def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> Any:
-    """Return what the tables describe, or raise the first thing that is wrong with its place.
+    """Return the object that the tables describe, or raise the first thing that is wrong with its place.
 
     A number is a number only, neither a text nor a truth value that could be taken for one. TOML has lists and tables
     where the models have tuples and objects, as JSON has: hence the detour.
