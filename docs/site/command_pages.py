@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import os
 import re
@@ -88,8 +87,8 @@ def examples(verb: str) -> str:
 def pages() -> dict[str, str]:
     """Return the pages of the command reference by their place in the staged tree."""
     found = {}
-    for verb, (module, _) in VERBS.items():
-        command = importlib.import_module(f"vestige.cli.{module}").command
+    for verb in VERBS:
+        command = vestige.get_command(click.Context(vestige), verb)
         found[f"reference/commands/{verb}.md"] = command_text(["vestige", verb], command) + "\n" + examples(verb)
     rows = [f"[`vestige {verb}`](commands/{verb}.md)\n: {escaped(line)}" for verb, (_, line) in VERBS.items()]
     tree = "\n".join(f"commands/{verb}" for verb in VERBS)

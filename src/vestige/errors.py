@@ -51,7 +51,7 @@ class InputFileError(VestigeError):
         self.path, self.place, self.found, self.expected = Path(path), place, found, expected
 
     def __reduce__(self) -> tuple[type[InputFileError], tuple[Path, str, object, object]]:
-        """Return what makes it again: a worker process hands its errors back pickled."""
+        """Return the class and its arguments for pickle: a worker process hands its errors back pickled."""
         return type(self), (self.path, self.place, self.found, self.expected)
 
 
@@ -71,8 +71,8 @@ def satellite_names(svids: Iterable[int]) -> str:
 def printable(text: str) -> str:
     """Return `text` with what is not printable as escapes: control and C1 characters, line breaks, bidirectional marks.
 
-    Names and contents of files come from outside. Printed as they are, they can clear a terminal's screen, or show a
-    line that says something else than its characters do.
+    Names and contents of files come from outside. Such text can clear a terminal's screen, or show a line that differs
+    from its characters.
     """
     if text.isprintable():
         return text

@@ -23,7 +23,7 @@ from typing import Any
 
 from vestige.errors import VestigeError
 
-DIGITS = 12  # of a digest
+DIGITS = 12  # digits of a digest
 _KIND = re.compile(r"(?P<module>[A-Za-z_]\w*(\.[A-Za-z_]\w*)*):(?P<name>[A-Za-z_]\w*)", re.ASCII)
 _folders: list[Path] = []
 _digests: dict[str, str] = {}
@@ -45,7 +45,7 @@ class OwnPartError(VestigeError):
         self.kind, self.found, self.expected = kind, found, expected
 
     def __reduce__(self) -> tuple[type[OwnPartError], tuple[str, str, str]]:
-        """Return what makes it again: a worker process hands its errors back pickled."""
+        """Return the class and its arguments for pickle: a worker process hands its errors back pickled."""
         return type(self), (self.kind, self.found, self.expected)
 
 
@@ -133,7 +133,7 @@ def made(kind: str, cls: Any, **settings: int) -> Any:
     try:
         with blamed_on_own_parts():
             return cls(**settings)
-    except TypeError as error:  # of the call itself: there is no line of the user's in it
+    except TypeError as error:  # the call itself failed, before any line of the user's class
         how = ", ".join(f"{name}={value}" for name, value in settings.items())
         raise OwnPartError(
             kind, f"{type(error).__name__}: {error}", f"a class that {cls.__name__}({how}) makes"

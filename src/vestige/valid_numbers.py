@@ -26,7 +26,7 @@ def require_finite_if_known(owner: str, **values: float) -> None:
 
 
 def require_time_uncertainty(seconds: float) -> None:
-    """Check a bound on a clock's error: 0 s or more, infinite if it is not known.
+    """Check an upper limit of a clock's error: 0 s or more, infinite if it is not known.
 
     Raises
     ------
@@ -35,5 +35,5 @@ def require_time_uncertainty(seconds: float) -> None:
     """
     if not seconds >= 0:
         raise VestigeError(
-            f"time uncertainty: found {seconds} s, expected 0 s or more, or infinity if the bound is not known"
+            f"time uncertainty: found {seconds} s, expected 0 s or more, or infinity if the limit is not known"
         )

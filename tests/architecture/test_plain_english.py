@@ -11,7 +11,9 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import io
 import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -25,6 +27,10 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "src" / "vestige"
 OPENERS = ("Of", "That", "Whose", "What", "As", "By", "In")
 NO_SUBJECT = ("Of", "Whose", "That", "As", "What", "Where", "Why", "How", "Which")
+# The field says reflection or path, step, spoofing signal, received and inverted
+HOUSE_WORDS = ("rays?", "treads?", "counterfeits?", "hears?", "heard", "turned round")
+STILL_OF = ("sample_processor/tracking/", "sample_processor/search/engines/", "theory/")
+HOUSE_WORD = re.compile(rf"\b({'|'.join(HOUSE_WORDS)})\b", re.IGNORECASE)
 _ENTRY = re.compile(r"^ {4}[a-z_][\w, ]*\n {8}(\w+) (.*)", re.MULTILINE)
 
 
@@ -80,6 +86,44 @@ def test_docstrings_begin_with_their_subject() -> None:
 def test_a_public_name_begins_with_its_subject(name: str) -> None:
     words = (inspect.getdoc(getattr(vestige, name)) or "").split()
     assert words[0] not in (*OPENERS, "Where", "Why", "How", "Which", "From"), name
+
+
+def prose(text: str) -> Iterator[str]:
+    """Yield docstrings and comments of a Python file, `code` emptied and without the lines of examples."""
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    docstrings = (ast.get_docstring(node) for node in ast.walk(ast.parse(text)) if isinstance(node, documented))
+    lines = [line for one in docstrings for line in (one or "").split("\n") if ">>>" not in line]
+    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+    lines += [token.string for token in tokens if token.type == tokenize.COMMENT]
+    yield from (re.sub(r"`[^`]*`", "``", line) for line in lines)
+
+
+def house_words(text: str) -> list[str]:
+    """Return the lines of prose with a word of `HOUSE_WORDS`."""
+    return [line for line in prose(text) if HOUSE_WORD.search(line)]
+
+
+def comments_without_subject(text: str) -> list[str]:
+    """Return the comments that begin with "of": `x = 1  # of a satellite`."""
+    return [line for line in prose(text) if re.match(r"#+ *of ", line)]
+
+
+def test_prose_has_the_words_of_the_field() -> None:
+    found = {
+        str(path.relative_to(SOURCE)): house_words(path.read_text(encoding="utf-8")) for path in SOURCE.rglob("*.py")
+    }
+    assert {path: lines for path, lines in found.items() if lines} == {}
+    assert house_words('"""Two rays, `rays`."""\nray_db = 1  # one path') == ["Two rays, ``."]
+
+
+def test_comments_name_their_subject() -> None:
+    """The comments of `STILL_OF` are not mended yet."""
+    paths = [path for path in SOURCE.rglob("*.py") if not path.relative_to(SOURCE).as_posix().startswith(STILL_OF)]
+    found = {
+        str(path.relative_to(SOURCE)): comments_without_subject(path.read_text(encoding="utf-8")) for path in paths
+    }
+    assert {path: lines for path, lines in found.items() if lines} == {}
+    assert comments_without_subject("x = 1  # of a satellite\ny = 2  # share of it") == ["# of a satellite"]
 
 
 def test_no_sentence_begins_with_of_or_whose() -> None:

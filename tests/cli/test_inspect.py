@@ -42,7 +42,7 @@ def test_text(folder: Path) -> None:
         "recording described by recording.toml, clock right to ±1 s",
         "E6  l6.bin: int8 I,Q, 12 Msps, 0.0001 s",
         "2021-11-25T00:40:18.000 GST",
-        "0 Hz is 1278.75 MHz, spectrum turned round",
+        "0 Hz is 1278.75 MHz, spectrum inverted",
         "4 distinct values, 50.00% at ±3, rms 2.236",
         "E1 observations  log.csv: CSV, 1 epochs",
         "satellites 5",

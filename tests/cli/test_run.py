@@ -201,7 +201,7 @@ def test_a_store_keeps_its_chunks(tmp_path: Path) -> None:
     assert _invoke(*arguments, "--chunk", 10).stderr == ""
     (line,) = _invoke(*arguments, "--chunk", 7).stderr.splitlines()
     assert (
-        line == f"vestige: {tmp_path / 'a'}: chunks of 10 epochs, as when the store was made; --chunk 7 changes nothing"
+        line == f"warning: {tmp_path / 'a'}: chunks of 10 epochs, as when the store was made; --chunk 7 changes nothing"
     )
 
 

@@ -5,9 +5,9 @@ Theory of operation
 `assess` judges a block of n epochs at once and gives the same bits as n blocks of one epoch. Most checks look at one
 epoch, or at those shortly before it, whatever was said of them. Two things depend on what was said before: reference
 levels are learned from epochs that raised no alarm, and the searches look as far as the clock may be wrong, which
-depends on the last authentic position. So the block is judged with a guess of which epochs are quiet:
+depends on the last authentic position. So the block is judged with a guess of which epochs have no alarm:
 
-1. Guess that every epoch is quiet in which no check fails that needs no guess.
+1. Guess that an epoch has no alarm if none of the checks that need no guess fails in it.
 2. Judge the block with the guess. What it says of an epoch rests on the guess for the epochs before it only.
 3. Up to and including the first epoch of which the guess was wrong, everything is right. Take what was found as the
    next guess, and begin again at 2, until nothing was wrong but perhaps the last epoch, on which nothing rests.
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
 FORGET_S = 3600.0  # a satellite that is gone for longer has set: no verdict is due any more
-TRAVEL_TIME_SPREAD_S = 0.07  # of any satellite to any receiver on Earth
+TRAVEL_TIME_SPREAD_S = 0.07  # spread of the travel time from any satellite to any receiver on Earth
 POSITION_SATELLITES = 4
 
 
@@ -75,7 +75,7 @@ class _Guess:
 def assess(
     processor: AcasProcessor, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData
 ) -> tuple[VerdictBlock, ReceiverState]:
-    """Return what the processor says of a block, and the state for the next one.
+    """Return the verdicts of a block, and the state for the next one.
 
     `state` is that after the block before, None at first; `measured` has at least one epoch.
     """

@@ -309,7 +309,7 @@ LEVELS: dict[int, tuple[CheckSpec, ...]] = {
     3: (*_MINIMUM, *_POWER, *_HANDOVER_SEARCH, *_SECOND_CHANNEL, *_EXHAUSTIVE_SEARCH, *_FIX, *_BRIDGING),
 }
 MINIMUM = tuple(spec.name for spec in _MINIMUM)
-STEADY_P_FA = 1e-6  # of one test of E6 phase or E6 fading
+STEADY_P_FA = 1e-6  # false-alarm probability of one test of E6 phase or E6 fading
 
 
 def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor | E6FadingMonitor | None]) -> CheckSpec:
@@ -361,7 +361,7 @@ def combine(
     available: Bool[np.ndarray, "n m"],
     own: Sequence[CheckSpec] = (),
 ) -> tuple[Int8[np.ndarray, "n m"], Int8[np.ndarray, "n m"]]:
-    """Return what follows for every epoch and satellite, as positions in `Status`, and which check it follows from.
+    """Return the status of every epoch and satellite, as positions in `Status`, and which check it follows from.
 
     `failed` holds the confirmed failures, of each satellite or of the receiver; checks that are not of the level are
     not looked at. `available` says whether steps 1 and 2 were run. `own` are the optional checks and those of the user,

@@ -73,7 +73,7 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
 
 
 def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
-    """Return what the processor's detector says of banks."""
+    """Return the result of the processor's detector for banks."""
     limit = processor.detection_threshold
     found = detect_block(
         banks.taps[correlated],
@@ -100,7 +100,7 @@ def detect_block(
     detector: Detector,
     threshold_sigma: float,
 ) -> DetectedBlock:
-    """Return what `detector` finds in banks.
+    """Return the result of `detector` for banks.
 
     `noise_power` is the mean of |tap|² of noise, both dimensions together; the threshold is in standard deviations per
     dimension.

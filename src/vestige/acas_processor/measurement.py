@@ -50,7 +50,7 @@ class FixBlock:
     # ionosphere makes in all satellites at once; None if that is not modelled.
     sigma_m: Float[np.ndarray, "n m"]
     common_m: Float[np.ndarray, "n m"] | None
-    bounded: bool  # whether `sigma_m` bounds the errors, and is not just their standard deviation
+    bounded: bool  # whether `sigma_m` is an upper limit of the errors, not just their standard deviation
     # measured rate of the pseudorange, that of a receiver and a clock that stand still, and the standard
     # deviation of the first.
     range_rate_mps: Float[np.ndarray, "n m"]

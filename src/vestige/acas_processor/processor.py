@@ -227,6 +227,16 @@ class AcasProcessor:
         """Threshold of the E6 detection in standard deviations of the noise per dimension."""
         return float(threshold(self.p_fa))
 
+    @property
+    def limits(self) -> str:
+        """The level with its thresholds and limits, in one line."""
+        kind = getattr(self.detector, "kind", type(self.detector).__name__)
+        return (
+            f"level {self.level}; E6 is detected above {self.detection_threshold:.3f} σ (P_fa {self.p_fa:g}) in one of "
+            f"{self.offsets_m.size} correlators, {self.offsets_m[0]:+g} to {self.offsets_m[-1]:+g} m; "
+            f"detector {kind}; E6-E1 range within ±{self.range_limit_m:.1f} m"
+        )
+
     def run(self, source: Source) -> Iterator[Verdict]:
         """Yield the verdicts of every snapshot of a source, in the order of time.
 
@@ -262,7 +272,7 @@ class AcasProcessor:
         return measure(self, block, assistance)
 
     def detect(self, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
-        """Return what the detector says of banks; `correlated` says which of them hold correlations."""
+        """Return the result of the detector for banks; `correlated` says which of them hold correlations."""
         return detect(self, banks, correlated)
 
     def false_alarm_budget(self, block: VerdictBlock) -> Mapping[CheckName | str, AlarmShare]:
@@ -272,5 +282,5 @@ class AcasProcessor:
     def assess(
         self, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData
     ) -> tuple[VerdictBlock, ReceiverState]:
-        """Return what a measured block means, and the state after it."""
+        """Return the verdicts of a measured block, and the state after it."""
         return assess(self, state, measured, assistance)

@@ -15,7 +15,7 @@ from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, proportion
 from vestige.scenario.campaign import CampaignScenario
 
-P_FA = 1e-5  # of one test
+P_FA = 1e-5  # false-alarm probability of one test
 
 
 def check_detection(

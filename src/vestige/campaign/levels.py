@@ -110,7 +110,7 @@ class LevelVerdicts(VerdictBlock):
 def level_verdicts(
     results: xarray.Dataset, levels: Sequence[int] = tuple(LEVELS), *, alarms_per_day: float | None = None
 ) -> tuple[LevelVerdicts, ...]:
-    """Return what mitigation levels make of a campaign.
+    """Return the verdicts of mitigation levels on a campaign.
 
     The results are of a sky or with a processor of level 2 or 3; of any campaign for level 1 alone. `alarms_per_day`
     is that of `MonitoringSettings`; by default it is the processor's own.
@@ -147,7 +147,7 @@ def failures_in_order(
 
 
 def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasProcessor]) -> LevelVerdicts:
-    """Return what a processor with other settings makes of a campaign.
+    """Return the verdicts of a processor with other settings on a campaign.
 
     `change` returns the processor that judges for the one of the campaign.
 

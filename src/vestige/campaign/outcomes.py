@@ -131,7 +131,7 @@ class AttackReport:
 def report(
     results: xarray.Dataset, detector: str = "early", *, satellite: int = 0, share: float = SHARE
 ) -> AttackReport | None:
-    """Return what came of the attack on a satellite; None if no verdict was due under attack.
+    """Return the outcome of the attack on a satellite; None if no verdict was due under attack.
 
     Satellite is its place on the axis; the attack is mitigated when `share` of the detections are of the true signal.
     """

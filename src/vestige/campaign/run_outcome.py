@@ -14,11 +14,11 @@ These words are said of a run, and more than one may be true:
     mitigated    protected, and in the last quarter more than half of the ranges were in use: the receiver goes on
     denied       in more than half of the attacked RECS of a satellite there was no verdict (NOT_AVAILABLE)
 
-**False alarms.** A user sees alarms that are held: one begins where none stood before. Their budget is an upper bound,
+**False alarms.** A user sees alarms that are held: one begins where none stood before. Their budget is an upper limit,
 and nearly all of it is that of the range check, whose σ is wider than the errors: it is given apart. So the failures of
 single tests are counted beside them: of the checks whose probability is the budget's choice, against the number that it
 gives them; of those among them that are exact (`AlarmShare.exact`), on both sides; and of the range check, against
-its bound. `budgets` has the same of every check by its name, after confirmation.
+its upper limit. `budgets` has the same of every check by its name, after confirmation.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 HALF = 0.5
 HARMLESS = "no alarm, no harm"
-_LAST = 0.25  # of the attack's RECS: how it ends
+_LAST = 0.25  # share of the attack's RECS: how it ends
 _HARMFUL = 2.0  # times κσ
 
 
@@ -63,7 +63,7 @@ class OutcomeCounts:
     # the same of those among them whose budget is exact
     exact_failures: int
     budget_exact_failures: float
-    # the same of the range check, whose p_fa is a bound
+    # the same of the range check, whose p_fa is an upper limit
     range_failures: int
     budget_range_failures: float
 
@@ -141,7 +141,7 @@ def run_outcome(
     limit_m: float,
     position_m: Float[np.ndarray, " n"],
 ) -> RunOutcome:
-    """Return what came of one run at one level.
+    """Return the outcome of one run at one level.
 
     `attacked` says which epochs count, `limit_m` is what the range test allows, κσ, and `position_m` the error of the
     position in use, NaN where there is none.
@@ -207,7 +207,7 @@ def _by_check(found: JudgedRun, attacked: Bool[np.ndarray, " n"]) -> Iterator[tu
 
 
 def outcome_word(detected: bool, mitigated: bool, missed: bool, denied: bool) -> str:
-    """Return what came of an attack in one or two words."""
+    """Return the outcome of an attack in one or two words."""
     if mitigated and (detected or missed):
         return "mitigated late" if missed else "mitigated"
     if missed:
@@ -235,7 +235,7 @@ def worst_of(values: Float[np.ndarray, "..."]) -> float:
 def outcomes_of(
     scenario: CampaignScenario, results: xarray.Dataset, levels: Sequence[int], window_s: tuple[float, float]
 ) -> tuple[RunOutcome, ...]:
-    """Return what came of one campaign in a window of time, a level each.
+    """Return the outcome of one campaign in a window of time, a level each.
 
     The scenario is of a sky, or with a processor of level 2 or 3; at level 1 alone it is any. The window ends before
     its second time.

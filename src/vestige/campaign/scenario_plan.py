@@ -8,6 +8,7 @@ alarm and which range is in use is the processor's word, at the level of the sce
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -49,6 +50,7 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.scenario_processor import Overhead, navigation_text, overhead_of, receiver_processor
 from vestige.source_version import processor_name
 
+_log = logging.getLogger(__name__)
 _MANY_EPOCHS = 10_000  # in a chunk, where a store costs more time than what it stores
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
 _RAYS, _FOUND = ("epoch", "satellite", "ray"), ("detector", "epoch", "satellite")
@@ -71,9 +73,9 @@ SCENARIO_COLUMNS = column_table(
     ("truth_e1_rate_noise_mps", _SATELLITE, "float64", "m s-1", "noise of the range rate from the E1 Doppler"),
     ("truth_e1_multipath_m", _SATELLITE, "float64", "m", "multipath error of the E1 pseudorange"),
     ("truth_bias_m", _SATELLITE, "float64", "m", "group delay and hardware residual, E6 later"),
-    ("truth_ray_delay_m", _RAYS, "float64", "m", "excess delay of a ray"),
-    ("truth_ray_amplitude", _RAYS, "complex64", "1", "amplitude of a ray over the line of sight, on E6"),
-    ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a ray over the line of sight, on E6"),
+    ("truth_ray_delay_m", _RAYS, "float64", "m", "excess delay of a reflection"),
+    ("truth_ray_amplitude", _RAYS, "complex64", "1", "amplitude of a reflection over the line of sight, on E6"),
+    ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a reflection over the line of sight, on E6"),
     attrs=_FLAGS,
 )
 
@@ -131,7 +133,7 @@ class ScenarioPlan:
                     long_name="detector",
                 ),
                 "check": Coord(dim="check", values=checks, long_name="check"),
-                "ray": Coord(dim="ray", values=rays, long_name="ray beside the line of sight"),
+                "ray": Coord(dim="ray", values=rays, long_name="reflection beside the line of sight"),
             }
             | attack_coords(simulation)
             | (sky_coords() if self.scenario.constellation else {})
@@ -178,6 +180,7 @@ class ScenarioPlan:
     def _judged(self) -> Judged:
         """Settings of the campaign that decide which columns there are."""
         processor = receiver_processor(self.scenario, self._overhead, self._navigation)
+        _log.info("%s", processor.limits)
         return Judged(scenario=self.scenario, processor=processor, svids=tuple(one.svid for one in self.simulations))
 
     def prepare(self) -> _Preparation:
@@ -185,7 +188,7 @@ class ScenarioPlan:
         return _Preparation(self._receiver.truth())
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
-        """Return what was measured in the epochs from `first` on, and the truth: all columns but those of `judge`."""
+        """Return the measurements of the epochs from `first` on, and the truth: all columns but those of `judge`."""
         with blamed_on_own_parts():
             return self._measured(first, inputs)
 
@@ -238,7 +241,7 @@ class ScenarioPlan:
         }
 
     def _detections(self, measured: MeasurementBlock) -> dict[str, np.ndarray]:
-        """Return what each detector says of the banks."""
+        """Return the result of each detector for the banks."""
         correlated = measured.availability == Availability.CORRELATED
         found = [
             replace(self._judged.processor, detector=detector()).detect(measured.banks, correlated)

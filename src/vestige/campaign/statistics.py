@@ -1,9 +1,9 @@
 """Counts of a campaign and how sure they are.
 
-Every probability is estimated from k successes in n independent trials, with the exact interval of Clopper and Pearson
-(Biometrika 26, 1934, 404–413) and the two-sided test that belongs to it: the test rejects p at level α exactly if p
-lies outside the interval of confidence 1 − α, so the two never disagree. Independence is the campaign's business:
-epochs that share a slow error (an ionosphere with a time constant of hours) are fewer trials than they look.
+Every probability is estimated from k successes in n independent trials. Its interval is the exact one of Clopper and
+Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects p at level α exactly if p lies outside the interval
+of confidence 1 − α. The campaign has to make trials independent: epochs that share a slow error (an ionosphere with a
+time constant of hours) are fewer trials than they look.
 """
 
 from __future__ import annotations
@@ -120,13 +120,13 @@ class Summary:
 
     detector: str
     epochs: int
-    # of all decisions (epochs × satellites that were correlated): the probability of detection, or that of a false
-    # alarm if there is no signal.
+    # detections among all decisions (epochs × satellites that were correlated): the probability of detection, or
+    # that of a false alarm if there is no signal
     detections: Proportion
     misses: int  # decisions without a detection
     cluster: Proportion  # detections whose range offset lies in `cluster_m`, of all detections
     cluster_m: tuple[float, float]  # the range in m, ends included
-    # of the detections; NaN without any
+    # statistics of the detections; NaN without any
     range_offset_mean_m: float
     range_offset_std_m: float
     percentiles_m: dict[float, float]  # percent to range offset in m, linear between detections
@@ -187,7 +187,7 @@ def false_alarms(results: xarray.Dataset) -> Proportion:
     Only taps more than a chip apart are counted, so that the trials are independent: their noise has the replicas'
     correlation, a triangle that ends at one chip (a narrow filter draws it out a little). If there is a signal, only
     taps more than a chip before the line of sight and any spoofing signal are counted: they hold none of them, nor
-    rays, which come later.
+    reflections, which come later.
     """
     apart = E6_CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))

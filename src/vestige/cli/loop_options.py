@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from vestige.cli.options import FiniteRange, options_together
+from vestige.cli.options import number_option, options_together
 
 if TYPE_CHECKING:
     from vestige.sample_processor.tracking.settings import TrackingSettings
@@ -26,25 +26,10 @@ LOOP_NAMES = (
 )
 
 loop_options = options_together(
-    click.option(
-        "--pll-bandwidth-hz",
-        type=FiniteRange(0.1, 100),
-        default=15.0,
-        help="One-sided noise bandwidth of the PLL.",
-    ),
+    number_option("--pll-bandwidth-hz", (0.1, 100), default=15.0, help="One-sided noise bandwidth of the PLL."),
     click.option("--pll-order", type=click.Choice(["2", "3"]), default="3", help="Order of the PLL."),
-    click.option(
-        "--fll-bandwidth-hz",
-        type=FiniteRange(0.1, 60),
-        default=10.0,
-        help="One-sided noise bandwidth of the FLL.",
-    ),
-    click.option(
-        "--dll-bandwidth-hz",
-        type=FiniteRange(0.01, 20),
-        default=1.0,
-        help="One-sided noise bandwidth of the DLL.",
-    ),
+    number_option("--fll-bandwidth-hz", (0.1, 60), default=10.0, help="One-sided noise bandwidth of the FLL."),
+    number_option("--dll-bandwidth-hz", (0.01, 20), default=1.0, help="One-sided noise bandwidth of the DLL."),
     click.option(
         "--pll-discriminator",
         type=click.Choice(["normalized quadrature", "arctan2", "arctan"]),
@@ -63,12 +48,7 @@ loop_options = options_together(
         default="4",
         help="Coherent integration time in ms.",
     ),
-    click.option(
-        "--early-late-chips",
-        type=FiniteRange(0.01, 0.66),
-        default=0.16,
-        help="Early-to-late spacing of the DLL in chips.",
-    ),
+    number_option("--early-late-chips", (0.01, 0.66), default=0.16, help="Early-to-late spacing of the DLL in chips."),
     click.option(
         "--correlators",
         type=click.Choice(["5", "7", "9", "11"]),

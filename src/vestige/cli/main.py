@@ -17,11 +17,11 @@ from io import StringIO
 
 import click
 
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import echo, usual_amount, warn, with_common_options
 from vestige.errors import VestigeError, VestigeWarning
 from vestige.own_parts import blamed_on_own_parts
 
-# verb: module of `command` within this room, one line of help
+# verb: module of `command` within this package, one line of help
 VERBS = {
     "demo": ("start.demo", "Show in a minute what vestige does, with every command as you would type it."),
     "init": ("start.init", "Write the scenario files that come with vestige into a folder."),
@@ -58,7 +58,7 @@ class _LazyVerbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in VERBS:
             return None
-        return importlib.import_module(f"vestige.cli.{VERBS[cmd_name][0]}").command
+        return with_common_options(importlib.import_module(f"vestige.cli.{VERBS[cmd_name][0]}").command)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Verbs"):
@@ -80,6 +80,9 @@ def _version(ctx: click.Context, _parameter: click.Parameter, value: bool) -> No
 def vestige() -> None:
     """Galileo ACAS / SAS signal authentication: simulate it, attack it, process it.
 
+    Every command has --quiet, which prints results and errors only, and -v, which
+    also prints what helps to find a cause. Neither changes results or exit status.
+
     \b
     Exit status:
       0    The command did what it says. Verdicts may be anything.
@@ -95,7 +98,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit."""
     warnings.showwarning = _one_line
     try:
-        with _terminable(), blamed_on_own_parts():
+        with _terminable(), blamed_on_own_parts(), usual_amount():
             vestige.main(args=arguments, prog_name="vestige", standalone_mode=False)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
@@ -105,7 +108,8 @@ def main(arguments: list[str] | None = None) -> None:
         echo(*text.getvalue().rstrip("\n").split("\n"), err=True)
         sys.exit(error.exit_code)
     except click.Abort as abort:
-        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of a write that was cut off; the notes say it
+        # it logs a write that was cut off, which the notes report
+        logging.getLogger("asyncio").setLevel(logging.CRITICAL)
         echo(f"interrupted{_notes(abort.__cause__)}", err=True)
         sys.exit(130)
     except VestigeError as error:
@@ -138,7 +142,7 @@ def _terminable() -> Iterator[None]:
 def _one_line(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     """Print a warning of vestige as one line on stderr; those of libraries, which a user cannot act on, not at all."""
     if category is VestigeWarning:
-        echo(f"vestige: {message}", err=True)
+        warn(message)
 
 
 def _notes(error: BaseException | None) -> str:

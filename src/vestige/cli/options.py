@@ -40,9 +40,17 @@ class FiniteNumber(click.types.FloatParamType):
 
 
 class FiniteRange(FiniteNumber, click.FloatRange):
-    """A number between two bounds; NaN, which compares with nothing, is refused."""
+    """A number between two limits; NaN, which compares with nothing, is refused."""
 
     name = "number"
+
+
+PATH = click.Path(path_type=Path)
+
+
+def number_option(name: str, limits: tuple[float, float | None], **attributes: Any) -> Callable[..., Any]:
+    """Return an option whose value is a number within two limits; the second is None if there is none."""
+    return click.option(name, type=FiniteRange(*limits), **attributes)
 
 
 class WidthType(click.ParamType[tuple[float, bool]]):
@@ -73,7 +81,7 @@ def _name_folders(_context: click.Context, _parameter: click.Parameter, folders:
 parts_option = click.option(
     "--parts",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FOLDER",
     expose_value=False,
     is_eager=True,
@@ -105,11 +113,11 @@ set_option = click.option(
     help="Replace a value of the scenario, as in `receiver.cn0_dbhz=37`; `none` removes it.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-recording_argument = click.argument("recording_path", metavar="RECORDING", type=click.Path(path_type=Path))
+recording_argument = click.argument("recording_path", metavar="RECORDING", type=PATH)
 assistance_option = click.option(
     "--assistance",
     "assistance_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Folder with RECS, group delays and OSNMA keys. [default: RECORDING/assistance]",
 )
 workers_option = click.option(
@@ -125,7 +133,7 @@ trust_options = options_together(
     *(
         click.option(
             f"--{name.lower().replace(' ', '-')}",
-            type=click.Path(path_type=Path),
+            type=PATH,
             help=f"File of the OSNMA {name}, if it is not in the assistance folder.",
         )
         for name in ("public key", "Merkle tree")
@@ -160,14 +168,14 @@ def assistance_folder(recording: Path, given: Path | None) -> Path:
 
 
 def cipher_mode(options: Mapping[str, Any]) -> CipherMode:
-    """Return what `--cipher-mode` says."""
+    """Return the value of `--cipher-mode`."""
     from vestige.crypto.recs.recs_segment import CipherMode
 
     return CipherMode(options["cipher_mode"])
 
 
 def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
-    """Return what `--bgd` says."""
+    """Return the value of `--bgd`."""
     from vestige.crypto.recs.group_delay import GroupDelayConvention, GroupDelayScale
 
     text = options["bgd"]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import detail, warn
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -28,7 +28,8 @@ def pool(workers: int | None, threads: bool | None, scheduler: str | None) -> It
 
         for name in _OF_DASK:  # what goes wrong is said in one line, by us
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-        with connect(scheduler, warn=lambda line: echo(f"vestige: {line}", err=True)) as cluster:
+        with connect(scheduler, warn=warn) as cluster:
+            detail(f"number of workers on the cluster {scheduler}: {cluster.workers}")
             yield cluster, cluster.workers
         return
 
@@ -36,5 +37,6 @@ def pool(workers: int | None, threads: bool | None, scheduler: str | None) -> It
 
     workers = workers or 1
     kind = "threads" if (workers <= MAX_THREADS if threads is None else threads) else "processes"
+    detail(f"number of {kind}: {workers}")
     with local_executor(kind, workers) as executor:
         yield executor, workers

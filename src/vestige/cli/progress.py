@@ -1,4 +1,7 @@
-"""Progress of long work on stderr: a bar for a person at a terminal, else a line for each step and each half minute."""
+"""Progress of long work on stderr: a bar for a person at a terminal, else a line for each step and each half minute.
+
+With `--quiet` there is no progress. With `-v` the time that each step took is printed.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import detail, echo, is_quiet
 from vestige.errors import printable
 
 if TYPE_CHECKING:
@@ -23,10 +26,44 @@ ProgressReport = Callable[[str, int, int], None]
 @contextmanager
 def progress() -> Iterator[ProgressReport]:
     """Yield `report(step, done, total)`, to be called as often as one likes while the work goes on."""
-    if sys.stderr.isatty():
+    with _step_times() as begin, _shown_progress() as show:
+
+        def report(step: str, done: int, total: int) -> None:
+            begin(step)
+            show(step, done, total)
+
+        yield report
+
+
+@contextmanager
+def _shown_progress() -> Iterator[ProgressReport]:
+    if is_quiet():
+        yield lambda _step, _done, _total: None
+    elif sys.stderr.isatty():
         yield from _bar()
     else:
         yield from _lines()
+
+
+@contextmanager
+def _step_times() -> Iterator[Callable[[str], None]]:
+    """Yield `begin(step)`, called again while the step goes on; its time is from then to the next step or the end."""
+    step, begin_s = "", 0.0
+
+    def end() -> None:
+        if step:
+            detail(f"{step}: took {time.monotonic() - begin_s:.2f} s")
+
+    def begin(name: str) -> None:
+        nonlocal step, begin_s
+        if name != step:
+            end()
+            step, begin_s = name, time.monotonic()
+
+    try:
+        yield begin
+    finally:
+        end()
 
 
 def _lines() -> Iterator[ProgressReport]:
@@ -72,7 +109,20 @@ def _bar() -> Iterator[ProgressReport]:
 @contextmanager
 def campaign_progress() -> Iterator[Callable[[str, RunProgress], None]]:
     """Yield `report(name, progress)` for campaigns one after the other: rate and time left of the one that runs."""
-    if sys.stderr.isatty():
+    with _step_times() as begin, _shown_campaign() as show:
+
+        def report(name: str, now: RunProgress) -> None:
+            begin(name)
+            show(name, now)
+
+        yield report
+
+
+@contextmanager
+def _shown_campaign() -> Iterator[Callable[[str, RunProgress], None]]:
+    if is_quiet():
+        yield lambda _name, _now: None
+    elif sys.stderr.isatty():
         yield from _campaign_bar()
     else:
         yield from _campaign_lines()

@@ -1,17 +1,136 @@
-"""The one way to the terminal: what files and their names hold cannot move its cursor, nor change what a line says."""
+"""The one way to the terminal: what files and their names hold cannot move its cursor, nor change what a line says.
+
+Every command has the options `--quiet` and `-v`. They change what is printed on standard error only: results on
+standard output, files and exit status stay the same.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from enum import Enum, auto
 
 import click
 
 from vestige.errors import printable
 
 
+class Amount(Enum):
+    """Amount of text on standard error beside errors."""
+
+    QUIET = auto()  # one line about warnings at most
+    USUAL = auto()  # warnings, notes and progress
+    DETAILED = auto()  # in addition details: each file read, thresholds, the time of each stage
+
+
+class _Terminal(logging.Handler):
+    """Amount of text that the terminal shows, and the handler of what modules log."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self.amount, self.began_s = Amount.USUAL, 0.0
+        self.n_unsaid, self.first_unsaid = 0, ""  # warnings that `--quiet` kept back
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print what a module of vestige logs."""
+        detail(record.getMessage())
+
+
+_terminal = _Terminal()
+_log = logging.getLogger("vestige")
+
+
 def echo(*lines: object, err: bool = False, nl: bool = True) -> None:
     """Print each of `lines` as one line; characters that a terminal does not show as themselves are escaped."""
     click.echo("\n".join(printable(str(line)) for line in lines), err=err, nl=nl)
+
+
+def warn(line: object) -> None:
+    """Print a warning on standard error; with `--quiet` one line at the end stands for all warnings."""
+    if is_quiet():
+        _terminal.n_unsaid += 1
+        _terminal.first_unsaid = _terminal.first_unsaid or str(line)
+    else:
+        echo(f"warning: {line}", err=True)
+
+
+def note(*lines: object) -> None:
+    """Print lines on standard error that tell how the work goes; none with `--quiet`."""
+    if not is_quiet():
+        echo(*lines, err=True)
+
+
+def detail(line: object) -> None:
+    """Print a line on standard error, after the time since the command began, if `-v` is given."""
+    if is_detailed():
+        echo(f"{time.monotonic() - _terminal.began_s:8.2f} s  {line}", err=True)
+
+
+def is_quiet() -> bool:
+    """Return whether `--quiet` is given."""
+    return _terminal.amount is Amount.QUIET
+
+
+def is_detailed() -> bool:
+    """Return whether `-v` is given."""
+    return _terminal.amount is Amount.DETAILED
+
+
+@contextmanager
+def usual_amount() -> Iterator[None]:
+    """Begin a command with the usual amount of text, which its options may change, and restore it at the end."""
+    _choose(Amount.USUAL)
+    _terminal.began_s = time.monotonic()
+    try:
+        yield
+    finally:
+        n, first = _terminal.n_unsaid, _terminal.first_unsaid
+        if n:
+            echo(f"warning: {first}" if n == 1 else f"{n} warnings; without --quiet they are printed", err=True)
+        _choose(Amount.USUAL)
+
+
+def _choose(amount: Amount) -> None:
+    _terminal.amount, _terminal.n_unsaid, _terminal.first_unsaid = amount, 0, ""
+    if is_detailed():
+        _log.setLevel(logging.INFO)
+        _log.addHandler(_terminal)
+    else:
+        _log.setLevel(logging.NOTSET)
+        _log.removeHandler(_terminal)
+
+
+def _option(amount: Amount, *names: str, help_text: str) -> click.Option:
+    def choose(_context: click.Context, _parameter: click.Parameter, given: bool) -> None:
+        if given and {amount, _terminal.amount} == {Amount.QUIET, Amount.DETAILED}:
+            raise click.UsageError("--quiet and -v ask for less and for more text; leave one of the two out")
+        if given:
+            _choose(amount)
+
+    return click.Option(names, is_flag=True, is_eager=True, expose_value=False, callback=choose, help=help_text)
+
+
+_OPTIONS = (
+    _option(Amount.QUIET, "--quiet", help_text="Print results and errors; one line stands for all warnings."),
+    _option(
+        Amount.DETAILED,
+        "-v",
+        "--verbose",
+        help_text="Also print details on standard error: files read, thresholds, engines, the time of each stage.",
+    ),
+)
+
+
+def with_common_options(command: click.Command) -> click.Command:
+    """Add the options that every command has, to a command or to each command of a group; return it."""
+    if isinstance(command, click.Group):
+        for below in command.commands.values():
+            with_common_options(below)
+    elif _OPTIONS[0] not in command.params:
+        command.params += _OPTIONS
+    return command
 
 
 def raise_last(errors: Sequence[Exception]) -> None:

@@ -1,6 +1,6 @@
 """Options that state what a receiver expects: usual power and C/N0, errors of E1 ranges, and false alarms a day.
 
-A power or a C/N0 that is not stated is learned from the first quiet RECS.
+A power or a C/N0 that is not stated is learned from the first RECS without an alarm.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange, options_together
+from vestige.cli.options import number_option, options_together
 from vestige.constants import NOMINAL_E6_OVER_E1_DB
 
 if TYPE_CHECKING:
@@ -19,58 +19,52 @@ if TYPE_CHECKING:
     from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
     from vestige.navigation.ephemeris import Ephemeris
 
-_POWER, _CN0, _SIGMA = FiniteRange(-200, 200), FiniteRange(0, 80), FiniteRange(0, 1000)
-
 
 # What the checks compare with, and how often they may fail without an attack
 usual_level_options = options_together(
-    click.option(
-        "--usual-e1-power-db",
-        type=_POWER,
-        help="Power of the E1 samples in dB without interference. [default: learned]",
+    *(
+        number_option(
+            f"--usual-{band.lower()}-power-db",
+            (-200, 200),
+            help=f"Power of the {band} samples in dB without interference. [default: learned]",
+        )
+        for band in ("E1", "E6")
     ),
-    click.option(
-        "--usual-e6-power-db",
-        type=_POWER,
-        help="Power of the E6 samples in dB without interference. [default: learned]",
+    *(
+        number_option(
+            f"--usual-{band}-cn0-dbhz",
+            (0, 80),
+            help=f"Usual C/N0 of {band.upper()}-C in dBHz; needs --usual-{other}-cn0-dbhz. [default: learned]",
+        )
+        for band, other in (("e1", "e6"), ("e6", "e1"))
     ),
-    click.option(
-        "--usual-e1-cn0-dbhz",
-        type=_CN0,
-        help="Usual C/N0 of E1-C in dBHz; needs --usual-e6-cn0-dbhz. [default: learned]",
-    ),
-    click.option(
-        "--usual-e6-cn0-dbhz",
-        type=_CN0,
-        help="Usual C/N0 of E6-C in dBHz; needs --usual-e1-cn0-dbhz. [default: learned]",
-    ),
-    click.option(
+    number_option(
         "--e6-over-e1-db",
-        type=FiniteRange(-40, 40),
+        (-40, 40),
         help="Expected C/N0 of E6-C minus that of E1-C in dB. It decides whether E6 should have been detected. "
         f"[default: difference of the two options above, or {NOMINAL_E6_OVER_E1_DB:g}]",
     ),
-    click.option(
+    number_option(
         "--cn0-fall-db",
-        type=FiniteRange(0, 40),
+        (0, 40),
         default=0.0,
         help="How much lower the usual C/N0 is at the horizon than at the zenith, in dB.",
     ),
-    click.option(
+    number_option(
         "--floor-sigma-m",
-        type=_SIGMA,
+        (0, 1000),
         default=5.0,
         help="Standard deviation of each E1 range in m, for RAIM and clock checks.",
     ),
-    click.option(
+    number_option(
         "--ionosphere-sigma-m",
-        type=_SIGMA,
+        (0, 1000),
         default=0.0,
         help="Standard deviation of the ionospheric error of E1 ranges at 17.5° elevation, in m.",
     ),
-    click.option(
+    number_option(
         "--multipath-sigma-m",
-        type=_SIGMA,
+        (0, 1000),
         default=0.0,
         help="Standard deviation of the multipath error of E1 ranges at 16° elevation, in m.",
     ),
@@ -80,9 +74,9 @@ usual_level_options = options_together(
         help="Approximate position: the receiver is within KM of this latitude and longitude in degrees. Signals "
         "that a search finds are not used if their range contradicts it. Needs orbits (--navigation, --track).",
     ),
-    click.option(
+    number_option(
         "--alarms-per-day",
-        type=FiniteRange(1e-6, 1000),
+        (1e-6, 1000),
         help="Accept so many false alarms a day, with ten satellites and a RECS each 30 s; sets --kappa.",
     ),
 )

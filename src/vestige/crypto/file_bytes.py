@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import stat
 from pathlib import Path
 from typing import BinaryIO
 
 from vestige.errors import InputFileError
+
+_log = logging.getLogger(__name__)
 
 
 def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
@@ -23,6 +26,7 @@ def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
             size = os.fstat(file.fileno()).st_size
             if at_most is not None and size > at_most:
                 raise InputFileError(path, "length", f"{size} bytes", f"at most {at_most} bytes")
+            _log.info("read %s: %d bytes", path, size)
             return file.read()
         except OSError as error:
             raise InputFileError(path, "file", _reason(error), "a readable file") from error
@@ -55,7 +59,7 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def list_folder(folder: Path) -> tuple[Path, ...]:
-    """Return what stands in `folder`, sorted by name.
+    """Return the content of `folder`, sorted by name.
 
     Raises `InputFileError` if it is not a folder or cannot be listed.
     """

@@ -1,4 +1,4 @@
-"""TOML from outside, parsed in bounded time: keys and nesting have an end.
+"""TOML from outside, parsed in limited time: keys and nesting have an end.
 
 Python's parser takes a time that grows with the square of the number of parts of a key `a.b.c`: a file of 80 kB takes a
 minute. And whatever walks through tables in each other needs a stack as deep as they are.

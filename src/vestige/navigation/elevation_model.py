@@ -19,13 +19,13 @@ _GRID_DEG = np.arange(0.0, 90.5, 0.5)
 
 
 def multipath_power_db(elevation_deg: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return the mean power of all rays over the direct signal in dB."""
+    """Return the mean power of all reflections over the direct signal in dB."""
     low_db = np.interp(elevation_deg, [LOWEST_DEG, HIGH_DEG], MULTIPATH_DB)
     return np.where(np.asarray(elevation_deg) > HIGH_DEG, OPEN_SKY_DB, low_db)
 
 
 def relative_ray_amplitude(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return the amplitude of rays over that at the elevation with the paper's power; 1 where it is not known."""
+    """Return the amplitude of reflections over that at the paper's elevation; 1 where the elevation is not known."""
     degrees = np.degrees(np.where(np.isfinite(elevation_rad), elevation_rad, 0.0))
     power_db = multipath_power_db(np.maximum(_GRID_DEG, LOWEST_DEG))
     place = np.clip(np.round(degrees * 2), 0, power_db.size - 1).astype(np.int64)

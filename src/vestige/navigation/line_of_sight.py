@@ -26,7 +26,7 @@ from vestige.navigation.orbit import satellite_position, satellite_state
 from vestige.time import GalileoTime
 
 _TYPICAL_FLIGHT_S = 0.08
-_LIGHT_TIME_STEPS = 3  # each leaves ρ̇/c < 3e-6 of the error: 0.02 s, 60 ns, 0.2 ps, nothing
+_LIGHT_TIME_STEPS = 3  # each step multiplies the error by ρ̇/c < 3e-6: 0.02 s, 60 ns, 0.2 ps, 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from vestige.plots.figure import BLACK, BLUE, GREEN, LEGEND, ORANGE, RED, dot_size_pt, dress, figure_of, new_axes
 from vestige.records.checks import SignalClass
 
-_LIGHT = 0.35  # of the colours, so that dots are seen on them
+_LIGHT = 0.35  # opacity of the colours, so that dots are seen on them
 CLASS_COLOURS = {
     SignalClass.CLEAN: GREEN,
     SignalClass.MULTIPATH: BLUE,

@@ -24,8 +24,8 @@ from vestige.plots.figure import (
     time_label,
 )
 
-MAGNITUDE_SHARE = 0.66  # of the height, for flags and magnitude; the phase lies above, so that none covers another
-_BELOW = 0.06  # of the height, free below the flags
+MAGNITUDE_SHARE = 0.66  # share of the height for flags and magnitude; the phase lies above them
+_BELOW = 0.06  # share of the height, free below the flags
 _DOTS: dict[str, Any] = {"marker": ".", "markeredgewidth": 0, "rasterized": True}
 _FLAG_PT = 2.5  # a single miss in a long run is to be seen
 _CURVE_EPOCHS = 20_000  # beyond, a curve is a solid band, and dots show where it is dense

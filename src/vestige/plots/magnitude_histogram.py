@@ -13,7 +13,7 @@ from vestige.theory.marcum_q import marcum_q
 from vestige.theory.thresholds import correlator_amplitude
 
 BIN_SIGMA = 0.25
-_BELOW_LEGEND = 0.84  # of the height of the axes
+_BELOW_LEGEND = 0.84  # share of the height of the axes
 
 
 def magnitude_histogram(

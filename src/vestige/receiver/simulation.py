@@ -5,14 +5,14 @@ With P the pseudorange that geometry and receiver clock make, common to both ban
     P1 = P + e1_noise + e1_multipath                 what E1 tracking says
     P6 = P + iono_diff + bias                        where the line of sight is in E6
 
-so the hand-over misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath, and every other ray
-comes its excess delay later. These are delays of the code; the carrier has no bias, and the ionosphere advances it
-(`sampled_epoch`). Under attack e1_error, what the E1 loop followed, is in P1 as well, and spoofing signals,
+so the hand-over misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath, and every other
+reflection comes its excess delay later. These are delays of the code; the carrier has no bias, and the ionosphere
+advances it (`sampled_epoch`). Under attack e1_error, what the E1 loop followed, is in P1 as well, and spoofing signals,
 noise and jamming are in E6 (`sampled_attack`, `disturbance`).
 
-* `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with rays and
-  noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one recording of all
-  satellites (`snapshots.sky_samples`).
+* `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with
+  reflections and noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one
+  recording of all satellites (`snapshots.sky_samples`).
 * `correlators`: the banks are drawn from the exact model (`correlator_model`), a block at a time.
 """
 
@@ -80,11 +80,11 @@ class Simulation:
     interval_s: float  # between RECS, a multiple of 0.1 s
     line_of_sight: RangeHistory
     models: ErrorModels
-    cn0_dbhz: float  # of E6-C alone; −∞ is no signal, neither line of sight nor rays
-    cn0_e1_dbhz: float  # of E1-C alone
-    front_end: FrontEnd  # of E6, with the sampling rate; E1 tracking has its own, in `BetzTrackingNoise`
+    cn0_dbhz: float  # C/N0 of E6-C alone; −∞ is no signal, neither line of sight nor reflections
+    cn0_e1_dbhz: float  # C/N0 of E1-C alone
+    front_end: FrontEnd  # front end of E6, with the sampling rate; E1 tracking has its own, in `BetzTrackingNoise`
     time_uncertainty_s: float  # what the receiver believes of its clock
-    n_chips: int  # of a RECS
+    n_chips: int  # chips of a RECS
     key_delay: int  # KDI
     cipher_mode: CipherMode = CipherMode.CBC  # in which the service encrypts the RECS
     spoofer: Spoofer = NO_SPOOFER
@@ -288,5 +288,5 @@ def e1_error_m(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"]) -> Float
 
 @lru_cache(maxsize=16)
 def _chips_sent(seed: int, svid: int, sent: GalileoTime, n_chips: int) -> ChipSequence:
-    """Return the chips that a satellite sends from a time on; the server encrypts what the receiver hears."""
+    """Return the chips that a satellite sends from a time on; the server encrypts the chips that reach the receiver."""
     return encrypted_chips(encryption_key(seed), svid, sent, n_chips)

@@ -46,12 +46,12 @@ class ErrorModels:
     multipath: MultipathModel | None = None
     e1_tracking: TrackingModel | None = None
     bias: BiasModel | None = None
-    # Whether the rays disturb E1 too. [WFO, Sec. V] applies multipath to the E6 samples only.
+    # Whether the reflections disturb E1 too. [WFO, Sec. V] applies multipath to the E6 samples only.
     e1_multipath: bool = False
 
     @property
     def n_rays(self) -> int:
-        """Places for rays beside the line of sight; at least one, which then has no strength."""
+        """Places for reflections beside the line of sight; at least one, which then has no strength."""
         return 1 if self.multipath is None else self.multipath.n_rays
 
 
@@ -70,9 +70,9 @@ class TruthBlock:
     broadcast_ionosphere_e1_m: Float[np.ndarray, " n"]  # what the message says of it, on E1; both bands have it
     iono_on_carrier: Float[np.ndarray, " n"]  # 1 where the ionosphere advances the carriers, 0 where it is code only
     bias_m: Float[np.ndarray, " n"]  # by how much the code of E6 is later than that of E1 beyond iono_diff_m
-    e1_noise_m: Float[np.ndarray, " n"]  # of the pseudorange that E1 delivers
-    e1_phase_noise_m: Float[np.ndarray, " n"]  # of the carrier phase, times the wavelength
-    e1_rate_noise_mps: Float[np.ndarray, " n"]  # of the range rate
+    e1_noise_m: Float[np.ndarray, " n"]  # error of the pseudorange that E1 delivers
+    e1_phase_noise_m: Float[np.ndarray, " n"]  # error of the carrier phase, times the wavelength
+    e1_rate_noise_mps: Float[np.ndarray, " n"]  # error of the range rate
     e1: E1Tracking  # what an attack does to E1 tracking
     e1_attack: BandEffects  # what it adds to E1
     e6: BandEffects  # what it adds to E6

@@ -44,7 +44,7 @@ def epochs_around(interval_s: float, tail_s: float) -> tuple[int, int]:
 class TruthWithin(TruthBlock):
     """The truth of a block of epochs, and of those around them."""
 
-    around: TruthBlock  # of the same epochs, of some before and of some after them
+    around: TruthBlock  # truth of the same epochs, of some before and of some after them
 
     def part(self, rows: slice) -> TruthBlock:
         """Return the truth of some of the epochs alone."""

@@ -42,10 +42,10 @@ class BandFile:
     form: SampleFormat
     sample_rate_hz: float
     center_frequency_hz: float  # radio frequency that stands at 0 Hz in the stored samples
-    spectral_inversion: bool = False  # whether the stored spectrum is turned round; reading undoes it
+    spectral_inversion: bool = False  # whether the stored spectrum is inverted; reading undoes it
     first_sample: int = 0  # number of the file's first sample on the counter that the bands share
     start: GalileoTime | None = None  # time of the file's first sample on the receiver's clock; None if nothing tells
-    bandwidth_hz: float | None = None  # of the front end, two-sided; None if not stated
+    bandwidth_hz: float | None = None  # bandwidth of the front end, two-sided; None if not stated
     header_bytes: int = 0  # before the first sample
     trailing_bytes: int = 0  # after the last sample
     stated_samples: int | None = None  # how many samples the description claims; None if it does not
@@ -58,7 +58,7 @@ class RecordingDescription:
 
     path: Path  # the file that describes the recording, or the folder that holds it
     bands: Mapping[Band, BandFile]  # the sample file of each band that there is
-    # bound on the error of the receiver's clock against Galileo System Time in s; infinite if not stated
+    # upper limit of the error of the receiver's clock against Galileo System Time in s; infinite if not stated
     time_uncertainty_s: float = math.inf
     observations: Path | None = None  # file with E1 observations
     notes: tuple[str, ...] = ()  # what a person should know, one line each

@@ -31,7 +31,7 @@ from vestige.time import GalileoTime
 
 FEW_VALUES = 16  # distinct values of a front end of at most 4 bits, whose outermost values are no clipping
 CLIPPING = 0.01  # fraction of components at the outermost value from which on it distorts
-CENTER_TOLERANCE = 0.25  # of the sampling rate between the pass band's centre and the carrier
+CENTER_TOLERANCE = 0.25  # share of the sampling rate between the pass band's centre and the carrier
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +92,7 @@ def inspect_recording(
     start
         Receiver-clock time of the earliest sample, in place of the recording's time tags.
     time_uncertainty_s
-        Bound on the receiver clock's error, in place of the recording's own.
+        Upper limit of the receiver clock's error, in place of the recording's own.
     assistance
         Folder with RECS, keys and so on; by default the folder of the recording with its subfolders.
     public_key, merkle_tree
@@ -100,7 +100,7 @@ def inspect_recording(
     check_hash
         Compare sample files with the hashes in their descriptions, which reads all of them.
     signals
-        Look for satellites, and for what is wrong with the description: 10 to 40 s.
+        Look for satellites, and for errors of the description, which takes 10 to 40 s.
     progress
         Called with the step of that, and with the parts of the step that are done and of all.
     """
@@ -225,7 +225,7 @@ def _missing(
 def _missing_time(uncertainty_s: float) -> Iterator[str]:
     rule = f"it must be below {SUBFRAME_S} s, or nobody knows that E6 was received before the key was public"
     if math.isinf(uncertainty_s):
-        yield f"no time uncertainty: the bound on the receiver clock's error is not stated; {rule}"
+        yield f"no time uncertainty: the upper limit of the receiver clock's error is not stated; {rule}"
     elif uncertainty_s >= SUBFRAME_S:
         yield f"no sure time: the receiver clock may be wrong by {uncertainty_s:g} s; {rule}"
 

@@ -29,7 +29,7 @@ class OtherChannels:
 
     # OSNMA keys, and pages if there are any, that came over another channel [WFO, Sec. IV-C]; None without one.
     second_channel: Assistance | None = None
-    accelerations: Accelerations | None = None  # of inertial sensors; None without any
+    accelerations: Accelerations | None = None  # readings of inertial sensors; None without any
 
     def block(self, snapshot: Snapshot, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
         """Return a snapshot as a block of one epoch.

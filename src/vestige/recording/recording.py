@@ -29,7 +29,7 @@ from vestige.records import Band, SampleBatch
 from vestige.time import GalileoTime
 
 OBSERVATION_NAMES = re.compile(r".*\.(rnx|obs|csv|\d\do|crx|\d\dd)", re.IGNORECASE)
-SAMPLE_TOLERANCE = 1e-3  # of a sampling interval: a time that is this near to a sample is that sample's
+SAMPLE_TOLERANCE = 1e-3  # share of a sampling interval: a time that is this near to a sample is that sample's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +113,7 @@ def _only(folder: Path, suffix: str, what: str) -> Path | None:
 
 
 def describe_recording(path: Path) -> RecordingDescription:
-    """Return what is known of the recording at `path` without reading samples.
+    """Return the description of the recording at `path` without reading samples.
 
     Raises `InputFileError` if there is no recording, or a description is not usable. Raises `UnsupportedError` if it is
     valid, but of a kind that vestige does not read.
@@ -162,7 +162,7 @@ def observation_names(description: RecordingDescription) -> list[Path]:
 
 
 def unread_observations(description: RecordingDescription) -> tuple[InputFileError, ...]:
-    """Return what is wrong with the files of a recording that are observations by name and not by content."""
+    """Return the faults of the files of a recording that are observations by name and not by content."""
     wrong = []
     for path in observation_names(description):
         if "obs" in path.name.lower():

@@ -3,7 +3,7 @@
 ::
 
     start = "2021-11-25T00:40:00 UTC"     # receiver-clock time of sample 0; GST when no scale is given
-    time_uncertainty_s = 1.0              # bound on the receiver clock's error against Galileo System Time
+    time_uncertainty_s = 1.0              # upper limit of the receiver clock's error against Galileo System Time
     sample_rate_hz = 12e6
     frame = ["e1", "e6"]                  # optional: both bands are in one file or pipe, see below
     [e1]
@@ -17,7 +17,7 @@
     layout = "iq"
     center_frequency_hz = 1278.75e6
     spectral_inversion = true             # optional, as all that follow
-    bandwidth_hz = 8.7e6                  # of the front end, two-sided
+    bandwidth_hz = 8.7e6                  # bandwidth of the front end, two-sided
     first_sample = 0                      # number of the first sample on the counter that the bands share
     header_bytes = 0                      # to skip before the first sample
     sample_rate_hz = 12e6                 # if it differs from the other band's

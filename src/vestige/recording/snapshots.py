@@ -30,7 +30,7 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_time_uncertainty
 
-MARGIN_S = 1e-3  # of E6 samples on both sides: hardware bias, taps, error of the observation
+MARGIN_S = 1e-3  # duration of E6 samples on both sides: hardware bias, taps, error of the observation
 ALL_SVIDS = range(1, MAX_SVID + 1)
 
 
@@ -52,7 +52,7 @@ class RecordingSource:
     tracked
         Observations that the receiver has tracked in the E1 samples, in place of an observation file; None without.
     time_uncertainty_s
-        Bound on the receiver clock's error, in place of the recording's own.
+        Upper limit of the receiver clock's error, in place of the recording's own.
     time_tag_error_s
         Error of the samples' time tag in s, positive if it is late, from the message or `time_tag_search`. It decides
         where in the recording a RECS is, and resolves the multiple of 100 ms that 100 ms of E1 leave open.
@@ -246,7 +246,7 @@ def e1_window(reader: SampleReader, middle: GalileoTime) -> SampleBatch:
 def svids_in_view(
     recording: Recording, svids: Iterable[int] = ALL_SVIDS, *, progress: Callable[[int, int], None] | None = None
 ) -> dict[int, E1Observation]:
-    """Return what E1 says of `svids` at the start of a recording; {} if there is no E1 in it."""
+    """Return the E1 observations of `svids` at the start of a recording; {} if there is no E1 in it."""
     if recording.observations is not None:
         epoch = next(iter(recording.observations), None)
         return {} if epoch is None else {svid: one for svid, one in epoch.observations.items() if svid in set(svids)}

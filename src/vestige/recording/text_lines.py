@@ -1,4 +1,4 @@
-"""Numbered lines of a text file from outside, one at a time and of bounded length."""
+"""Numbered lines of a text file from outside, one at a time and of limited length."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class GrowingLines:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._offset = 0  # of what was not read yet
+        self._offset = 0  # offset of the first byte that was not read yet
         self._number = 0
         self._lines: deque[bytes] = deque()
 

@@ -222,7 +222,7 @@ class Snapshot:
         Receiver-clock time at which the last E6 sample of the snapshot ends, never before its time tag; the
         delayed-disclosure rule looks at this and at the window that is correlated.
     time_uncertainty_s
-        Bound on the error of the receiver's clock against Galileo System Time, in s; infinite if it is not known.
+        Upper limit of the error of the receiver's clock against Galileo System Time, in s; infinite if it is not known.
     observations
         E1 observations by SVID, with Doppler and its rate.
     recs
@@ -272,7 +272,7 @@ class EncryptedSegment:
     key_time
         Start of the 30 s subframe in which the key that decrypts it is transmitted.
     key_delay
-        KDI of the file: 0 the key of the RECS's own subframe, 1 that of the next.
+        KDI of the file: 0 for the key of the RECS's own subframe, 1 for the key of the next.
     random_offset
         RAND of the file; part of the IV.
     """

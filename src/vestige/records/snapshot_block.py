@@ -141,10 +141,10 @@ class SampleSearches(Protocol):
     """Both searches in the samples of one snapshot, with the settings and the assistance of the processor that asks."""
 
     def e1(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
-        """Return what the search of E1 with hand-over to E6 finds of some satellites."""
+        """Return the result of the search of E1 with hand-over to E6 for some satellites."""
 
     def exhaustive(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
-        """Return what the exhaustive search of E6 finds of some satellites."""
+        """Return the result of the exhaustive search of E6 for some satellites."""
 
 
 @runtime_checkable
@@ -152,10 +152,10 @@ class Searches(Protocol):
     """The searches of a block: made in samples, or drawn by a model of their detection."""
 
     def e1(self, request: SearchRequest) -> SearchBlock:
-        """Return what the search of E1 with hand-over to E6 finds [WFO, Sec. IV-B, step 4]."""
+        """Return the result of the search of E1 with hand-over to E6 [WFO, Sec. IV-B, step 4]."""
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
-        """Return what the exhaustive search of E6 finds [WFO, Sec. IV-C, step 5]."""
+        """Return the result of the exhaustive search of E6 [WFO, Sec. IV-C, step 5]."""
 
 
 SEARCH_NOT_RUN = (

@@ -20,7 +20,7 @@ class TimeUncertainty:
 
     initial_s: float = 15.0  # before the first authentic fix
     # upper limit of the relative frequency error of the oscillator
-    frequency_error: float = 2e-6  # of a temperature-compensated crystal oscillator over temperature and age
+    frequency_error: float = 2e-6  # temperature-compensated crystal oscillator, over temperature and age
     # time of the last authentic fix, and how good it was
     fixed_at: GalileoTime | None = None
     fixed_s: float = FIXED_S

@@ -16,7 +16,7 @@ from vestige.records.checks import CheckSeries
 from vestige.report.markup import Html, element, figure, number, section, table
 from vestige.scenario.stored import StoredScenario
 
-_SURE = 0.05  # of the two-sided test against a budget: that of the 95 % intervals
+_SURE = 0.05  # level of the two-sided test against a budget: that of the 95 % intervals
 
 
 def checks_section(
@@ -100,7 +100,9 @@ def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks:
         )
     if checks:
         attacked = "The run has an attack: alarms of these checks may be true ones. " if counts.attacked else ""
-        note = f"{attacked}▲ and ▼: the rate is not the budget (exact two-sided test at 5 %), or exceeds a bound."
+        note = (
+            f"{attacked}▲ and ▼: the rate is not the budget (exact two-sided test at 5 %), or exceeds an upper limit."
+        )
         head = ("check", "budget", "alarms", "of", "rate", "95 % interval", "")
         parts += [
             table(

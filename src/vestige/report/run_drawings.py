@@ -20,9 +20,9 @@ from vestige.report.drawing import Rows, chosen_rows, outermost, packed, scaled,
 
 ROWS = 24_000  # epochs drawn one by one, of all satellites
 ROW_BYTES = 1_200_000  # and how much they may be: fewer rows of long banks and of many attacks
-STRETCHES = 720  # of a time-line: more than a screen has columns for it
+STRETCHES = 720  # stretches of a time-line: more than a screen has columns for it
 STRETCH_BYTES = 400_000
-BINS = 80  # of a histogram
+BINS = 80  # bins of a histogram
 _OF_NONE = 0.5  # threshold in the drawing of a count of what must not be at all
 _OUTERMOST = 250  # parts of a run whose smallest and largest offsets are kept
 

@@ -106,7 +106,7 @@ class CellPowers:
     threshold: float  # what noise alone exceeds in any cell of the search with the overall false-alarm probability
 
     def acquisition(self, row: int, column: int) -> Acquisition:
-        """Return what one cell says."""
+        """Return the result of one cell."""
         statistic = float(self.powers[row, column])
         snr = max(statistic / (2 * self.n_added) - 1.0, 1e-3)
         return Acquisition(

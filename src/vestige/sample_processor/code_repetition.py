@@ -29,9 +29,9 @@ USUAL_RATES_HZ = tuple(
 _LONGEST_LAG = 250_000  # samples: 4 ms at 62.5 MHz
 _USED = 1 << 20  # samples
 _BLOCKS = (1 << 15, 1 << 17)  # samples that are summed coherently: for low and for high rates
-_TOLERANCE = 20e-6  # of the lag: an oscillator that is not disciplined
-_MULTIPLES = 8  # of a lag that are looked at: as many at most for each rate
-_NARROW = 1 / 3  # of the sampled band: the middle part, which has most of the signal where the rate is high
+_TOLERANCE = 20e-6  # share of the lag: an oscillator that is not disciplined
+_MULTIPLES = 8  # multiples of a lag that are looked at: as many at most for each rate
+_NARROW = 1 / 3  # share of the sampled band: the middle part, which has most of the signal where the rate is high
 _HIGHEST = 1e3  # standard deviations: a disturbance that repeats at some lag must not outweigh all others
 
 
@@ -78,7 +78,7 @@ def _profile(samples: Complex64[np.ndarray, " n_samples"], block: int) -> Iterat
         long = fft.fft(samples[start : start + block + longest], size)
         total += np.abs(fft.ifft(long * np.conj(short), overwrite_x=True)[:longest]) ** 2
     middle = np.median(total)
-    deviation = float(np.median(np.abs(total - middle))) / 0.6745  # of a Gaussian distribution
+    deviation = float(np.median(np.abs(total - middle))) / 0.6745  # standard deviation of a Gaussian distribution
     if deviation > 0:
         yield np.minimum((total - middle) / deviation, _HIGHEST)
 

@@ -8,15 +8,15 @@ Sample n, taken t_n after the hand-over's start, has code phase and carrier phas
     φ_n = 2π (f_c − f_0 + f_d) t_n + π ḟ_d t_n²                 f_0: frequency at 0 Hz in the samples
 
 and tap k, delayed by d_k, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋], over the samples that meet a chip of the
-segment; M is the number of samples of the segment. So a ray of amplitude a at delay d_k gives c_k = a.
+segment; M is the number of samples of the segment. So a path of amplitude a at delay d_k gives c_k = a.
 
 **Noise floor.** The threshold must come from the post-correlation noise, seen through a code that is not in the
 signal [WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w, random signs, gives
 Σ_j w_j y_j, and the mean of its power over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel.
 So one pass over the chips gives what an infinite number of wrong codes would: no reference cell is drawn, none is
-lucky. It holds for coloured noise and interference too. The true signal adds its own E_c/N_0 (−32 dB at 35 dBHz), as
-it does to any wrong code. Estimated from M chips its relative error is 1/√M, 0.35 % for 16 ms: the CFAR loss is
-0.0005 dB.
+lucky. The estimate is also right for coloured noise and interference. The true signal adds its own E_c/N_0 (−32 dB at
+35 dBHz), as it does to any wrong code. Estimated from M chips its relative error is 1/√M, 0.35 % for 16 ms: the CFAR
+loss is 0.0005 dB.
 """
 
 from __future__ import annotations

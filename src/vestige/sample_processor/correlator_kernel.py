@@ -167,7 +167,7 @@ def correlate_block(x, chips, packed, offsets, t0, dt, code_rate, code_rate_rate
             fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
             fill_chip_numbers(u0 + i0 * step, step, c[i0:i1])
             for k in range(0, n_taps, 2):
-                other = min(k + 1, n_taps - 1)  # of an odd number of taps, the last is summed alone
+                other = min(k + 1, n_taps - 1)  # the last of an odd number of taps is summed alone
                 delays = window_delay(around[k]), window_delay(around[other])
                 re_1, im_1, re_2, im_2 = _two_tap_sums(w, f, yr[i0:i1], yi[i0:i1], *delays)
                 out[k] += (re_1 + 1j * im_1) * turn

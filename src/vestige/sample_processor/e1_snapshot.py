@@ -35,10 +35,10 @@ from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E1B, E1C, SignalDefinition
 from vestige.time import GalileoTime
 
-E1_WINDOW_S = 0.1  # of samples for one measurement: a period of the secondary code
+E1_WINDOW_S = 0.1  # duration of samples for one measurement: a period of the secondary code
 # Below it the phase of the secondary code is not known: CS25's own second-best phase is 5.6 dB down.
 MIN_SECONDARY_MARGIN_DB = 1.0
-MIN_PERIODS = 12  # of 4 ms: fewer do not tell the 25 secondary phases apart at 33 dBHz
+MIN_PERIODS = 12  # periods of 4 ms: fewer do not tell the 25 secondary phases apart at 33 dBHz
 NOISE_FLOOR = "noise-floor"
 # 25 prompts hold one group of the usual 20; two of as many as there are at least have less bias and no more spread
 _PROMPT_ESTIMATORS: dict[str, Cn0Estimator] = {

@@ -25,8 +25,8 @@ from vestige.sample_processor.correlator import correlate
 from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E6C, SignalDefinition
 
-OPEN_SHARE = 0.3  # of the power of the periods that fits the secondary code; noise has 0.1 at the most
-_MIN_PERIODS = 25  # of 1 ms: fewer do not tell the 100 phases of the secondary code apart
+OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has 0.1 at the most
+_MIN_PERIODS = 25  # periods of 1 ms: fewer do not tell the 100 phases of the secondary code apart
 _TRANSFORM = 1024  # points over the periods, for the rest of the Doppler
 
 

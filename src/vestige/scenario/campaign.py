@@ -103,7 +103,8 @@ class ReceiverTable(Section):
     cn0_dbhz, cn0_e1_dbhz
         C/N0 of E6-C alone and of E1-C alone.
     signal
-        Whether E6-C is on air at all; without it, neither line of sight nor rays, every detection is a false alarm.
+        Whether E6-C is on air at all; without it, neither line of sight nor reflections, every detection is a false
+        alarm.
     time_uncertainty_s
         Error of its clock that the receiver believes possible, in s.
     clock_offset_s
@@ -113,7 +114,7 @@ class ReceiverTable(Section):
         How long a signal on E1 has to be there until a receiver that lost lock, or was restarted, tracks it. Until then
         E1 has no measurements.
     e1_multipath
-        Whether the rays disturb E1 too.
+        Whether the reflections disturb E1 too.
     accelerometers
         Accelerometers of a receiver under a sky, for the inertial check.
     """
@@ -347,7 +348,7 @@ class CampaignScenario(Section):
 
     @property
     def own_parts(self) -> tuple[str, ...]:
-        """The parts of the user's, each with the digest of its file: `module:Name@1f2e3d4c5b6a`."""
+        """The user's own parts, each with the digest of its file: `module:Name@1f2e3d4c5b6a`."""
         receiver, processor = self.receiver, self.processor
         models = (receiver.clock, receiver.ionosphere, receiver.multipath, receiver.e1_tracking, receiver.bias)
         kinds = [kind_of(type(one)) for one in (*models, *self.attack) if whose(one) == OWN]

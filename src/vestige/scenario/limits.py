@@ -22,16 +22,16 @@ from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import extremes
 from vestige.spoofer.spoofer import Spoofer
 
-MAX_EPOCHS = 100_000_000  # of a campaign
-LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # of a run: 333,333 OSNMA keys; 32 years
+MAX_EPOCHS = 100_000_000  # most epochs of a campaign
+LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # longest run: 333,333 OSNMA keys; 32 years
 _LONGEST_DELAY_S = 0.4  # a snapshot belongs to the RECS that reaches it within 0.5 s
 LARGEST_CLOCK_ERROR_S = 1e6  # at `correlators`: 12 days, more than any oscillator drifts in 32 years
 _LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # the kernels' approximations
 _SIGMAS = 6.0
 # Two-sided bands that a receiver cannot do without: both main lobes of BOC(1,1), and the middle half of the main lobe
-# of BPSK(5), which has 77 % of its power.
+# lobe of BPSK(5), which has 77 % of its power.
 _NARROWEST_HZ = {E1C.name: 4 * E1C.chip_rate_hz, E6C.name: E6C.chip_rate_hz}
-_WAY_S = 0.2  # of a signal, and what the clock may be wrong by
+_WAY_S = 0.2  # travel time of a signal plus the largest clock error
 
 
 def check_length(fidelity: str, duration_s: float) -> None:

@@ -60,7 +60,7 @@ class OrOwn:
         return core_schema.tagged_union_schema({OURS: ours, OWN: own}, discriminator=whose)
 
     def _made(self, value: Any, info: ValidationInfo) -> Any:
-        """Return what a table describes."""
+        """Return the object that a table describes."""
         if not isinstance(value, dict):
             return value  # made in Python already
         kind = value["kind"]

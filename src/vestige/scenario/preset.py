@@ -15,7 +15,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from vestige.scenario.toml.toml_file import InconsistentSettingsError
 
-_LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # of elevation
+_LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # range of elevation
 
 
 @dataclass(frozen=True, slots=True, eq=False)

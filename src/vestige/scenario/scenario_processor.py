@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.stored import StoredScenario
 
-_POWER_SIGMA_DB = 0.1  # of the decision map; the simulated front end does not drift
+_POWER_SIGMA_DB = 0.1  # 1σ of the power in the decision map; the simulated front end does not drift
 
 
 class Overhead(NamedTuple):

@@ -55,7 +55,7 @@ class Constellation(Section):
 
     @abstractmethod
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
-        """Return one for each satellite that there is."""
+        """Return the ephemeris of each satellite."""
 
     def _why_missing(self, svid: int) -> str:
         """Return a satellite that has no ephemeris, as the error names it."""
@@ -230,7 +230,8 @@ class PositionTable(Section):
     ionosphere_common
         Share of its variance that the receiver believes all satellites to have in common: in the covariance of the fix.
     multipath_sigma_m
-        Standard deviation of multipath in m at 16° elevation; it follows the power of the rays at other elevations.
+        Standard deviation of multipath in m at 16° elevation; it follows the power of the reflections at other
+        elevations.
     floor_sigma_m
         Standard deviation of all other errors in m.
     p_fa
@@ -252,7 +253,7 @@ def satellites_in_view(
 ) -> tuple[ElevationEffects, ...]:
     """Return the satellites that are above the mask at some time of a run, by ascending SVID.
 
-    They are looked for every minute, in long runs less often.
+    The elevation is tested every minute, in long runs less often.
 
     `longest_delay_s` is how far back an attacker's recording reaches.
 

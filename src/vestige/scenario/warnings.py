@@ -85,7 +85,7 @@ def _staircase(rate_hz: float) -> tuple[str, ...]:
         return ()
     return (
         f"receiver.sample_rate_hz: {rate_hz / 1e6:g} MHz is commensurate with the chip rate of E6, the correlation a "
-        f"staircase with treads of {stairs.tread_m:.1f} m; {stairs.good_rate_hz / 1e6:g} MHz is a good rate",
+        f"staircase with steps of {stairs.tread_m:.1f} m; {stairs.good_rate_hz / 1e6:g} MHz is a good rate",
     )
 
 

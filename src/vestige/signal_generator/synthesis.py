@@ -1,17 +1,17 @@
-"""Samples of spread signals with rays, Doppler and noise, at any sampling rate: the fast sibling of `waveform`.
+"""Samples of spread signals with paths, Doppler and noise, at any sampling rate: the fast sibling of `waveform`.
 
 Theory of operation
 -------------------
-Sample n is taken t_n after the start of the segment, the moment at which chip number L would arrive by a ray without
+Sample n is taken t_n after the start of the segment, the moment at which chip number L would arrive by a path without
 delay; L chips are on air before it. A signal with Doppler f_d and Doppler rate ḟ_d on its carrier f_c adds, over its
-rays r,
+paths r,
 
     x_n = Σ_r a_r · chip[L + ⌊u_n − d_r⌋] · exp j2π[(f_c − f_0 + f_d + f_r) t_n + ½ ḟ_d t_n²]
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
 
 so the Doppler is on code and carrier alike, and the correlator at delay d_r of a hand-over with the same start and
-Doppler gives a_r. A ray's own Doppler f_r turns its phase only: a fading rate of 1 Hz moves its delay by 4 mm in 16 ms.
-What has another range rate, a spoofer for example, is another `ReceivedSignal`.
+Doppler gives a_r. A path's own Doppler f_r turns its phase only: a fading rate of 1 Hz moves its delay by 4 mm in 16
+ms. What has another range rate, a spoofer for example, is another `ReceivedSignal`.
 
 **Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 = 1/f_s and a component of C/N0 has
 amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.
@@ -40,18 +40,18 @@ SIGMA = np.float32(np.sqrt(0.5))  # per dimension, for variance 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedSignal:
-    """One signal as it arrives: its chips, when they start, and the rays by which they come."""
+    """One signal as it arrives: its chips, when they start, and the paths by which they come."""
 
     chips: ChipSequence  # rectangular (BPSK) chips; before the first and after the last there is nothing
-    # time from sample 0, or the `origin_sample` of `synthesize`, to chip number `lead_chips` by a ray without delay, in
-    # s; may be negative
+    # time from sample 0, or the `origin_sample` of `synthesize`, to chip number `lead_chips` by a path without
+    # delay, in s; may be negative
     start_s: float
     doppler_hz: float  # at that moment, on the carrier
     doppler_rate_hz_per_s: float  # its rate of change
     delay_m: Float[np.ndarray, " n_rays"]  # positive is later
     amplitude: Complex128[np.ndarray, " n_rays"]  # with the phase at that moment
-    ray_doppler_hz: Float[np.ndarray, " n_rays"]  # of each ray over `doppler_hz`
-    lead_chips: int = 0  # chips before the segment, for the samples there and for late rays
+    ray_doppler_hz: Float[np.ndarray, " n_rays"]  # Doppler of each path over `doppler_hz`
+    lead_chips: int = 0  # chips before the segment, for the samples there and for late paths
 
 
 def amplitude(cn0_dbhz: float, sample_rate_hz: float) -> float:
@@ -118,7 +118,7 @@ def _add(
     carrier_hz: float,
     if_hz: float,
 ) -> None:
-    """Add a signal to samples, group by group of rays that lie within one chip window."""
+    """Add a signal to samples, group by group of paths that lie within one chip window."""
     rate = signal.chips.chip_rate_hz
     code_rate = rate * (1.0 + signal.doppler_hz / carrier_hz)
     code_rate_rate = rate * signal.doppler_rate_hz_per_s / carrier_hz

@@ -1,8 +1,8 @@
-"""The compiled inner loops of sample synthesis: the rays of one signal, added to stored samples.
+"""The compiled inner loops of sample synthesis: the paths of one signal, added to stored samples.
 
-All rays of a group share the chip windows (`vestige.signals.chip_window_kernel`); a ray is then a
-rotator, the XOR of its chip into the sign bits, and an addition. Each ray has a rotator table of its own; its phase at
-the middle of every block comes from float64. The Doppler rate turns the sum of all rays inside the block, to second
+All paths of a group share the chip windows (`vestige.signals.chip_window_kernel`); a path is then a
+rotator, the XOR of its chip into the sign bits, and an addition. Each path has a rotator table of its own; its phase at
+the middle of every block comes from float64. The Doppler rate turns the sum of all paths inside the block, to second
 order of an angle that stays below 1e-3 rad at 100 Hz/s.
 
 No sum here depends on the order of vector lanes and nothing is contracted, so that a block has the same bits on every
@@ -29,7 +29,7 @@ from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_t
 
 @njit(cache=True, nogil=True)
 def _add_ray(window, fraction, delay, cos, sin, a_re, a_im, s_re, s_im):
-    """Add amplitude × rotator × chip to the sum of the rays."""
+    """Add amplitude × rotator × chip to the sum of the paths."""
     for i in range(s_re.size):
         shift = np.uint32(np.uint32(fraction[i] + delay) >> np.uint32(FRACTION_BITS))
         sign = np.int32(np.uint32(np.uint32(window[i] << shift) & np.uint32(0x80000000)))
@@ -49,7 +49,7 @@ def _add_edge_ray(chips, u0, step, delay, cos, sin, a_re, a_im, s_re, s_im):
 
 @njit(cache=True, nogil=True)
 def _add_turned(s_re, s_im, slope, curve, x):
-    """Add the rays, turned by the small angle slope · k + curve · k², to the interleaved samples."""
+    """Add the paths, turned by the small angle slope · k + curve · k², to the interleaved samples."""
     for i in range(s_re.size):
         k = from_middle(i)
         turn = k * (slope + curve * k)
@@ -60,7 +60,7 @@ def _add_turned(s_re, s_im, slope, curve, x):
 
 @njit(cache=True, nogil=True)
 def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
-    """Add a group of rays of one signal to samples.
+    """Add a group of paths of one signal to samples.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, co
     delays
         float64[n_rays] in chips, later is positive, within 2 · WINDOW_REACH_CHIPS of each other.
     amplitudes, ray_hz
-        complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each ray over that of the group.
+        complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each path over that of the group.
     t0, dt
         Time of the first sample after the start of the code, and the sampling interval, in s.
     code_rate, code_rate_rate

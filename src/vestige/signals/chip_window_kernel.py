@@ -29,7 +29,7 @@ from vestige.kernel_cache import njit
 GROUP = 8  # samples that share a window
 PAD = 32  # places before the first chip in packed chips; there are as many behind the last
 WINDOW_REACH_CHIPS = 8.0  # farthest delay from the middle: with 15 chips of a group, 31 of a window's 32
-FRACTION_BITS = 27  # of a delay; five bits are left for 32 chips
+FRACTION_BITS = 27  # bits of a delay; five bits are left for 32 chips
 _LEAD = 8  # chips in a window before that of a group's first sample
 _PHASE_BITS = 40  # fraction bits of the code phase
 

@@ -32,7 +32,7 @@ from vestige.time import GalileoTime
 
 PLACED_M = 25_000_000.0  # range of a satellite that the scenario leaves at none; Galileo is 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # a receiver in a low orbit
-_MESSAGE_AFTER_S = 5.0  # of message beyond the last epoch; a spoofing signal may be late by as much
+_MESSAGE_AFTER_S = 5.0  # duration of message beyond the last epoch; a spoofing signal may be late by as much
 PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # within which a recording is processed
 
 

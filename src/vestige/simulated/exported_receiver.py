@@ -18,8 +18,8 @@ from vestige.scenario.campaign import CampaignScenario
 class ExportedReceiver:
     """The receiver at the time tags of its E1 observations."""
 
-    scenario: CampaignScenario  # of a sky
-    path: ContinuousTruth  # of any satellite: all have the receiver's clock
+    scenario: CampaignScenario  # a scenario with a sky
+    path: ContinuousTruth  # truth of any satellite: all have the receiver's clock
     first: int  # number of the first epoch
     tag_s: Float[np.ndarray, " n"]  # time tags in s after the scenario's start, on the receiver's clock
 

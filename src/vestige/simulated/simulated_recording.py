@@ -54,7 +54,7 @@ class SimulatedRecording:
 
     sky: Mapping[Band, tuple[ReceivedSatellite, ...]]  # what each band receives
     reference: GalileoTime  # receiver-clock time of sample 0, a whole second
-    front_end: FrontEnd  # of each band, with the sampling rate
+    front_end: FrontEnd  # front end of each band, with the sampling rate
     samples: range  # numbers of the samples
     seed: int  # seed of the noise
     time_uncertainty_s: float  # what the receiver believes of its clock

@@ -68,6 +68,6 @@ class ForgeryAfterDisclosure(CheckedAttack):
         return self.acquired
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal:
-        """Return what it adds to the band of a satellite that it aims at."""
+        """Return the effect on a band of a satellite under attack."""
         made = delayed(self, band, times_s, delay_m=self.range_offset_m, power_db=self.power_db, phase=COHERENT)
         return replace(made, delay_m=made.delay_m + self.delay_s * SPEED_OF_LIGHT_MPS)

@@ -117,7 +117,7 @@ class Attack:
         return (times_s >= self.start_s) & (times_s < self.stop_s)
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
         return None
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

@@ -63,7 +63,7 @@ class BetweenRecs(CheckedAttack):
         return Attack.on(self, times_s) & (since_s > self.guard_s) & (since_s < self.period_s - self.guard_s)
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
         if band not in self.bands:
             return None
         rate = 1 / (self.period_s - 2 * self.guard_s)

@@ -34,7 +34,7 @@ from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signals.definitions import SignalDefinition
 from vestige.signals.pulse import autocorrelation, band_limited_autocorrelation, spectrum
 
-_SHORTEST_S = 0.999e-6  # of a pulse: some samples
+_SHORTEST_S = 0.999e-6  # duration of a pulse: some samples
 _PIECE = 8192  # samples that are added at once: they stay in the cache
 
 
@@ -43,7 +43,7 @@ class _White:
 
     __slots__ = ()
     white: ClassVar[bool] = True  # while it is on
-    reach_hz: ClassVar[float] = 0.0  # of a line or sweep from the carrier; white noise is what the samples let in
+    reach_hz: ClassVar[float] = 0.0  # distance of a line or sweep from the carrier; the samples limit white noise
 
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
@@ -160,7 +160,7 @@ class Pulsed(_White):
     ) -> None:
         """Add the waveform to samples, see `Wideband.add`."""
         period = self.period_s * sample_rate_hz
-        edge = -_uniform(key) * period  # of a pulse
+        edge = -_uniform(key) * period  # edge of a pulse
         for k in range(int((first - edge) / period), int((first + x.size - edge) / period) + 1):
             begin, end = round(edge + k * period), round(edge + (k + self.duty) * period)
             begin, end = max(begin, first), min(end, first + x.size)
@@ -194,7 +194,7 @@ def _uniform(key: np.uint64) -> float:
 
 
 def _other_uniform(key: np.uint64) -> float:
-    """Return a second number in [0, 1), of the lower half of the key's bits: the first one is of the upper ones."""
+    """Return a second number in [0, 1) from the lower 32 bits of the key; `_uniform` takes the upper bits."""
     return (int(key) & 0xFFFFFFFF) / 2.0**32
 
 

@@ -60,7 +60,7 @@ class _LiftOffAttack(CheckedAttack):
         return ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
         if band not in self.bands:
             return None
         return delayed(
@@ -143,7 +143,7 @@ class E1Asynchronous(CheckedAttack):
         return self.acquired
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
         if band is not Band.E1:
             return None
         return delayed(
@@ -179,9 +179,9 @@ class Meaconing(CheckedAttack):
     delay_s
         From the fraction of a microsecond of a repeater to seconds of a recorder.
     antenna
-        Where its receiving antenna is. Each satellite's signal is late by the way over this antenna as well, so that
-        whoever follows it finds itself at the antenna [WFO, Sec. II]. It wants a sky. Without one the delay is the same
-        for all satellites, as if the antenna stood beside the victim's.
+        Position of the repeater's receiving antenna. The path over this antenna adds to the delay of each satellite, so
+        a victim computes the position of the antenna [WFO, Sec. II]. An antenna needs a sky. Without one the delay is
+        the same for all satellites, as if the antenna stood beside the victim's.
     power_db
         Relative to the true signal.
     bands
@@ -212,7 +212,7 @@ class Meaconing(CheckedAttack):
         return self.acquired and Band.E1 in self.bands
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
         if band not in self.bands:
             return None
         return delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=COHERENT)
@@ -246,7 +246,7 @@ class Forgery(CheckedAttack):
     kind: Literal["forgery"] = "forgery"
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
         if band is not Band.E6:
             return None
         return delayed(
@@ -279,7 +279,7 @@ class Nulling(CheckedAttack):
         return "it nulls the encrypted signal" if Band.E6 in self.bands else ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
         if band not in self.bands:
             return None
         opposite = Locked(phase_rad=pi + self.phase_error_rad)

@@ -67,7 +67,7 @@ _PILOT = {Band.E1: E1C, Band.E6: E6C}
 class BandEffects:
     """Effects of the attacks on one band of one satellite; the second axis is that of the attacks."""
 
-    # of spoofing signals against the line of sight, as what follows (`SpoofingSignal`); 0 and −inf dB without one
+    # spoofing signals against the line of sight, with the fields of `SpoofingSignal`; 0 and −inf dB without a signal
     delay_m: Float[np.ndarray, "n k"]
     delay_rate_mps: Float[np.ndarray, "n k"]
     power_db: Float[np.ndarray, "n k"]

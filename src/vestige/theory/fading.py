@@ -2,14 +2,14 @@
 
 Theory of operation
 -------------------
-Rays of many phases add a complex Gaussian g of mean power P to a direct signal of amplitude 1. In units of the noise
-per dimension a correlator then holds z = A (1 + g) + w, with A² = 2 (C/N0) T_I and w as in `thresholds`. A g and w are
-both complex Gaussian, so |z| is Rician with A and the variance s² = 1 + A² P/2 per dimension:
+Reflections of many phases add a complex Gaussian g of mean power P to a direct signal of amplitude 1. In units of the
+noise per dimension a correlator then holds z = A (1 + g) + w, with A² = 2 (C/N0) T_I and w as in `thresholds`. A g and
+w are both complex Gaussian, so |z| is Rician with A and the variance s² = 1 + A² P/2 per dimension:
 
     miss = P(|z| < γ) = 1 − Q₁(A/s, γ/s)
 
-The C/N0 is that of the direct signal. A real ray is delayed, so it adds less to the correlator of the direct signal
-than its power says: the average is an upper limit. P = 0 gives `miss_probability` of `thresholds`.
+The C/N0 is that of the direct signal. A real reflection is delayed, so it adds less to the correlator of the direct
+signal than its power says: the average is an upper limit. P = 0 gives `miss_probability` of `thresholds`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vestige.theory.thresholds import correlator_amplitude, threshold
 
 
 def faded_miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, ray_power_db: float) -> Reals:
-    """Return 1 − P_d, the probability of a miss averaged over the fading by rays.
+    """Return 1 − P_d, the probability of a miss averaged over the fading by reflections.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def faded_miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, ra
     pfa
         P_fa of a single test.
     ray_power_db
-        P, mean power of all rays over that of the direct signal in dB; −inf for none.
+        P, mean power of all reflections over that of the direct signal in dB; −inf for none.
 
     Examples
     --------

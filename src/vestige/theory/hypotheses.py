@@ -68,7 +68,7 @@ def effective_taps(pfa: Reals, taps: int, correlation: float) -> Reals:
 
         P₁₂/P_fa = ∫_0^∞ e^{-t} Q₁(ρ√(g²+2t)/s, g/s) dt,    s = √(1−ρ²),  g the threshold
 
-    An upper bound, which counts only coincidences of neighbours: exact for small P_fa, 1 % high at 1e-3 (11 taps, ρ
+    An upper limit, which counts only coincidences of neighbours: exact for small P_fa, 1 % high at 1e-3 (11 taps, ρ
     0.74).
 
     `pfa` is that of each tap; ρ is the autocorrelation at the distance of neighbouring taps, from 0 to below 1.

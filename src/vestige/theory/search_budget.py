@@ -18,7 +18,7 @@ from vestige.theory.thresholds import probability_of_detection, required_cn0_dbh
 
 # Of one search of one satellite: below the share of one search with each RECS, which suspicion may ask for.
 SEARCH_P_FA = 1e-6
-_DOPPLER_CORRELATION = 2 / np.pi  # of the noise of two bins 1/(2 T) apart: sinc(1/2)
+_DOPPLER_CORRELATION = 2 / np.pi  # correlation of the noise of two bins 1/(2 T) apart: sinc(1/2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

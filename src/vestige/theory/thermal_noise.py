@@ -29,7 +29,7 @@ from vestige.signals.pulse import BOC11, BOC61, Pulse, band_limited_autocorrelat
 
 MBOC: Mapping[Pulse, float] = {BOC11: 10 / 11, BOC61: 1 / 11}  # shares of E1 data and pilot together [OS-ICD, 2.3.3]
 
-_CELLS = 20_000  # of the frequency integrals; their relative error is below 1e-7
+_CELLS = 20_000  # cells of the frequency integrals; their relative error is below 1e-7
 
 
 def dll_noise_m(

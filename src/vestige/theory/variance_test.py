@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import chdtrc, chdtri
 
-_STEP = 0.02  # of ln k
+_STEP = 0.02  # step of ln k
 _TAILS = (np.arange(600) + 0.5) / 10  # v
 
 

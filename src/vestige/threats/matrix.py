@@ -27,7 +27,7 @@ from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, sc
 from vestige.threats.scenes import LEVEL_NUMBERS, Scene, Threat, scene_scenario
 
 _IN_FLIGHT = 3  # runs for each worker
-Outcomes = tuple[RunOutcome, ...]  # of one run, a level each
+Outcomes = tuple[RunOutcome, ...]  # one run: an outcome for each level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -159,7 +159,7 @@ def recorded_verdicts(recorded: RecordedScene, steps: Sequence[Step], errors: Tr
 
 
 def recorded_outcome(recorded: RecordedScene, found: RecordedVerdicts) -> RunOutcome:
-    """Return what came of a recorded attack at one level."""
+    """Return the outcome of a recorded attack at one level."""
     scenario = recorded.scenario()
     begin_s, end_s = window_of(scenario)
     counted = (found.time_s >= begin_s) & (found.time_s < end_s)

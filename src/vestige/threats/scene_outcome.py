@@ -93,9 +93,9 @@ class SceneOutcome(OutcomeCounts):
     # runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack
     by_chance: Proportion
     checks: tuple[CheckShare, ...]  # those that failed in any run, the most frequent and then the earliest first
-    budgets: tuple[CheckBudget, ...] = ()  # of every check that has a budget
+    budgets: tuple[CheckBudget, ...] = ()  # every check that has a budget
     time_to_detect_s: float  # median of the runs with an alarm; NaN without any
-    # of all runs
+    # largest errors of all runs
     worst_range_m: float
     worst_position_m: float
 
@@ -129,7 +129,7 @@ class SceneOutcome(OutcomeCounts):
 
 
 def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> SceneOutcome:
-    """Return what came of the runs of a scene at one level, and of those without its attack."""
+    """Return the outcome of the runs of a scene at one level, and of those without its attack."""
 
     def share(name: str) -> Proportion:
         return proportion(sum(getattr(run, name) for run in runs), len(runs))

@@ -54,7 +54,7 @@ def series_of(
     *,
     exact: bool = False,
 ) -> CheckSeries:
-    """Return what a check says of a block, under its own name, unit and false-alarm probability."""
+    """Return the result of a check for a block, under its own name, unit and false-alarm probability."""
     return CheckSeries(
         name=check.name,
         unit=check.unit,

@@ -197,7 +197,7 @@ def clock_history(evidence: Evidence, window: int) -> tuple[ClockHistory, Int64[
 
 
 def remembered_clock(evidence: Evidence, window: int) -> ClockMemory:
-    """Return what the next block needs of the clock."""
+    """Return the clock's memory for the next block."""
     history, _ = clock_history(evidence, window)
     rows = np.stack(history, axis=1)[-(window - 1) :].tolist()
     return tuple(

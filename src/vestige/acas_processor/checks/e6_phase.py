@@ -70,9 +70,9 @@ class E6PhaseMonitor(Monitor):
     window
         N, number of RECS.
     ray_power_db
-        P, mean power of all rays over the direct signal in dB, at 16° of elevation.
+        P, mean power of all reflections over the direct signal in dB, at 16° of elevation.
     ray_life_s
-        L, how long a ray lasts, in s: 0 if each RECS has other rays, infinite if nothing is known of it.
+        L, how long a reflection lasts, in s: 0 if each RECS has other reflections, infinite if nothing is known of it.
     change_mps
         v, fastest change of E6 − E1 by the ionosphere, in m/s.
     pll_bandwidth_hz, fll_bandwidth_hz, loop_integration_s

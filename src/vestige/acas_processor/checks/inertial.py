@@ -8,7 +8,7 @@ receiver that does not accelerate, by the receiver's acceleration along the line
     ρ̇₁ − ρ̇₀ = Δ_satellite − Δ(e·v) + Δdrift        e: unit vector to the satellite, v: velocity against the Earth
     Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means of both ends, a: acceleration
 
-so the difference of both sides is bounded by what is left of each:
+so the difference of both sides is limited by what is left of each:
 
     variance = σ_ρ̇,0² + σ_ρ̇,1² + (σ_bias T)² + N² T + c² Sg T
 

@@ -3,8 +3,9 @@
 An attacker who cannot forge OSNMA can keep it from being received: noise just strong enough for bit errors leaves
 ranging intact and denies keys and tags. Two checks look for that.
 
-**Availability.** Of the last n subframes so many brought no validated key. Without an attack each is lost with a known
-probability p, so the number is binomial, and the threshold is the smallest count that is exceeded with at most P_fa.
+**Availability.** The statistic is the number of the last n subframes without a validated key. Without an attack a
+subframe is lost with a known probability p, so the number is binomial. The threshold is the smallest count that is
+exceeded with at most P_fa.
 
 **Assisted comparison** [WFO, Sec. IV-C]. Keys and tags come from a second channel (the network) too. Fields that are
 missing or damaged count as above, now field by field and so within seconds. A field whose page passed its checksum
@@ -32,7 +33,7 @@ from vestige.records.checks import CheckName, CheckSeries
 class _LossMonitor(Monitor):
     """Whether no more is missing than reception loses; the test keeps below its P_fa."""
 
-    loss_probability: float = 0.02  # of one trial without an attack
+    loss_probability: float = 0.02  # probability of a loss in one trial without an attack
     p_fa: float = 1e-5
 
     def threshold(self, trials: int) -> int:
@@ -78,7 +79,7 @@ class OsnmaAgreementMonitor:
     name: ClassVar = CheckName.OSNMA_AGREEMENT
     unit: ClassVar = "fields"
 
-    p_fa: float = 2.0**-24  # of one field: CRC-24 passes a damaged page
+    p_fa: float = 2.0**-24  # probability that one field fails: CRC-24 passes a damaged page
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block; it is made at the end of each subframe."""

@@ -1,7 +1,7 @@
 """OSNMA subframe by subframe, beside a second channel: what the three OSNMA checks count [WFO, Sec. IV-C].
 
-A subframe is judged at the first epoch after its end. Its key counts as received if one
-satellite brought all pages that hold it, and none of them differs from what the second channel has.
+A subframe is judged at the first epoch after its end. The key of the subframe counts as received if one satellite
+brought all its pages, and no page differs from that of the second channel.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMem
 class _Pieces(NamedTuple):
     """Pieces of one subframe that follow each other, with the bits of all of them."""
 
-    start: int  # of the subframe
+    start: int  # start of the subframe
     epoch: int  # row of the last piece
     last: bool  # whether that ends the subframe
     # a number of bits for each satellite

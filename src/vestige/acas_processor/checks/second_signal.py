@@ -1,4 +1,4 @@
-"""A second signal in the correlators of one RECS, against what rays of multipath may leave there [WFO, Sec. III-B].
+"""A second signal in the correlators of one RECS, against what multipath reflections may leave there [WFO, Sec. III-B].
 
 Theory of operation
 -------------------
@@ -7,20 +7,20 @@ One signal is a triangle r(τ) of unknown amplitude and place. With C the correl
 
     r₂⊥ = r(τ) − r(τ₁) ⟨r(τ₁), r(τ)⟩/⟨r(τ₁), r(τ₁)⟩        G = max over |τ − τ₁| ≥ ½ chip of |⟨r₂⊥, c⟩|²/⟨r₂⊥, r₂⊥⟩
 
-is how much better two signals explain the taps than one. Noise alone makes every |·|²/2 exponential. A ray of Rayleigh
-amplitude and mean power P over a direct signal of amplitude s adds at most s²P/2 to the variance in each dimension, and
-looks like a spoofer: nobody can tell the two apart by one RECS. So
+is how much better two signals explain the taps than one. Noise alone makes every |·|²/2 exponential. A reflection of
+Rayleigh amplitude and mean power P over a direct signal of amplitude s adds at most s²P/2 to the variance in each
+dimension, and looks like a spoofer: nobody can tell the two apart by one RECS. So
 
     fail where √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = places that are tried
 
 with k = 1 where the weaker signal is the later one. That is an upper limit, because neighbouring places share noise and
-a ray rarely lies in the worst one. If P is −15.8 dB (harsh conditions), no later signal below −4 dB of the direct one
-is seen at p_fa = 10⁻⁶, however large C/N0 is.
+a reflection rarely lies in the worst one. If P is −15.8 dB (harsh conditions), no later signal below −4 dB of the
+direct one is seen at p_fa = 10⁻⁶, however large C/N0 is.
 
-A ray never arrives before its direct signal. If the weaker signal is the earlier one, the stronger one can therefore
-not be its ray, and noise alone sets the threshold, up to k = 0.06: a ray that is too near to be told apart bends the
-triangle, and τ₁ is found to 0.05 chip, which both leave a little on the early side (measured: false alarms stay below
-p_fa up to 45 dBHz over 16 ms).
+A reflection never arrives before its direct signal. If the weaker signal is the earlier one, the stronger one can
+therefore not be its reflection, and noise alone sets the threshold, up to k = 0.06: a reflection that is too near to be
+told apart bends the triangle, and τ₁ is found to 0.05 chip, which both leave a little on the early side (measured:
+false alarms stay below p_fa up to 45 dBHz over 16 ms).
 
 The check looks at the correlators within `reach_m` of the prediction. Farther out the early detector tells two signals
 apart by itself.
@@ -76,12 +76,12 @@ class _Places(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SecondSignalMonitor(Monitor):
-    """Whether the correlators of one RECS hold more than one signal and its rays."""
+    """Whether the correlators of one RECS hold more than one signal and its reflections."""
 
     name: ClassVar = CheckName.E6_SECOND_SIGNAL
     unit: ClassVar = "sigma"
-    # P, mean power of all rays over the direct signal
-    ray_power_db: float = -15.8  # of the harsh conditions [WFO, Sec. VI-A]
+    # P, mean power of all reflections over the direct signal
+    ray_power_db: float = -15.8  # mean power of the reflections in the harsh conditions [WFO, Sec. VI-A]
     p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, an upper limit
     reach_m: float = np.inf  # correlators farther from the prediction are left out
 
@@ -95,7 +95,7 @@ class SecondSignalMonitor(Monitor):
         noise_power: Float[np.ndarray, " n"],
         offsets_m: Float[np.ndarray, " n_taps"],
     ) -> TwoSignals:
-        """Return what two signals explain.
+        """Return the fit of two signals to the correlators.
 
         `noise_power` is the mean squared magnitude of noise in one correlator.
         """
@@ -116,7 +116,7 @@ class SecondSignalMonitor(Monitor):
     def threshold(
         self, found: TwoSignals, offsets_m: Float[np.ndarray, " n_taps"], *, relative: float | np.ndarray = 1.0
     ) -> Float[np.ndarray, "*n"]:
-        """Return the largest √G that passes; `relative` scales the amplitude of the rays at other elevations."""
+        """Return the largest √G that passes; `relative` scales the amplitude of the reflections at other elevations."""
         tried = _places(tuple(np.round(offsets_m, 6).tolist())).whitened.shape[0]
         share = np.where(found.weaker_m < found.stronger_m, _EARLY_SHARE, 1.0)
         ray_amplitude = found.amplitude * relative
@@ -140,7 +140,7 @@ class SecondSignalMonitor(Monitor):
 
 
 def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> TwoSignals:
-    """Return what two signals explain in every bank of a block; NaN where nothing was correlated."""
+    """Return the fit of two signals in every bank of a block; NaN where nothing was correlated."""
     correlated = measured.availability == Availability.CORRELATED
     banks = measured.banks
     near = monitor.near(banks.offsets_m)

@@ -59,7 +59,7 @@ class SolutionSeparationMonitor(Monitor):
 
     @property
     def p_fa(self) -> float:
-        """False-alarm probability of one epoch; a bound, as the modes depend on each other."""
+        """False-alarm probability of one epoch; an upper limit, as the modes depend on each other."""
         return self.p_fa_horizontal + self.p_fa_vertical
 
     @classmethod
@@ -94,7 +94,7 @@ class SolutionSeparationMonitor(Monitor):
     ) -> Float[np.ndarray, " k"]:
         """Return the probability that leaving out the biased satellite of a column shows it, in the first epoch.
 
-        Other satellites may show it too: a lower bound.
+        Other satellites may show it too: a lower limit.
         """
         share = redundancy(fix.geometry[:1], fix.weight[:1]).unexplained[0, column]
         used = int(fix.n_used[0])

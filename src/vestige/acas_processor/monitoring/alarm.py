@@ -26,11 +26,11 @@ _AUTHENTIC, _NOT_AVAILABLE = POSITION[Status.AUTHENTIC], POSITION[Status.NOT_AVA
 class StateChange:
     """A satellite's state changed."""
 
-    time: GalileoTime  # of the snapshot that changed it
+    time: GalileoTime  # time of the snapshot that changed it
     svid: int
     before: Status
     after: Status
-    reason: str  # of the verdict that changed it; "" if nothing happened for long enough
+    reason: str  # reason of the verdict that changed it; "" if nothing happened for long enough
 
     @property
     def alarm(self) -> bool:

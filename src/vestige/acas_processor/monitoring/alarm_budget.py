@@ -53,8 +53,8 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
     from vestige.acas_processor.verdict_block import VerdictBlock
 
-ALARMS_PER_DAY = 1.0  # of all checks together whose probability can be chosen
-_LARGEST_P_FA = 0.5  # of one test, however many alarms a day a user allows
+ALARMS_PER_DAY = 1.0  # sum over all checks whose probability can be chosen
+_LARGEST_P_FA = 0.5  # false-alarm probability of one test, however many alarms a day a user allows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -102,7 +102,7 @@ class Reference(NamedTuple):
         """Return why a level is not known."""
         if np.isinf(self.learned[place]):
             return "no level is expected: the elevation is not known"
-        return f"its usual level is being learned: {self.learned[place]:.0f} of {LEARNED} quiet snapshots"
+        return f"its usual level is being learned: {self.learned[place]:.0f} of {LEARNED} snapshots without an alarm"
 
 
 Values = tuple[float, ...]
@@ -110,7 +110,7 @@ Values = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baseline:
-    """The last quiet values of each quantity, by SVID; those of the receiver under 0."""
+    """The last values of each quantity without an alarm, by SVID; those of the receiver under 0."""
 
     values: Mapping[Quantity, Mapping[int, Values]] = field(default_factory=dict)
 
@@ -165,7 +165,7 @@ class Observed:
     ) -> Mapping[Quantity, Reference]:
         """Return what is usual at each epoch, from what was seen before it.
 
-        `teaches` says which epochs are quiet, have RECS, and so teach those after them.
+        `teaches` says which epochs have RECS and no alarm, and so teach those after them.
         """
         found = {}
         for quantity, values in self.values.items():
@@ -183,7 +183,7 @@ class Observed:
         return found
 
     def after(self, baseline: Baseline, teaches: Bool[np.ndarray, " n"]) -> Baseline:
-        """Return the baseline that knows the quiet epochs of the block."""
+        """Return the baseline that knows the epochs of the block without an alarm."""
         known: dict[Quantity, dict[int, Values]] = {}
         for quantity, values in self.values.items():
             known[quantity] = dict(baseline.values.get(quantity, {}))
@@ -198,11 +198,11 @@ class Observed:
 def _running(
     before: Values, column: Float[np.ndarray, " n"], teaches: Bool[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the median of the last quiet values before each epoch, NaN while there are too few, and their number."""
+    """Return the median of the last alarm-free values before each epoch, NaN with too few, and their number."""
     taught = teaches & np.isfinite(column)
     values = np.concatenate([np.array(before, np.float64), column[taught]])
     known: Int64[np.ndarray, " n"] = len(before) + np.cumsum(taught) - taught
-    medians = np.full(values.size + 1, np.nan)  # of the values so far, by their number
+    medians = np.full(values.size + 1, np.nan)  # medians of the values so far, by their number
     for count in range(max(LEARNED, len(before)), min(BASELINE_WINDOW, values.size + 1)):
         medians[count] = np.median(values[:count])
     if values.size >= BASELINE_WINDOW:

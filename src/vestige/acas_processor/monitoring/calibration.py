@@ -13,7 +13,7 @@ MIN_SATELLITES = 3  # with one satellite a bias cannot be told from spoofing
 
 
 def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | None:
-    """Return what to add to the hardware bias so that the median range offset is zero, in s.
+    """Return the correction of the hardware bias so that the median range offset is zero, in s.
 
     The bias is common to all satellites; ionosphere, multipath and noise are not. The median over all detected
     satellites survives a minority of spoofed ones. So calibrate where the signals are known to be good, and keep the

@@ -82,8 +82,8 @@ class CarrierEpoch(NamedTuple):
     """E6 carrier of a satellite in one RECS: phase against the E1 prediction, magnitude and C/N0."""
 
     time_s: float  # after the first epoch that the receiver ever processed
-    phase_rad: float  # of the detecting correlator minus the phase that E1 predicts, a constant apart; NaN without
-    magnitude_sigma: float  # of the detecting correlator in standard deviations of the noise per dimension
+    phase_rad: float  # detecting correlator minus the phase that E1 predicts, but for a constant; NaN without
+    magnitude_sigma: float  # magnitude of the detecting correlator in standard deviations of the noise per dimension
     cn0_e1_dbhz: float
     extrapolated_s: float  # for how long the Doppler of E1 carried its phase on, to the middle of the RECS
 

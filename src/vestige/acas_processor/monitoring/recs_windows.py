@@ -67,7 +67,7 @@ def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
 
 
 def remembered_carrier(evidence: Evidence, most: int) -> CarrierMemory:
-    """Return what the next block needs: the last `most` RECS of each satellite that E1 still tracks, 1 or more."""
+    """Return the memory for the next block: the last `most` RECS of each satellite that E1 still tracks, 1 or more."""
     lost = np.count_nonzero(~evidence.measured.snapshots.e1.seen, axis=0)
     found = {}
     for column, recs in enumerate(recs_of_satellites(evidence)):

@@ -25,7 +25,7 @@ from vestige.time import GalileoTime
 class SearchMemory:
     """Memory of the exhaustive search: the time of the last one, its finding, and any suspicion since then."""
 
-    searched_at: GalileoTime | None = None  # time of the last one
+    searched_at: GalileoTime | None = None  # time of the last epoch
     found_twice: bool = False  # whether it was made with the last RECS, and found more than one signal of a satellite
     suspicious: bool = False  # whether another check failed since the last RECS
 
@@ -35,12 +35,12 @@ class ReceiverState:
     """Memory of a receiver between two blocks of epochs."""
 
     origin: GalileoTime  # time of the first epoch that it processed
-    last: GalileoTime  # time of the last one
+    last: GalileoTime  # time of the last epoch
     uncertainty: TimeUncertainty = field(default_factory=TimeUncertainty)
     baseline: Baseline = field(default_factory=Baseline)  # what is usual of power, C/N0 and noise floor
     position_m: Vector | None = None  # ECEF position of the last fix; None before the first
-    fix: FixMemory | None = None  # the last fix that bounds where the receiver may be; None before the first
-    # of single checks
+    fix: FixMemory | None = None  # the last fix, which limits where the receiver may be; None before the first
+    # memory of single checks
     clock: ClockMemory = ()
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
     rates: RateMemory | None = None

@@ -20,7 +20,7 @@ class AuthenticPosition:
     """Position of the receiver at the time of a snapshot, from authentic ranges, with its standard deviations."""
 
     index: int
-    # of the snapshot, and when the last key that it needs was complete
+    # time of the snapshot, and of the last key that it needs
     time: GalileoTime
     available_at: GalileoTime
     # geodetic, height over the ellipsoid

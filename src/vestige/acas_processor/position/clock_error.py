@@ -1,7 +1,7 @@
 """Error of the receiver's clock, as the E1 ranges show it.
 
 All pseudoranges of an epoch contain the same clock error. A position fix solves for it. Without a fix the travel times
-bound it: those of Galileo satellites to the Earth lie between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, so the median
+limit it: those of Galileo satellites to the Earth lie between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, so the median
 pseudorange, less the middle of the two, is the clock error to within `TRAVEL_SPREAD_S`.
 """
 

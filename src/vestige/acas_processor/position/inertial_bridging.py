@@ -51,7 +51,7 @@ class RateStep:
 
 
 def rate_steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
-    """Yield the rows of the RECS of a block with what happened until there, or why there is nothing to compare.
+    """Yield each row with a RECS and its rate step, or the reason why rates cannot be compared.
 
     Nothing without inertial sensors.
     """
@@ -69,7 +69,7 @@ def rate_steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
 
 
 def remembered_rates(evidence: Evidence) -> RateMemory | None:
-    """Return what the next block needs."""
+    """Return the memory for the next block."""
     snapshots = evidence.measured.snapshots
     after = int(np.max(np.flatnonzero(snapshots.recs), initial=-1)) + 1
     last = _left_behind(evidence, after - 1) if after and snapshots.increments is not None else evidence.rates

@@ -27,7 +27,7 @@ from vestige.navigation.position_fix import Transmission
 SHORTEST_TRAVEL_S, LONGEST_TRAVEL_S = 0.065, 0.105
 SPREAD_M = (LONGEST_TRAVEL_S - SHORTEST_TRAVEL_S) * SPEED_OF_LIGHT_MPS
 
-FIX_REACH_M = 1000.0  # of a fix without corrections: ionosphere and troposphere, and what an attack makes unseen
+FIX_REACH_M = 1000.0  # error of a fix without corrections: ionosphere, troposphere, and an attack that no check sees
 FASTEST_MPS = 500.0  # how fast the receiver may leave a position; an airliner has 300 m/s
 MARGIN_M = 500.0  # ionosphere and troposphere of a low satellite, its orbit, 46 m of rotation of the Earth
 _RANGE_RATE_MPS = 1000.0  # no more of a receiver on the Earth: what the clock's error makes of a satellite's place
@@ -135,7 +135,7 @@ def known_positions(
 ) -> KnownPositions:
     """Return where the receiver may be at each epoch: near the last fix before it, or near the position that is stated.
 
-    Of the two it is the one with the smaller reach.
+    If both are known, the position with the smaller reach is returned.
 
     Parameters
     ----------

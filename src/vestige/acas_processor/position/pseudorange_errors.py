@@ -48,13 +48,13 @@ _NEGLIGIBLE_M = 0.01  # beside the noise of a loop
 class PseudorangeErrors:
     """Standard deviations of E1 observations."""
 
-    floor_m: float = 5.0  # of all that is not named below
+    floor_m: float = 5.0  # all errors that are not named below
     # residual of the ionosphere on E1 at 17.5° elevation, and the share of its variance that is common to all
     # satellites.
     ionosphere_m: float = 0.0
     ionosphere_common: float = 0.5
-    multipath_m: float = 0.0  # of multipath at 16° elevation
-    rate_mps: float = 0.1  # of a range rate, where `loops` does not say it
+    multipath_m: float = 0.0  # error of multipath at 16° elevation
+    rate_mps: float = 0.1  # error of a range rate, where `loops` does not say it
     loops: LoopNoise | None = None  # noise of the tracking loops; None for none beside the floor
 
     @property
@@ -64,7 +64,7 @@ class PseudorangeErrors:
 
     @property
     def is_bound(self) -> bool:
-        """Whether the standard deviations bound the errors, and are not just those of the loops' noise."""
+        """Whether the standard deviations are upper limits of the errors, and not just those of the loops' noise."""
         return self.loops is None or self.needs_elevation or self.floor_m > _NEGLIGIBLE_M
 
     def range_m(

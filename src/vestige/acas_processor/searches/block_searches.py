@@ -32,11 +32,11 @@ class SampledSearches:
     svids: tuple[int, ...]
 
     def e1(self, request: SearchRequest) -> SearchBlock:
-        """Return what the search of E1 with hand-over to E6 finds."""
+        """Return the result of the search of E1 with hand-over to E6."""
         return _in_samples(request).e1(self.snapshot, self.svids, request)
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
-        """Return what the exhaustive search of E6 finds."""
+        """Return the result of the exhaustive search of E6."""
         return _in_samples(request).exhaustive(self.snapshot, self.svids, request)
 
 
@@ -54,7 +54,7 @@ class ProcessorSearches:
     assistance: Assistance
 
     def e1(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
-        """Return what the search of E1 with hand-over to E6 finds of some satellites."""
+        """Return the result of the search of E1 with hand-over to E6 for some satellites."""
         search = replace(
             self.processor.monitoring.e1_search,
             p_fa=request.p_fa,
@@ -65,7 +65,7 @@ class ProcessorSearches:
         return self._block(found, snapshot, svids, request)
 
     def exhaustive(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
-        """Return what the exhaustive search of E6 finds of some satellites."""
+        """Return the result of the exhaustive search of E6 for some satellites."""
         settings = self.processor.monitoring.exhaustive_search
         search = replace(settings, p_fa=request.p_fa, cipher_mode=self.processor.cipher_mode)
         expected = {

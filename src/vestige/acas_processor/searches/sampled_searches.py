@@ -74,11 +74,11 @@ class SatelliteSearch:
 class E1VestigialSearch:
     """All signals on E1, handed over to E6."""
 
-    p_fa: float = 1e-3  # of one snapshot, for E1 and for E6 each
-    # of `search_e1`
+    p_fa: float = 1e-3  # false-alarm probability of one snapshot, for E1 and for E6 each
+    # arguments of `search_e1`
     doppler_span_hz: float = 5000.0
     periods: int = 24
-    taps: int = 5  # of `search_handover`
+    taps: int = 5  # correlators of `search_handover`
     # as `AcasProcessor` has them
     cipher_mode: CipherMode = CipherMode.CBC
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
@@ -89,7 +89,7 @@ class E1VestigialSearch:
     def search(
         self, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
     ) -> tuple[SatelliteSearch, ...]:
-        """Return what there is of every satellite with a RECS; without E6 or a key E1 alone decides.
+        """Return the findings for every satellite with a RECS; without E6 or a key E1 alone decides.
 
         The hand-over is made of satellites with more than one signal on E1 and, before the first authentic fix, of all:
         then a signal may be the right one at the wrong time.
@@ -172,7 +172,7 @@ class E1VestigialSearch:
 class E6ExhaustiveSearch:
     """Every half chip and Doppler bin of E6."""
 
-    p_fa: float = 1e-3  # of one snapshot
+    p_fa: float = 1e-3  # false-alarm probability of one snapshot
     # integration time, Doppler span, engine, workers
     how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
     # how far before and after the place where E1 expects the RECS to look; None for all of the time uncertainty
@@ -191,7 +191,7 @@ class E6ExhaustiveSearch:
         *,
         expected: Mapping[int, GalileoTime] | None = None,
     ) -> tuple[SatelliteSearch, ...]:
-        """Return what there is of every satellite with a RECS.
+        """Return the findings for every satellite with a RECS.
 
         Samples `e6` stand in place of those of the snapshot: a file that is too long for one. `expected` says where E1
         puts the RECS of a satellite, for `around_s`; satellites without are not searched then.
@@ -268,7 +268,7 @@ def _not_run(svid: int, why: str) -> SatelliteSearch:
 def _of_decision(
     svid: int, decision: VestigialDecision | None, codes: tuple[ChipSequence, ...], sent: Mapping[int, GalileoTime]
 ) -> SatelliteSearch:
-    """Return what an exhaustive search says of one satellite."""
+    """Return the result of an exhaustive search for one satellite."""
     if decision is None:
         why = "the E6 samples do not hold the RECS anywhere in the time uncertainty"
         return _not_run(svid, why if codes else "no RECS of this satellite, or no key that proves anything")
@@ -331,7 +331,7 @@ def _proof(
 ) -> ReceptionProof:
     """Return which arrivals of a RECS in a snapshot are provably from before the disclosure of its key.
 
-    The labels of the samples follow E1, and with it a spoofer; `received_at` does not.
+    The time tags of the samples follow E1, and with it a spoofer; `received_at` does not.
     """
     proof = reception_proof(assistance, code, uncertainty.at(snapshot.received_at))
     behind_s = 0.0 if snapshot.e6 is None else max(snapshot.received_at - snapshot.e6.received_until, 0.0)

@@ -7,7 +7,7 @@ both: null the true signal, or bury it in noise; then the checks of E6 power and
 The search on E1 is made with every RECS. The paper leaves open how often the exhaustive one is; with every RECS it
 would take more time than there is. So it is made at the start, now and then, and with every RECS as long as something
 is suspicious. That goes on with the RECS after a search that found a second signal, though no other check may see it:
-an attacker who nulls E1 and is quiet would otherwise be AUTHENTIC again one RECS after he was found.
+an attacker who nulls E1 and adds no noise would otherwise be AUTHENTIC again one RECS after he was found.
 Both search as far as the clock may be wrong (`TimeUncertainty`).
 """
 
@@ -23,7 +23,7 @@ from vestige.records.checks import CheckName, CheckSeries
 from vestige.records.snapshot_block import SEARCH_NOT_RUN, SearchBlock
 
 NOT_DUE = SEARCH_NOT_RUN.index("not due") + 1
-_ROUNDING_S = 1e-6  # of times that are sums of intervals
+_ROUNDING_S = 1e-6  # rounding error of times that are sums of intervals
 
 
 def search_due(since_s: float | None, period_s: float, *, suspicious: bool, found_twice: bool) -> bool:

@@ -31,7 +31,7 @@ from vestige.time import GalileoTime
 
 REMEASURE_S = 2.0  # between measurements of E1
 _CHIP_S = 1 / E6C.chip_rate_hz
-TRAVEL_TIME_S = (0.02, 0.16)  # of any satellite to any receiver, with 50 ms to spare on both sides
+TRAVEL_TIME_S = (0.02, 0.16)  # travel time from any satellite to any receiver, with 50 ms to spare on both sides
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

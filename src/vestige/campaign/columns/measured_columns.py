@@ -142,13 +142,13 @@ def osnma_columns(snapshots: SnapshotBlock, pages: PagesReceived) -> dict[str, n
 class Judged:
     """A campaign whose columns are judged."""
 
-    scenario: CampaignScenario | StoredScenario  # of the campaign, or as its results hold it
+    scenario: CampaignScenario | StoredScenario  # the campaign's scenario, or the one that its results hold
     processor: AcasProcessor
     svids: tuple[int, ...]
 
 
 def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns) -> MeasurementBlock:
-    """Return what the receiver measured in some epochs.
+    """Return the receiver's measurements in some epochs.
 
     The columns are of those epochs, with the axes of the results: `epoch` first, but for the axis `detector`.
     """
@@ -284,7 +284,7 @@ def _of_sky(scenario: CampaignScenario | StoredScenario, time: GalileoTimes, col
 
 
 def _detected(of: Judged, columns: Columns) -> DetectedBlock:
-    """Return what the processor's detector said."""
+    """Return the result of the processor's detector."""
     place = list(of.scenario.processor.detectors).index(of.scenario.processor.detector)
     return DetectedBlock(
         tap=columns["tap_index"][place].astype(np.int64),

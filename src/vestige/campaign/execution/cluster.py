@@ -88,7 +88,7 @@ class ClusterExecutor(Executor):
         while not self._closed.wait(LOOK_EVERY_S):
             try:
                 workers = self.workers
-            except Exception:  # of a connection that has ended: the calls that wait say so
+            except Exception:  # the connection has ended: the calls that wait say so
                 return
             without_s = 0.0 if workers else without_s + LOOK_EVERY_S
             if not workers and not told and without_s >= NO_WORKERS_S:

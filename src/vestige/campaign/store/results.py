@@ -141,7 +141,7 @@ class Results:
         return values(self.dataset, "range_in_use_m", EPOCH, "satellite")
 
     def check(self, name: str) -> CheckColumns:
-        """Return what a check said of every epoch and satellite.
+        """Return the result of a check for every epoch and satellite.
 
         Raises
         ------
@@ -220,7 +220,7 @@ def open_results(
 
 
 def open_dataset(path: Path) -> xarray.Dataset:
-    """Return what a zarr store holds, not read yet.
+    """Return the content of a zarr store, not read yet.
 
     Raises `InputFileError` if it is no store, or its metadata are damaged.
     """

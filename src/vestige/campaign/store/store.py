@@ -51,7 +51,7 @@ from vestige.errors import InputFileError
 from vestige.scenario.limits import MAX_EPOCHS
 
 MENDS = "the same run again mends it"
-_DIGITS = 10  # of a number of a chunk
+_DIGITS = 10  # digits of a number of a chunk
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,10 +20,11 @@ from vestige.errors import InputFileError
 EXPECTED_RESULTS = "the results of a campaign (zarr v3, written by vestige)"
 METADATA = "zarr.json"
 MAX_METADATA_BYTES = 1 << 24  # scenario and ephemerides stand there: some 100 kB
-MAX_CHUNK_BYTES = 1 << 30  # of one column; 2000 epochs of 36 satellites and 63 taps have 36 MB
-MAX_LABELS_BYTES = 1 << 20  # of a coordinate: satellites, taps, rays, detectors; or of one number of a chunk
+MAX_CHUNK_BYTES = 1 << 30  # size of one column; 2000 epochs of 36 satellites and 63 taps have 36 MB
+# size of a coordinate (satellites, taps, reflections, detectors) or of one number of a chunk
+MAX_LABELS_BYTES = 1 << 20
 _CODECS = {"bytes", "vlen-utf8", "zstd"}  # those that are written
-_FRAME = b"\x28\xb5\x2f\xfd"  # of zstd [RFC8878]
+_FRAME = b"\x28\xb5\x2f\xfd"  # magic number of zstd [RFC8878]
 _LONGEST_FRAME_HEADER = 18
 
 

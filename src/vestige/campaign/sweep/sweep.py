@@ -1,10 +1,9 @@
 """Sweeps: one campaign for each value of a setting, each as long as its count needs.
 
 A sweep is a folder. Each value has a store of its own, `receiver.cn0_dbhz=28.zarr`, exactly what `run` writes for that
-one scenario: it is resumed, opened and drawn like any other. Beside them stands `sweep.csv`, one row a value, which
-curves are drawn from; it is written anew after each value. If the scenario
-has an attack, a level above 1 or checks of the user, a row also says what came of it, as the threat table does of each
-of its runs (`run_outcome.py`).
+one scenario: it is resumed, opened and drawn like any other. The folder also has `sweep.csv` with a row for each value.
+Curves are drawn from this table; it is written anew after each value. If the scenario has an attack, a level above 1 or
+checks of the user, a row also says what came of it, as the threat table does of each of its runs (`run_outcome.py`).
 
 A value is finished when its scenario's epochs are measured, or earlier, when the interval of its count is narrow
 enough. This rule is evaluated after each chunk in the order of the chunks, so the epochs that count depend neither on
@@ -79,7 +78,7 @@ class Row:
     epochs: int
     detections: Mapping[str, Proportion]  # for each detector. Without a signal, banks with a false alarm.
     p_d_theory: float  # Marcum Q on a tap; NaN without signal
-    false_alarms: Proportion  # of single taps, on noise alone
+    false_alarms: Proportion  # share of single taps, on noise alone
     level: int
     # what came of it at that level, from the first start of an attack to the last stop; None without an attack at
     # level 1 without checks of the user's, and of a campaign that was ended early.
@@ -220,7 +219,7 @@ def _cells(row: Row) -> dict[str, object]:
 
 
 def _outcome_cells(row: Row) -> dict[str, object]:
-    """Return what came of an attack, or of a level above 1, under the names that `threats.csv` has."""
+    """Return the outcome of an attack, or of a level above 1, under the names that `threats.csv` has."""
     found = row.outcome
     if found is None:
         return {}

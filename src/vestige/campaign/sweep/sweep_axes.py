@@ -91,7 +91,7 @@ def _range(start: str, stop: str, step: str) -> tuple[Value, ...]:
 def _list(text: str) -> tuple[Value, ...]:
     try:
         (values,) = parse_toml(f"values = [{text}]").values()
-    except ValueError as error:  # of TOML, or of a text that closes the list and goes on
+    except ValueError as error:  # no TOML, or a text that closes the list and goes on
         raise ValueError(f"found {text!r}, expected start:stop:step or TOML values a,b,c") from error
     if not values or not all(isinstance(value, Value) for value in values):
         raise ValueError(f"found {text!r}, expected numbers, texts or booleans")

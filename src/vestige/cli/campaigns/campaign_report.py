@@ -24,7 +24,7 @@ from vestige.theory.thresholds import probability_of_detection
 
 
 def campaign_json(results: xarray.Dataset) -> str:
-    """Return what was found in one campaign."""
+    """Return the findings of one campaign."""
     attributes = attributes_of(results)
     judged, level = verdicts_of_run(results)
     return as_json(
@@ -44,7 +44,7 @@ def campaign_json(results: xarray.Dataset) -> str:
 
 
 def campaign_text(results: xarray.Dataset, store: Path) -> str:
-    """Return what was found in one campaign, a few lines."""
+    """Return the findings of one campaign, a few lines."""
     attributes = attributes_of(results)
     strength = f"C/N0 {attributes.cn0_dbhz:g} dBHz" if attributes.signal else "no signal"
     lines = [

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import parts_option, set_option
-from vestige.cli.terminal import echo, raise_last
+from vestige.cli.options import PATH, parts_option, set_option
+from vestige.cli.terminal import echo, raise_last, warn
 from vestige.errors import VestigeError
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _EQUALS = "\u00a0=\u00a0"  # a line does not end between a key and its value
 
 
 @click.command()
-@click.argument("files", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("files", nargs=-1, type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object with the resolved scenarios.")
 @set_option
 @click.option("--schema", "as_schema", is_flag=True, help="Print the JSON schema of scenario files, for editors.")
@@ -50,7 +50,7 @@ def command(files: tuple[Path, ...], settings: tuple[str, ...], as_json: bool, a
             errors.append(error)
             continue
         for warning in scenario_warnings(scenario):
-            echo(f"vestige: {path}: {warning}", err=True)
+            warn(f"{path}: {warning}")
         resolved[str(path)] = json.loads(scenario.model_dump_json(by_alias=True))  # JSON has no infinity: null
         if not as_json:
             echo(*_lines(path, scenario))

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vestige.cli.options import DETECTOR_NAMES, FiniteNumber, FiniteRange, detector_option, parts_option
-from vestige.cli.terminal import echo
+from vestige.cli.options import DETECTOR_NAMES, PATH, FiniteNumber, detector_option, number_option, parts_option
+from vestige.cli.terminal import echo, warn
 from vestige.errors import InputFileError, VestigeError
 
 if TYPE_CHECKING:
@@ -25,10 +25,10 @@ class FigureKind:
     """A figure: what it shows, and which options choose something in it."""
 
     help: str
-    of_sweep: bool = False  # of several campaigns, or a table, in place of one campaign
-    of_attack: bool = False  # of a campaign with an attack
-    of_threats: bool = False  # of the folder that `vestige threats` writes
-    of_sky: bool = False  # of a campaign with a constellation; shows all its satellites
+    of_sweep: bool = False  # figure of several campaigns, or a table, in place of one campaign
+    of_attack: bool = False  # figure of a campaign with an attack
+    of_threats: bool = False  # figure of the folder that `vestige threats` writes
+    of_sky: bool = False  # figure of a campaign with a constellation; shows all its satellites
     with_detector: bool = True
     compared: bool = False  # drawn for each detector if there is an attack, which they see differently
     formats: tuple[str, ...] = FORMATS
@@ -74,18 +74,11 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
 
 @click.command(epilog=_EPILOG)
 @click.argument("kind", type=click.Choice([*KINDS, _ALL]), metavar="KIND")
-@click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.png, .pdf, .svg, .gif) or folder."
-)
+@click.argument("results", nargs=-1, required=True, type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="File (.png, .pdf, .svg, .gif) or folder.")
 @detector_option
 @click.option("--svid", type=int, help="Satellite; needed if there are several.")
-@click.option(
-    "--width-cm",
-    type=FiniteRange(4, 60),
-    default=8.0,
-    help="Width of the figure.",
-)
+@number_option("--width-cm", (4, 60), default=8.0, help="Width of the figure.")
 @click.option("--from", "start_s", type=FiniteNumber(), help="First time to show, in s after the start.")
 @click.option("--to", "stop_s", type=FiniteNumber(), help="Time before which to stop, in s after the start.")
 @click.option(
@@ -199,7 +192,7 @@ def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dat
 
     results = open_results(path, partial=True).dataset
     if "epoch" in results.coords:
-        echo(f"vestige: {path}: the campaign has not ended; {results.sizes['epoch']} epochs are drawn", err=True)
+        warn(f"{path}: the campaign has not ended; {results.sizes['epoch']} epochs are drawn")
     try:
         return plots.between(results, start_s, stop_s)
     except VestigeError as error:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vestige.cli.options import parts_option
+from vestige.cli.options import PATH, parts_option
 from vestige.cli.terminal import echo
 from vestige.errors import InputFileError, VestigeError
 
@@ -19,8 +19,8 @@ _SUFFIXES = (".html", ".htm")
 
 
 @click.command()
-@click.argument("result", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File (.html) to write.")
+@click.argument("result", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="File (.html) to write.")
 @click.option(
     "--question", default="", show_default=False, metavar="TEXT", help="Question that the page answers, in your words."
 )

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import WidthType, json_option, parts_option, scheduler_option, set_option, workers_option
+from vestige.cli.options import PATH, WidthType, json_option, parts_option, scheduler_option, set_option, workers_option
 from vestige.cli.pool import MAX_THREADS, pool
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import echo, warn
 from vestige.errors import VestigeError
 from vestige.output import check_output
 
@@ -19,10 +19,8 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("scenario", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", required=True, type=click.Path(path_type=Path), help="Store (zarr) to write or continue."
-)
+@click.argument("scenario", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="Store (zarr) to write or continue.")
 @workers_option
 @click.option(
     "--threads/--processes",
@@ -122,7 +120,7 @@ def _caution(path: Path, scenarios: list[CampaignScenario]) -> None:
     from vestige.scenario.warnings import scenario_warnings
 
     for line in dict.fromkeys(line for scenario in scenarios for line in scenario_warnings(scenario)):
-        echo(f"vestige: {path}: {line}", err=True)
+        warn(f"{path}: {line}")
 
 
 def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
@@ -132,7 +130,7 @@ def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
     for store in stores:
         if chunk_epochs is not None and (kept := kept_chunk_epochs(store, chunk_epochs)) is not None:
             line = f"chunks of {kept} epochs, as when the store was made; --chunk {chunk_epochs} changes nothing"
-            echo(f"vestige: {store}: {line}", err=True)
+            warn(f"{store}: {line}")
 
 
 def _campaigns(path: Path, settings: tuple[str, ...], sweeps: tuple[str, ...]) -> list[tuple[Any, CampaignScenario]]:

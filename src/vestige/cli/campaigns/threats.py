@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vestige.cli.options import json_option, parts_option, scheduler_option, workers_option
+from vestige.cli.options import PATH, json_option, parts_option, scheduler_option, workers_option
 from vestige.cli.pool import pool
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import echo, warn
 from vestige.errors import VestigeError
 from vestige.folder_lock import only_writer
 
@@ -51,7 +51,7 @@ FIGURE = "threats.png"
     "--attack",
     "files",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="A campaign scenario of your own, in place of the table.",
 )
 @click.option(
@@ -62,9 +62,7 @@ FIGURE = "threats.png"
     help="Replace a value in every scene, `processor.detector=my_module:MyDetector`; `none` removes.",
 )
 @click.option("--expected", is_flag=True, help="Print what is expected, and why; measure nothing.")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Folder: runs.csv, threats.csv, threats.zarr, threats.png."
-)
+@click.option("-o", "--output", type=PATH, help="Folder: runs.csv, threats.csv, threats.zarr, threats.png.")
 @workers_option
 @scheduler_option
 @json_option
@@ -145,7 +143,7 @@ def _load(path: Path, quick: bool, settings: tuple[str, ...]) -> CampaignScenari
     if not isinstance(scenario, CampaignScenario):
         raise VestigeError(f"{path}: kind: found {scenario.kind!r}, expected 'campaign'")
     for line in scenario_warnings(scenario):
-        echo(f"vestige: {path}: {line}", err=True)
+        warn(f"{path}: {line}")
     return scenario
 
 

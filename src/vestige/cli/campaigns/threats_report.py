@@ -20,7 +20,7 @@ from vestige.threats.scenes import LEVEL_NUMBERS, Threat
 from vestige.threats.table import statistics_of
 
 _LONG = 1e6
-WIDTH = 196  # of the table at least: on a narrower terminal lines wrap, and nothing is cut off
+WIDTH = 196  # width of the table at least: on a narrower terminal lines wrap, and nothing is cut off
 _STYLES = {Agreement.DIFFERS: "bold red", Agreement.UNDECIDED: "yellow", Agreement.AGREES: "green"}
 
 
@@ -189,7 +189,7 @@ def _bounds(found: SceneOutcome) -> str:
 
 
 def expectations_text(threats: Sequence[Threat], level: int) -> str:
-    """Return what is expected of a level, and why."""
+    """Return the expected outcomes at a level, with reasons."""
     table = Table(title=f"Mitigation level {level}: expected", box=SIMPLE_HEAD)
     for name in ("", "attack", "expected", "by", "source"):
         table.add_column(name, overflow="fold")

@@ -22,7 +22,7 @@ from vestige.cli.live.live_input import (
 from vestige.cli.options import assistance_folder
 from vestige.cli.outputs.other_programs import OUTPUT_NAMES, check_outputs, outputs_for_others
 from vestige.cli.recordings.process_options import check_processor_usage, cn0_estimator, inputs
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import echo, note, warn
 from vestige.errors import VestigeError
 from vestige.output import check_output
 from vestige.own_parts import digest, is_own
@@ -108,7 +108,7 @@ def _run(
         following.index, following.after = journal.progress.index + 1, journal.progress.sent
         state = journal.progress.state
         following.live.resume(journal.progress.sent, journal.progress.time_tag_error_s)
-        echo(f"going on after snapshot {journal.progress.index}, {journal.progress.sent}", err=True)
+        note(f"going on after snapshot {journal.progress.index}, {journal.progress.sent}")
     try:
         for epoch in following:
             if not tally.snapshots:
@@ -161,10 +161,10 @@ def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited:
     n_dropped = following.live.n_dropped
     _print_end(tally, n_dropped, as_json=options["as_json"])
     if tally.nothing and waited:
-        echo(f"{tally.nothing}: {following.live.extent}", err=True)
+        warn(f"{tally.nothing}: {following.live.extent}")
     elif tally.counts and tally.advice:
-        echo(tally.advice, err=True)
-    echo(f"{tally.snapshots} snapshots: {tally}{_dropped(n_dropped)}", err=True)
+        warn(tally.advice)
+    note(f"{tally.snapshots} snapshots: {tally}{_dropped(n_dropped)}")
     _check_nothing_dropped(n_dropped, tally)
     exit_status(tally, options["fail_on"])
 
@@ -208,7 +208,7 @@ def _print_end(tally: Tally, n_dropped: int, *, as_json: bool) -> None:
             "not_seen_on_e1": tally.not_seen_on_e1,
         }
         echo(json.dumps(end))
-    print_not_seen(tally, err=True)
+    print_not_seen(tally, note)
 
 
 class _Warnings:
@@ -221,9 +221,9 @@ class _Warnings:
         line = str(what)
         if line not in self._told and len(self._told) < _MOST_WARNINGS:
             self._told.add(line)
-            echo(f"warning: {line}", err=True)
+            warn(line)
             if len(self._told) == _MOST_WARNINGS:
-                echo("warning: further warnings are not printed", err=True)
+                warn("further warnings are not printed")
 
 
 class _EarlyRecs:
@@ -277,7 +277,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
     searchable = options["level"] != "1"
     if searchable and math.isinf(around_s):
         raise VestigeError(
-            f"{description.path}: time uncertainty: found none, expected a bound on the clock's error to search in "
+            f"{description.path}: time uncertainty: found none, expected an upper limit of the clock's error "
             "(--time-uncertainty)"
         )
     tracking = live_tracking(description, options, warn)
@@ -323,7 +323,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
 
 
 def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> dict[str, str]:
-    """Return what the verdicts depend on, in words."""
+    """Return the settings on which the verdicts depend, in words."""
     from vestige import __version__
     from vestige.recording.exact_time import exact_gst
 

@@ -10,7 +10,7 @@ import click
 from vestige.cli.live.follow import check_usage, follow_recording
 from vestige.cli.live.live_input import stdin_options
 from vestige.cli.option_groups import GroupedCommand
-from vestige.cli.options import FiniteRange
+from vestige.cli.options import PATH, number_option
 from vestige.cli.outputs.other_programs import OUTPUT_NAMES, output_options
 from vestige.cli.recordings.process_options import PROCESSOR_GROUPS, processor_options
 from vestige.cli.recordings.processor_from_options import processor_from_options
@@ -39,35 +39,17 @@ LIVE_GROUPS = {
         "real_time",
     ),
 }
-_path = click.Path(path_type=Path)
 
 
 @click.command(cls=GroupedCommand, groups=LIVE_GROUPS | PROCESSOR_GROUPS)
 @processor_options
-@click.option("-o", "--output", type=_path, help="Keep verdicts and state in this folder; go on from it if it exists.")
+@click.option("-o", "--output", type=PATH, help="Keep verdicts and state in this folder; go on from it if it exists.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON objects, one a line.")
 @output_options
-@click.option(
-    "--poll-s",
-    type=FiniteRange(0.001, 60),
-    default=1.0,
-    metavar="SECONDS",
-    help="Time between two looks for new samples.",
-)
-@click.option(
-    "--idle-s",
-    type=FiniteRange(0, 1e7),
-    metavar="SECONDS",
-    help="End when nothing new came for so long. [default: never]",
-)
-@click.option(
-    "--wait-s",
-    type=FiniteRange(0, 1e7),
-    default=180.0,
-    metavar="SECONDS",
-    help="How long to wait for the key of a RECS.",
-)
-@click.option("--observations", type=_path, help="File of E1 observations, if RECORDING does not name it.")
+@number_option("--poll-s", (0.001, 60), default=1.0, metavar="SECONDS", help="Time between two looks for new samples.")
+@number_option("--idle-s", (0, 1e7), metavar="SECONDS", help="End when nothing new came for so long. [default: never]")
+@number_option("--wait-s", (0, 1e7), default=180.0, metavar="SECONDS", help="How long to wait for the key of a RECS.")
+@click.option("--observations", type=PATH, help="File of E1 observations, if RECORDING does not name it.")
 @stdin_options
 @click.option("--real-time", is_flag=True, help="Drop samples when the buffer is full, since a recorder cannot wait.")
 def command(recording_path: Path, **options: Any) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.loop_options import check_no_loop_options, loop_settings
-from vestige.cli.options import FiniteRange, options_together
+from vestige.cli.options import PATH, number_option, options_together
 from vestige.errors import InputFileError, VestigeError
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ STDIN = Path("-")
 STDIN_OPTIONS = ("description", "band", "sample_format", "layout", "sample_rate_hz", "center_frequency_hz")
 SAMPLE_FORMATS = ("int8", "uint8", "int16", "uint16", "float32")
 LAYOUTS = ("real", "iq", "qi")
-_path = click.Path(path_type=Path)
 
 
 def opened_live(
@@ -130,7 +129,7 @@ def live_description(recording: Path, options: dict[str, Any]) -> RecordingDescr
 
 # The options that describe samples on standard input
 stdin_options = options_together(
-    click.option("--description", type=_path, help="Standard input: a recording.toml that describes the samples."),
+    click.option("--description", type=PATH, help="Standard input: a recording.toml that describes the samples."),
     click.option(
         "--band",
         type=click.Choice(["e6", "e1", "both"]),
@@ -140,18 +139,13 @@ stdin_options = options_together(
         "--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Standard input: type of the numbers."
     ),
     click.option("--layout", type=click.Choice(LAYOUTS), help="Standard input: real samples, or the order of I and Q."),
-    click.option("--sample-rate-hz", type=FiniteRange(0), help="Standard input: sample rate in Hz."),
-    click.option(
+    number_option("--sample-rate-hz", (0, None), help="Standard input: sample rate in Hz."),
+    number_option(
         "--center-frequency-hz",
-        type=FiniteRange(0),
+        (0, None),
         help="Standard input: radio frequency at 0 Hz in the samples. [default of both bands: the carriers]",
     ),
-    click.option(
-        "--buffer-mb",
-        type=FiniteRange(1, 1e6),
-        default=512.0,
-        help="Standard input: size of the buffer of each band in MB.",
-    ),
+    number_option("--buffer-mb", (1, 1e6), default=512.0, help="Standard input: buffer of each band in MB."),
 )
 
 

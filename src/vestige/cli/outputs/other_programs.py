@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from vestige.cli.options import options_together
+from vestige.cli.options import PATH, options_together
 from vestige.output import check_output, replacement
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ output_options = options_together(
     click.option(
         "--positions",
         multiple=True,
-        type=click.Path(path_type=Path),
+        type=PATH,
         callback=_with_an_ending,
         metavar="FILE",
         help="Write authentic positions into this file. Its ending names the format: .nmea, .csv, .geojson or .kml. "
@@ -125,7 +125,7 @@ def _file(path: Path, stack: ExitStack, *, replace: bool) -> Callable[[GalileoTi
 
 
 def _nmea_on_stdout(stack: ExitStack) -> Callable[[GalileoTime, AuthenticPosition | None], None]:
-    """Return what writes NMEA to standard output; all else goes to standard error then."""
+    """Return a function that writes NMEA to standard output; all other output then goes to standard error."""
     from vestige.recording.outputs.position_file import POSITION_FORMATS
 
     stream = sys.stdout

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import json_option, time_option, trust_options
+from vestige.cli.options import PATH, json_option, time_option, trust_options
 from vestige.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -16,16 +16,13 @@ if TYPE_CHECKING:
     from vestige.recording.inspection import BandInspection, Inspection, ObservationCoverage
 
 
-_path = click.Path(path_type=Path)
-
-
 @click.command()
-@click.argument("path", type=_path)
+@click.argument("path", type=PATH)
 @click.option(
-    "--start", callback=time_option, help="Time of the earliest sample, in place of the recording's own label."
+    "--start", callback=time_option, help="Time of the earliest sample, used in place of the recording's own time tag."
 )
-@click.option("--time-uncertainty", type=click.FloatRange(0), help="Bound on the receiver clock's error in s.")
-@click.option("--assistance", type=_path, help="Folder with RECS, group delays and keys [that of the recording].")
+@click.option("--time-uncertainty", type=click.FloatRange(0), help="Upper limit of the receiver clock's error in s.")
+@click.option("--assistance", type=PATH, help="Folder with RECS, group delays and keys [that of the recording].")
 @trust_options
 @click.option(
     "--check-hash", is_flag=True, help="Compare the samples with the hash in their description, which reads them all."
@@ -107,7 +104,7 @@ def _band_lines(band: BandInspection) -> Iterator[str]:
     if file.start is not None:
         end = reader.time_of(reader.end_sample)
         yield f"    {reader.start} to {end}, from sample {reader.first_sample} of the counter"
-    inverted = ", spectrum turned round" if file.spectral_inversion else ""
+    inverted = ", spectrum inverted" if file.spectral_inversion else ""
     width = "" if file.bandwidth_hz is None else f", {file.bandwidth_hz / 1e6:g} MHz wide"
     yield f"    0 Hz is {file.center_frequency_hz / 1e6:g} MHz{inverted}{width}"
     center = statistics.spectral_center_hz

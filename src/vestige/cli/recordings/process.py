@@ -10,7 +10,7 @@ import click
 
 from vestige.cli.loop_options import check_no_loop_options, loop_settings
 from vestige.cli.option_groups import GroupedCommand
-from vestige.cli.options import assistance_folder
+from vestige.cli.options import PATH, assistance_folder
 from vestige.cli.outputs.other_programs import (
     OUTPUT_NAMES,
     check_outputs,
@@ -26,7 +26,7 @@ from vestige.cli.recordings.process_options import (
 )
 from vestige.cli.recordings.processor_from_options import processor_from_options
 from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import warn, with_common_options
 from vestige.errors import VestigeError
 from vestige.output import check_output
 
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from vestige.recording.tracked.track_recording import TrackedRecording
     from vestige.records import Assistance
 
-_path = click.Path(path_type=Path)
 # Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
 # after the first converge where whole ones would swing.
 _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
@@ -53,8 +52,9 @@ class _Process(GroupedCommand):
     ) -> click.Context:
         if not {"--follow", "-"} & set(args):
             return super().make_context(info_name, args, parent, **extra)
-        from vestige.cli.live.live import command as live
+        from vestige.cli.live.live import command
 
+        live = with_common_options(command)
         return live.make_context("live", [one for one in args if one != "--follow"], parent, **extra)
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -68,8 +68,8 @@ class _Process(GroupedCommand):
 @click.option(
     "--calibrate", is_flag=True, help="Take the median E6 range offset of this recording as the hardware bias."
 )
-@click.option("--write-bias", type=_path, help="Write the hardware bias into this folder, as receiver.toml.")
-@click.option("-o", "--output", type=_path, help="Write the verdicts into this CSV file.")
+@click.option("--write-bias", type=PATH, help="Write the hardware bias into this folder, as receiver.toml.")
+@click.option("-o", "--output", type=PATH, help="Write the verdicts into this CSV file.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @output_options
 @click.option("--strict", is_flag=True, help="Stop at a damaged assistance file, in place of a warning.")
@@ -157,12 +157,11 @@ def prepared(
     if options["hardware_bias_m"] is not None or options["calibrate"]:  # then nothing is taken as 0
         missing = tuple(line for line in missing if not line.startswith(RECEIVER_NAME))
     for line in (*recording.notes, *found.problems, *missing, *warnings):
-        echo(f"warning: {line}", err=True)
+        warn(line)
     if options["calibrate"]:
-        echo(
-            "warning: --calibrate takes the hardware bias from this recording itself: "
-            "a delay of E6 that is common to all satellites cannot be seen",
-            err=True,
+        warn(
+            "--calibrate takes the hardware bias from this recording itself: "
+            "a delay of E6 that is common to all satellites cannot be seen"
         )
     error_s = told_s or 0.0
     if around_s:
@@ -178,10 +177,10 @@ def prepared(
         channels=_channels(options),
     )
     if (sent := min(source.epochs(), default=None)) and (why := processor.monitoring.fix.why_no_fix(sent)):
-        echo(f"warning: {options['navigation']}: {why}", err=True)
+        warn(f"{options['navigation']}: {why}")
     lacks = [*_missing_bands(recording), *_sent_before_tracking(source, tracked)]
     for line in lacks:
-        echo(f"warning: {line}", err=True)
+        warn(line)
     return processor, source, [*warnings, *lacks]
 
 
@@ -229,7 +228,7 @@ def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
 
 
 def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording | None:
-    """Return what tracking makes of E1, None if observations are given, or there is too little to track."""
+    """Return the result of tracking E1, None if observations are given, or there is too little to track."""
     from vestige.cli.progress import progress
     from vestige.recording.tracked.track_recording import MIN_TRACKED_S, track_recording
 
@@ -278,7 +277,7 @@ def _second_channel(options: dict[str, Any]) -> Assistance | None:
         return None
     found = read_assistance(folder, public_key=options["public_key"], merkle_tree=options["merkle_tree"])
     for problem in found.problems:
-        echo(f"warning: {problem}", err=True)
+        warn(problem)
     if not found.assistance.keys:
         raise VestigeError(
             f"{folder}: second channel: found no validated OSNMA key, expected keys, and the public key or Merkle tree "

@@ -10,11 +10,12 @@ from click.core import ParameterSource
 
 from vestige.cli.loop_options import LOOP_NAMES, loop_options
 from vestige.cli.options import (
-    FiniteRange,
+    PATH,
     assistance_option,
     cipher_mode_option,
     detector_option,
     group_delay_option,
+    number_option,
     options_together,
     parts_option,
     recording_argument,
@@ -91,7 +92,6 @@ PROCESSOR_GROUPS = {
         "multipath_sigma_m",
     ),
 }
-_path = click.Path(path_type=Path)
 _READ = ("public_key", "merkle_tree", "second_channel", "navigation", "accelerations")
 
 
@@ -112,13 +112,13 @@ _level_options = options_together(
     parts_option,
     click.option(
         "--second-channel",
-        type=_path,
+        type=PATH,
         help="Level 3: folder with OSNMA keys or pages that came by another channel.",
     ),
-    click.option("--accelerations", type=_path, help="Level 3: CSV file of the accelerometer."),
-    click.option(
+    click.option("--accelerations", type=PATH, help="Level 3: CSV file of the accelerometer."),
+    number_option(
         "--acceleration-bias-mps2",
-        type=FiniteRange(0, 10),
+        (0, 10),
         default=0.01,
         help="Level 3: standard deviation of the accelerometer's bias in m/s².",
     ),
@@ -128,15 +128,15 @@ _level_options = options_together(
         default="4",
         help="Level 3: coherent integration time of the exhaustive search in ms.",
     ),
-    click.option(
+    number_option(
         "--search-window",
-        type=FiniteRange(1e-6, 1e5),
+        (1e-6, 1e5),
         metavar="SECONDS",
         help="Level 3: search E6 within ± SECONDS of the expected arrival. [default: in all samples]",
     ),
-    click.option(
+    number_option(
         "--search-every",
-        type=FiniteRange(0, 1e9),
+        (0, 1e9),
         default=3600.0,
         metavar="SECONDS",
         help="Level 3: time between two exhaustive searches while nothing is suspicious.",
@@ -144,27 +144,17 @@ _level_options = options_together(
 )
 _e6_options = options_together(
     detector_option,
-    click.option(
-        "--p-fa",
-        type=FiniteRange(1e-15, 0.1),
-        default=1e-7,
-        help="False-alarm probability of one E6 correlator.",
-    ),
+    number_option("--p-fa", (1e-15, 0.1), default=1e-7, help="False-alarm probability of one E6 correlator."),
     click.option(
         "--taps",
         type=click.IntRange(3, 63),
         default=11,
         help="Number of E6 correlators around the prediction.",
     ),
-    click.option(
-        "--tap-spacing-m",
-        type=FiniteRange(0.1, 100),
-        default=15.0,
-        help="Distance between two E6 correlators in m.",
-    ),
-    click.option(
+    number_option("--tap-spacing-m", (0.1, 100), default=15.0, help="Distance between two E6 correlators in m."),
+    number_option(
         "--early-reach-m",
-        type=FiniteRange(0, 900),
+        (0, 900),
         default=600.0,
         help="How far before the prediction further E6 correlators stand, in m. They see the true signal when E1 "
         "follows a repeater.",
@@ -175,17 +165,14 @@ _e6_options = options_together(
         default=1,
         help="Early-to-late spacing of the range estimate, in correlators.",
     ),
-    click.option(
+    number_option(
         "--min-pd",
-        type=FiniteRange(0, 1),
+        (0, 1),
         default=0.9,
         help="A missed E6 signal counts only if it would have been detected with at least this probability.",
     ),
-    click.option(
-        "--kappa",
-        type=FiniteRange(0.1, 10),
-        default=3.0,
-        help="Limit of the range check, in standard deviations of the error budget.",
+    number_option(
+        "--kappa", (0.1, 10), default=3.0, help="Limit of the range check, in standard deviations of the error budget."
     ),
     click.option(
         "--budget",
@@ -193,9 +180,9 @@ _e6_options = options_together(
         default="uncorrected",
         help="Error budget of the range check: without or with corrections of the ionosphere.",
     ),
-    click.option(
+    number_option(
         "--hardware-bias-m",
-        type=FiniteRange(-1e7, 1e7),
+        (-1e7, 1e7),
         help="Delay of E6 minus that of E1 in the receiver, in m. [default: that of the assistance folder, or 0]",
     ),
 )
@@ -208,7 +195,7 @@ processor_options = options_together(
         "--certificate",
         "certificates",
         multiple=True,
-        type=_path,
+        type=PATH,
         help="Public key of the assistance server. Files that it did not sign are then refused.",
     ),
     cipher_mode_option,
@@ -223,13 +210,13 @@ processor_options = options_together(
     loop_options,
     click.option(
         "--navigation",
-        type=_path,
+        type=PATH,
         help="RINEX navigation file with the orbits for positions, used in place of those in the tracked message.",
     ),
     start_option,
-    click.option(
+    number_option(
         "--time-uncertainty",
-        type=FiniteRange(0, 1e6),
+        (0, 1e6),
         metavar="SECONDS",
         help="Upper limit of the error of the receiver's clock. [default: that of the recording]",
     ),

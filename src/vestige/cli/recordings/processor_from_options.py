@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import cipher_mode, group_delay_convention
+from vestige.cli.terminal import detail
 from vestige.cli.usual_levels import expected_e6_over_e1_db, fix_settings, reference_levels
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def processor_from_options(
         raise click.UsageError("--check: two checks have one name, expected one of its own for each")
     monitoring = _monitoring(options, tracked, proven)
     try:
-        return AcasProcessor(
+        processor = AcasProcessor(
             level=int(options["level"]),
             detector=_detector(options["detector"], options["spacing"]),
             p_fa=options["p_fa"],
@@ -64,6 +65,8 @@ def processor_from_options(
         )
     except ValueError as error:
         raise click.UsageError(f"--taps, --tap-spacing-m, --early-reach-m, --spacing: {error}") from error
+    detail(processor.limits)
+    return processor
 
 
 def _detector(name: str, spacing: int) -> Detector:

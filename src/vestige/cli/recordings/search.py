@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import (
-    FiniteRange,
+    PATH,
     assistance_folder,
     assistance_option,
     cipher_mode,
@@ -19,6 +19,7 @@ from vestige.cli.options import (
     group_delay_convention,
     group_delay_option,
     json_option,
+    number_option,
     options_together,
     parse_svids,
     recording_argument,
@@ -33,7 +34,7 @@ from vestige.cli.recordings.search_input import (
     reader_of,
     say_jump,
 )
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import echo, note
 from vestige.output import check_output
 
 if TYPE_CHECKING:
@@ -44,28 +45,19 @@ if TYPE_CHECKING:
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
     from vestige.time import GalileoTime
 
-_path = click.Path(path_type=Path)
 _svids = click.option("--svids", default="1-36", help="Satellites to search, for example 2,3,7-9.")
-_p_fa = click.option(
-    "--p-fa-overall",
-    type=FiniteRange(1e-15, 0.5),
-    default=1e-3,
-    help="False-alarm probability of the whole search.",
-)
-_uncertainty = click.option(
+_p_fa = number_option("--p-fa-overall", (1e-15, 0.5), default=1e-3, help="False-alarm probability of the whole search.")
+_uncertainty = number_option(
     "--uncertainty-s",
-    type=FiniteRange(1e-6, 1e5),
+    (1e-6, 1e5),
     metavar="SECONDS",
     help="Search within ± SECONDS of the expected arrival. [default: time uncertainty of the recording]",
 )
-_plot = click.option("--plot", type=_path, help="Draw the search of one satellite into this file (.png, .pdf, .svg).")
+_plot = click.option("--plot", type=PATH, help="Draw the search of one satellite into this file (.png, .pdf, .svg).")
 
 
-_doppler_span = click.option(
-    "--doppler-span-hz",
-    type=FiniteRange(100, 50_000),
-    default=5000.0,
-    help="Search Dopplers within ± so many Hz.",
+_doppler_span = number_option(
+    "--doppler-span-hz", (100, 50_000), default=5000.0, help="Search Dopplers within ± so many Hz."
 )
 # Options of both searches for RECS on E6
 _recs_options = options_together(
@@ -204,7 +196,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
         decision = decide_vestigial(code.svid, peaks, proof, repeated_after_s=repeated_after_s(code.chips, code.svid))
         answers.append(Answer(decision=decision, budget=budget, proof=proof))
         if budget.hypotheses:
-            echo(places_line(code.svid, budget), err=True)
+            note(places_line(code.svid, budget))
     figure.write([(one.decision, one.budget) for one in answers])
     print_answers(answers, as_json=as_json)
 
@@ -230,7 +222,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     is_flag=True,
     help="Set the threshold for the effective number of hypotheses, since neighbours are correlated.",
 )
-@click.option("-o", "--output", type=_path, help="Keep progress and results in this file; go on from it if it exists.")
+@click.option("-o", "--output", type=PATH, help="Keep progress and results in this file; go on from it if it exists.")
 @_plot
 @json_option
 def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import warn
 from vestige.errors import VestigeError
 
 if TYPE_CHECKING:
@@ -21,10 +21,9 @@ if TYPE_CHECKING:
 
 def say_jump(jump: Jump) -> None:
     """Warn of a signal that jumps."""
-    echo(
-        f"warning: E{jump.svid:02d} jumps by {jump.by_s * 1e6:+.1f} µs some {jump.at_s * 1e3:.0f} ms after the first "
-        "sample: samples are missing there, or one signal takes the place of another",
-        err=True,
+    warn(
+        f"E{jump.svid:02d} jumps by {jump.by_s * 1e6:+.1f} µs some {jump.at_s * 1e3:.0f} ms after the first "
+        "sample: samples are missing there, or one signal takes the place of another"
     )
 
 
@@ -34,7 +33,7 @@ def opened_recording(path: Path, start: GalileoTime | None) -> Recording:
 
     recording = open_recording(path, start=start)
     for line in recording.notes:
-        echo(f"warning: {line}", err=True)
+        warn(line)
     return recording
 
 
@@ -58,7 +57,7 @@ def decrypted_recs(
         folder, window=time_span(recording, uncertainty_s=around_s if math.isfinite(around_s) else 0.0), strict=False
     )
     for line in (*found.problems, *found.missing, *found.warnings):
-        echo(f"warning: {line}", err=True)
+        warn(line)
     keys = {key.time: key for key in found.assistance.keys}
     segments = [one for one in found.assistance.segments if one.svid in svids and one.key_time in keys]
     if not segments:
@@ -67,13 +66,12 @@ def decrypted_recs(
 
 
 def clock_bound_s(recording: Recording, uncertainty_s: float | None) -> float:
-    """Return the bound on the clock's error; says what follows if there is none."""
+    """Return the upper limit of the clock's error; says what follows if there is none."""
     around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
     if math.isinf(around_s):
-        echo(
-            "warning: no bound on the time tag's error (--uncertainty-s): "
-            "nothing that is found is provably from before the disclosure of its key",
-            err=True,
+        warn(
+            "the time tag's error has no upper limit (--uncertainty-s): "
+            "nothing that is found is provably from before the disclosure of its key"
         )
     return around_s
 

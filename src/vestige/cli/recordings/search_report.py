@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import echo, note
 
 if TYPE_CHECKING:
     from vestige.acas_processor.searches.vestigial import VestigialDecision
@@ -49,7 +49,7 @@ def print_budget(budget: SearchBudget, search: ExhaustiveSearch, engine: EngineC
         ("expected run time", f"{expected_seconds(search, budget.hypotheses):.0f} s"),
     )
     for name, value in lines:
-        echo(f"{name:26}{value}", err=True)
+        note(f"{name:26}{value}")
 
 
 def places_line(svid: int, budget: SearchBudget) -> str:
@@ -77,7 +77,7 @@ def follow_search(
     state, done = before, 0.0
     if before is not None:
         done = before.done
-        echo(f"goes on after {done / max(before.total, 1):.1%}, {len(before.peaks)} peaks", err=True)
+        note(f"goes on after {done / max(before.total, 1):.1%}, {len(before.peaks)} peaks")
     begin = reported = time.monotonic()
     try:
         for latest in states:
@@ -86,13 +86,12 @@ def follow_search(
             state = latest
             each(state.block_start, state.block_magnitude)
             for peak in news:
-                echo(f"found: {_peak_line(peak)}", err=True)
+                note(f"found: {_peak_line(peak)}")
             if news or now - reported > REPORT_EVERY_S:
                 rate = max(state.done - done, 1.0) / max(now - begin, 1e-9)
-                echo(
+                note(
                     f"{state.done / max(state.total, 1):6.1%}  {rate / 1e6:.0f} million hypotheses/s  "
-                    f"{(state.total - state.done) / rate:.0f} s left  {len(state.peaks)} peaks",
-                    err=True,
+                    f"{(state.total - state.done) / rate:.0f} s left  {len(state.peaks)} peaks"
                 )
                 keep(state)
                 reported = now

@@ -10,21 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import FiniteRange, parts_option, set_option, threads_option
-from vestige.cli.terminal import echo
+from vestige.cli.options import PATH, number_option, parts_option, set_option, threads_option
+from vestige.cli.terminal import echo, note
 from vestige.errors import InputFileError, VestigeError
+from vestige.output import check_new_folder
 
 if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
     from vestige.simulated.simulated_recording import SimulatedRecording
 
-_path = click.Path(path_type=Path)
-
 
 @click.command()
-@click.argument("scenario", type=_path)
+@click.argument("scenario", type=PATH)
 @click.option(
-    "-o", "--output", required=True, type=_path, help="Folder to write, must not exist; - for samples to a pipe."
+    "-o", "--output", required=True, type=PATH, help="Folder to write, must not exist; - for samples to a pipe."
 )
 @click.option(
     "--band",
@@ -48,12 +47,7 @@ _path = click.Path(path_type=Path)
     help="Also write the files that this receiver reads. May be given several times.",
 )
 @threads_option("Number of threads that make samples.")
-@click.option(
-    "--max-gb",
-    type=FiniteRange(0, 1e6),
-    default=10.0,
-    help="Refuse to write more gigabytes than these.",
-)
+@number_option("--max-gb", (0, 1e6), default=10.0, help="Refuse to write more gigabytes than these.")
 @parts_option
 def command(scenario: Path, **options: Any) -> None:
     """Write E1 and E6 samples of SCENARIO as a SigMF collection, with what belongs to them.
@@ -88,14 +82,13 @@ def command(scenario: Path, **options: Any) -> None:
     if to_pipe:
         _to_pipe(source, options)
         return
-    if options["output"].exists():
-        raise InputFileError(options["output"], "output folder", "something there already", "a name that is not taken")
+    check_new_folder(options["output"])
     source.check_exports(options["component"], options["exports"])
     gigabytes = source.n_bytes(options["component"], options["exports"]) / 1e9
     size = f"{source.duration_s:g} s of E1 and E6: {gigabytes:.3g} GB"
     if gigabytes > options["max_gb"]:
         raise VestigeError(f"{size}, which is more than --max-gb {options['max_gb']:g}")
-    echo(f"{size}, about {max(source.seconds_to_write(), 1.0):.0f} s of computing on this machine", err=True)
+    note(f"{size}, about {max(source.seconds_to_write(), 1.0):.0f} s of computing on this machine")
     with progress() as report:
         files = source.write(
             options["output"],
@@ -104,7 +97,7 @@ def command(scenario: Path, **options: Any) -> None:
             exports=options["exports"],
             workers=options["workers"],
             progress=report,
-            say=lambda line: echo(line, err=True),
+            say=note,
         )
     for path in files:
         echo(str(path))
@@ -146,7 +139,7 @@ def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
     names = " and ".join(band.value for band in bands) + (", sample by sample in turn" if len(bands) > 1 else "")
     around = " and ".join(f"{center_hz:.10g} Hz" for _, center_hz in begin)
     what = f"{source.duration_s:g} s of {names}: {component} I,Q at {rate_hz:.10g} Hz around {around}"
-    echo(f"{what}, from {begin[0][0]}", err=True)
+    note(f"{what}, from {begin[0][0]}")
     try:
         with progress() as report:
             source.send(
@@ -155,7 +148,7 @@ def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
                 component=component,
                 workers=options["workers"],
                 progress=report,
-                say=lambda line: echo(line, err=True),
+                say=note,
             )
         output.flush()
     except BrokenPipeError:

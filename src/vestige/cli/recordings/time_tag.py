@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import warn
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
@@ -50,17 +50,13 @@ def label_error_s(recording: Recording, assistance: Assistance, around_s: float,
     for decision in found.decisions:
         if decision.spoofed:
             times = ", ".join(str(peak.start_time) for peak in decision.peaks)
-            echo(
-                f"warning: E{decision.svid:02d}: spoofing: its RECS comes {len(decision.peaks)} times: {times}",
-                err=True,
-            )
+            warn(f"E{decision.svid:02d}: spoofing: its RECS comes {len(decision.peaks)} times: {times}")
     if found.error_s is None:
-        echo(
-            f"warning: no RECS was found within the time tag's ±{around_s:g} s, so the label is taken to be right "
-            f"to {TIME_TAG_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time modulo 100 ms only",
-            err=True,
+        warn(
+            f"no RECS was found within the time tag's ±{around_s:g} s, so the time tag is taken to be right "
+            f"to {TIME_TAG_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time modulo 100 ms only"
         )
         return 0.0
     if abs(found.error_s) > TIME_TAG_TOLERANCE_S:
-        echo(f"warning: the time tag is {late_or_early(found.error_s)} by the RECS in the samples", err=True)
+        warn(f"the time tag is {late_or_early(found.error_s)} by the RECS in the samples")
     return found.error_s if abs(found.error_s) > TIME_TAG_TOLERANCE_S else 0.0

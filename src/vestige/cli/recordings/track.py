@@ -9,20 +9,19 @@ import click
 
 from vestige.cli.live.live_input import STDIN, STDIN_OPTIONS, stdin_description, stdin_options, stdin_stream
 from vestige.cli.loop_options import loop_options, loop_settings
-from vestige.cli.options import recording_argument, start_option, threads_option
+from vestige.cli.options import PATH, recording_argument, start_option, threads_option
 from vestige.cli.recordings.time_tag import late_or_early
-from vestige.cli.terminal import echo
+from vestige.cli.terminal import echo, warn
 from vestige.errors import InputFileError
+from vestige.output import check_new_folder
 
 if TYPE_CHECKING:
     from vestige.recording.tracked.track_recording import TrackedRecording
 
-_path = click.Path(path_type=Path)
-
 
 @click.command()
 @recording_argument
-@click.option("-o", "--output", type=_path, required=True, help="Folder to write; must not exist.")
+@click.option("-o", "--output", type=PATH, required=True, help="Folder to write; must not exist.")
 @start_option
 @loop_options
 @threads_option("Number of threads that track E1.")
@@ -37,8 +36,7 @@ def command(recording_path: Path, **options: Any) -> None:
     from vestige.recording.tracked.tracked_folder import write_tracked
 
     folder: Path = options["output"]
-    if folder.exists():
-        raise InputFileError(folder, "output folder", "something there already", "a name that is not taken")
+    check_new_folder(folder)
     tracked, n_samples, rate_hz = (
         _tracked_stdin(options) if recording_path == STDIN else _tracked(recording_path, options)
     )
@@ -63,7 +61,7 @@ def _check_duration(path: Path, tracked: TrackedRecording, duration_s: float) ->
 
 
 def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedRecording, int, float]:
-    """Return what tracking makes of a recording, the number of its samples of E1, and their rate in Hz."""
+    """Return the result of tracking a recording, the number of its samples of E1, and their rate in Hz."""
     from vestige.cli.progress import progress
     from vestige.recording.recording import open_recording
     from vestige.recording.tracked.track_recording import track_recording
@@ -75,7 +73,7 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
     if recording.e1 is None:
         raise _without_e1(recording.description.path)
     for line in recording.notes:
-        echo(f"warning: {line}", err=True)
+        warn(line)
     with progress() as report:
         tracked = track_recording(recording, loop_settings(options), workers=options["workers"], progress=report)
     return tracked, recording.e1.n_samples, recording.e1.file.sample_rate_hz

@@ -254,10 +254,10 @@ def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> Tally:
     return tally
 
 
-def print_not_seen(tally: Tally, *, err: bool = False) -> None:
+def print_not_seen(tally: Tally, put: Callable[[str], None] = echo) -> None:
     """Print the satellites with RECS that E1 never showed, if there are any."""
     if unseen := tally.not_seen_on_e1:
-        echo(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}", err=err)
+        put(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}")
 
 
 def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> Tally:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import check_trust, json_option, time_option
+from vestige.cli.options import PATH, check_trust, json_option, time_option
 from vestige.cli.terminal import echo
 from vestige.output import check_output
 
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 _PROBLEMS_SHOWN = 12
 
-_path = click.Path(path_type=Path)
-
 
 @click.group()
 def command() -> None:
@@ -28,9 +26,9 @@ def command() -> None:
 
 
 @command.command(name="verify")
-@click.argument("file", type=_path)
-@click.option("--public-key", type=_path, help="OSNMA public key: XML of the GSC, or PEM.")
-@click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree, XML of the GSC; its root is trusted.")
+@click.argument("file", type=PATH)
+@click.option("--public-key", type=PATH, help="OSNMA public key: XML of the GSC, or PEM.")
+@click.option("--merkle-tree", type=PATH, help="OSNMA Merkle tree, XML of the GSC; its root is trusted.")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="CSV file for the validated keys."
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vestige.cli.options import check_trust, json_option, time_option
+from vestige.cli.options import PATH, check_trust, json_option, time_option
 from vestige.cli.services.recs_make import command as make_command
 from vestige.cli.terminal import echo, raise_last
 from vestige.errors import VestigeError
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from vestige.time import GalileoTime
     from vestige.validated_key import ValidatedKey
 
-_path = click.Path(path_type=Path)
 _reference = click.option(
     "--reference",
     callback=time_option,
@@ -38,10 +37,8 @@ command.add_command(make_command, "make")
 
 
 @command.command()
-@click.argument("files", nargs=-1, required=True, type=_path)
-@click.option(
-    "--certificate", "certificates", multiple=True, type=_path, help="PEM key or X.509 certificate you trust."
-)
+@click.argument("files", nargs=-1, required=True, type=PATH)
+@click.option("--certificate", "certificates", multiple=True, type=PATH, help="PEM key or X.509 certificate you trust.")
 @_reference
 @json_option
 def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: GalileoTime | None, as_json: bool) -> None:
@@ -79,11 +76,11 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
 
 
 @command.command(name="decrypt")
-@click.argument("file", type=_path)
-@click.option("--keys", "key_file", required=True, type=_path, help="Key file, as `vestige osnma verify` writes it.")
-@click.option("--public-key", type=_path, help="OSNMA public key (XML or PEM) that the key file must lead to.")
-@click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree (XML) that the public key must lead to.")
-@click.option("-o", "--output", type=_path, help="File for the chips: one bit each, most significant first, 0 is +1.")
+@click.argument("file", type=PATH)
+@click.option("--keys", "key_file", required=True, type=PATH, help="Key file, as `vestige osnma verify` writes it.")
+@click.option("--public-key", type=PATH, help="OSNMA public key (XML or PEM) that the key file must lead to.")
+@click.option("--merkle-tree", type=PATH, help="OSNMA Merkle tree (XML) that the public key must lead to.")
+@click.option("-o", "--output", type=PATH, help="File for the chips: one bit each, most significant first, 0 is +1.")
 @click.option("--mode", type=click.Choice(["cbc", "ctr"]), default="cbc", help="AES mode; see the docs.")
 @_reference
 @json_option
@@ -127,7 +124,7 @@ def decrypt_command(
 
 
 def _describe(file: RecsFile) -> dict[str, Any]:
-    """Return what a file says, as JSON has it."""
+    """Return the content of a RECS file as JSON."""
     from vestige.crypto.recs.recs_segment import LENGTHS
 
     length = LENGTHS[file.n_chip_code]

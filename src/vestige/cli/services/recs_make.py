@@ -7,18 +7,16 @@ from typing import Any
 
 import click
 
-from vestige.cli.options import FiniteRange, cipher_mode_option, json_option, start_option
-from vestige.cli.terminal import echo
-
-_path = click.Path(path_type=Path)
+from vestige.cli.options import PATH, FiniteRange, cipher_mode_option, json_option, start_option
+from vestige.cli.terminal import echo, warn
 
 
 @click.command()
-@click.option("--from-recording", "recording_path", required=True, type=_path, help="The recording.")
-@click.option("--keys", "keys_path", required=True, type=_path, help="Key file, or navigation pages (SBF, CSV).")
-@click.option("--public-key", type=_path, help="OSNMA public key (XML, PEM).")
-@click.option("--merkle-tree", type=_path, help="OSNMA Merkle tree (XML).")
-@click.option("-o", "--output", required=True, type=_path, help="Assistance folder to write.")
+@click.option("--from-recording", "recording_path", required=True, type=PATH, help="The recording.")
+@click.option("--keys", "keys_path", required=True, type=PATH, help="Key file, or navigation pages (SBF, CSV).")
+@click.option("--public-key", type=PATH, help="OSNMA public key (XML, PEM).")
+@click.option("--merkle-tree", type=PATH, help="OSNMA Merkle tree (XML).")
+@click.option("-o", "--output", required=True, type=PATH, help="Assistance folder to write.")
 @click.option(
     "--length-ms", type=click.Choice(["1", "2", "4", "8", "16"]), default="16", help="Duration of each RECS in ms."
 )
@@ -80,7 +78,7 @@ def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, *
         )
         return
     echo(f"{output}: {len(made.segments)} RECS of {length_ms} ms")
-    echo(f"vestige: {OPEN_CODE}", err=True)
+    warn(OPEN_CODE)
     for time in sorted({segment.transmit_time for segment in made.segments}):
         names = " ".join(f"E{segment.svid:02d}" for segment in made.segments if segment.transmit_time == time)
         echo(f"  sent {time}: {names}")

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from vestige.cli.options import parts_option
-from vestige.cli.terminal import echo
+from vestige.cli.options import PATH, parts_option
+from vestige.cli.terminal import echo, note
 from vestige.errors import InputFileError, VestigeError, satellite_names
 
 
 @click.command()
-@click.argument("results_path", metavar="RESULTS", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder to write; must not exist.")
+@click.argument("results_path", metavar="RESULTS", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="Folder to write; must not exist.")
 @parts_option
 def command(results_path: Path, output: Path) -> None:
     """Write the E1 observations and the ephemerides of RESULTS as RINEX 3.05, and print the files.
@@ -34,5 +34,5 @@ def command(results_path: Path, output: Path) -> None:
     for path in written.files:
         echo(str(path))
     satellites = satellite_names(written.svids)
-    echo(f"{written.n_epochs} epochs of {satellites}; {written.n_ephemerides} ephemerides", err=True)
-    echo(f"positions by RTKLIB, with RAIM: cd {output} && {COMMAND}", err=True)
+    note(f"{written.n_epochs} epochs of {satellites}; {written.n_ephemerides} ephemerides")
+    note(f"positions by RTKLIB, with RAIM: cd {output} && {COMMAND}")

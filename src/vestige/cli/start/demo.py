@@ -16,8 +16,9 @@ from pathlib import Path
 
 import click
 
+from vestige.cli.options import PATH
 from vestige.cli.terminal import echo
-from vestige.errors import InputFileError
+from vestige.output import check_new_folder
 
 # four of the night's eight satellites at half its rate, and the RECS that is sent in second 8
 SKY_EPOCHS = "5:9"
@@ -29,7 +30,7 @@ SKY_SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7,8,13,14
     "-o",
     "--output",
     "folder",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default="vestige_demo",
     help="Folder to write; must not exist.",
 )
@@ -39,8 +40,7 @@ def command(folder: Path) -> None:
     A recording is simulated and authenticated, then with a wrong key and with a replayed E6. Then come a sky from its
     samples, statistics, and an attack.
     """
-    if folder.exists():
-        raise InputFileError(folder, "output folder", "something there already", "a name that is not taken")
+    check_new_folder(folder)
     scenarios, night, sky = folder / "scenarios", folder / "recording", folder / "sky"
     wrong_key, late, statistics = folder / "wrong_key", folder / "late_e6", folder / "quick.zarr"
     keys = ("--keys", night / "osnma" / "keys.csv", "--public-key", night / "osnma" / "public_key.pem")

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import click
 
+from vestige.cli.options import PATH
 from vestige.cli.terminal import echo
 from vestige.errors import InputFileError
 
 
 @click.command()
-@click.argument("folder", default=".", type=click.Path(path_type=Path))
+@click.argument("folder", default=".", type=PATH)
 def command(folder: Path) -> None:
     """Write FOLDER/scenarios: the scenario files that come with vestige, to run and to change.
 

@@ -98,7 +98,7 @@ def read_key_file(
 
 
 def load_key_file(path: Path, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> KeyFile:
-    """Return what a key file holds, each key validated down to a root key that a public key signed.
+    """Return the content of a key file, each key validated down to a root key that a public key signed.
 
     Public keys that were broadcast are verified against the root of `tree`.
 

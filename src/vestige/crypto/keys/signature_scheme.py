@@ -1,7 +1,7 @@
 """The two signature schemes of OSNMA: ECDSA P-256/SHA-256 and ECDSA P-521/SHA-512 [OSNMA-ICD, DSM-KROOT, DSM-PKR].
 
 A public key is broadcast and published as a compressed point, a signature as r and s, each as long as a coordinate of
-the curve. So the length of either says which scheme it belongs to.
+the curve. So the length of a point or signature says which scheme is used.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class SignatureScheme:
     curve_name: str
     curve: ec.EllipticCurve
     hash: hashes.HashAlgorithm
-    coordinate_bytes: int  # of a coordinate of the curve
+    coordinate_bytes: int  # size of a coordinate of the curve
 
     @property
     def point_bytes(self) -> int:

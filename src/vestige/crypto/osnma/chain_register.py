@@ -40,7 +40,7 @@ class RevokedKeyError(AuthenticationError):
 
 @dataclass(slots=True, kw_only=True)
 class _Withdrawal:
-    """From `since` on no chain may be used but `in_force`, and those that came back, each from its time on.
+    """A withdrawal: from `since` on, only `in_force` may be used, and each chain that came back from its time on.
 
     A chain comes back with a root key of after `until`, and of after the one of the chain in `known`.
     """

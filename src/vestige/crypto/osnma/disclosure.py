@@ -29,7 +29,7 @@ def provably_before_disclosure(
 ) -> bool | Bool[np.ndarray, "*n"]:
     """Return whether samples were provably received before their key was on air.
 
-    Raises `VestigeError` if the bound is negative or NaN.
+    Raises `VestigeError` if the upper limit is negative or NaN.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def provably_before_disclosure(
         Time from the end of the window of samples that is correlated to the disclosure of the key, on the receiver's
         clock, in s.
     time_uncertainty_s
-        Bound on the error of that clock, 0 or more; infinite if it is not known, and then nothing is provable.
+        Upper limit of the error of that clock, 0 or more; infinite if it is not known, and then nothing is provable.
     """
     require_time_uncertainty(float(np.min(time_uncertainty_s, initial=np.inf)))
     return lead_s > time_uncertainty_s
@@ -49,8 +49,8 @@ class ReceptionProof:
 
     disclosed_at: GalileoTime  # when the first bit of the key was on air
     duration_s: float  # length of the RECS in s
-    time_uncertainty_s: float  # bound on the error of the receiver's clock in s; infinite if it is not known
-    # by how much the time tags of the samples are behind the clock of that bound, 0 or more
+    time_uncertainty_s: float  # upper limit of the error of the receiver's clock in s; infinite if it is not known
+    # by how much the time tags of the samples are behind the clock of that limit, 0 or more
     labels_behind_s: float = 0.0
 
     def holds(self, start: GalileoTime) -> bool:

@@ -118,7 +118,7 @@ class DsmVerifier:
         )
 
     def _take_earlier(self, place: int, time: GalileoTime) -> None:
-        """Take in that a message came before, with an earlier time; one that was refused stays refused."""
+        """Note that a message was received before, at an earlier time; a refused message stays refused."""
         check = self.roots[place]
         if check.root is None:
             return

@@ -303,7 +303,7 @@ class OsnmaReceiver:
     def _withhold(self, key: ValidatedKey, reason: str) -> None:
         time = key.time.gst_seconds
         self._withheld.setdefault(time, WithheldKey(time=key.time, chain_id=key.chain_id, data=key.data, reason=reason))
-        self._keys.pop(time, None)  # of the same subframe, when a recording is read twice
+        self._keys.pop(time, None)  # the key of the same subframe, when a recording is read twice
         self._problems.report_once(ProblemKind.STATUS, key.time, f"{reason}: keys are withheld")
 
     def _withdraw(self) -> None:
@@ -374,7 +374,7 @@ class OsnmaReceiver:
 def verify_pages(
     pages: Iterable[InavPage], public_keys: Sequence[PublicKey], tree: MerkleTree | None = None
 ) -> OsnmaReport:
-    """Return what OSNMA proves of a finite stretch of pages; see `OsnmaReceiver` for the parameters."""
+    """Return the OSNMA report on a finite series of pages; see `OsnmaReceiver` for the parameters."""
     return OsnmaReceiver(public_keys, tree).process_all(pages)
 
 

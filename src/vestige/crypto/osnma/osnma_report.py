@@ -66,7 +66,7 @@ class ProblemLog:
         return tuple(self._problems)
 
     def forget(self, before: GalileoTime) -> None:
-        """Drop the problems of an earlier time; one that is reported once is not reported again."""
+        """Drop the problems of an earlier time; a problem is reported once only."""
         self._problems = [one for one in self._problems if one.time >= before]
 
 

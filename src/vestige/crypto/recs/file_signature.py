@@ -65,7 +65,7 @@ class SignatureName:
 
 
 def parse_signature_name(name: str) -> SignatureName | None:
-    """Return what a signature's file name says, or None if it is no such name."""
+    """Return the fields of a signature's file name, or None if it is no such name."""
     match = _NAME.fullmatch(name)
     if match is None:
         return None
@@ -92,7 +92,7 @@ def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
     data = read_bytes(path, at_most=_LONGEST_CERTIFICATE)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", CryptographyDeprecationWarning)  # of fields that nobody looks at here
+            warnings.simplefilter("ignore", CryptographyDeprecationWarning)  # it is about fields that are not used here
             if b"-----BEGIN PUBLIC KEY-----" in data:
                 key = load_pem_public_key(data)
             elif b"-----BEGIN" in data:

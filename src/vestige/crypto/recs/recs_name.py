@@ -64,7 +64,7 @@ class RecsName:
 
 
 def parse_name(name: str) -> RecsName | None:
-    """Return what the file name says, or None if it does not have the form of a RECS name (a renamed file).
+    """Return the fields of the file name, or None if it does not have the form of a RECS name (a renamed file).
 
     Raises `InputFileError` if it has the form but its date does not exist.
     """

@@ -29,7 +29,7 @@ OSNMA_BYTES = 5  # 8 bits of the HKROOT and 32 bits of the MACK message in a pag
 SSP_BY_SECOND = {1: 0x04, 3: 0x2B, 5: 0x2F}
 NO_SSP = 0xFD  # in place of the pattern, from satellites that do not send it
 
-_DATA_1_BITS, _DATA_2_BITS = 112, 16  # of the word, in the even and the odd half
+_DATA_1_BITS, _DATA_2_BITS = 112, 16  # bits of the word in the even and the odd half
 
 
 def _page_layout() -> BitLayout:

@@ -32,7 +32,7 @@ NOMINAL_AXIS_M = 29_600_000.0  # [OS-ICD, reduced CED]
 NOMINAL_INCLINATION_RAD = math.radians(56.0)  # [OS-ICD, reduced CED]
 
 _FIT_S = np.linspace(0.0, 600.0, 7)  # after the reference time; a receiver has the next word long before the end
-_STEPS = 4  # of Gauss–Newton; the elements start within 1e-5 of the solution
+_STEPS = 4  # steps of Gauss–Newton; the elements start within 1e-5 of the solution
 _DIFFERENCE = 1e-6  # rad or plain number, for derivatives of the position: 30 m
 
 

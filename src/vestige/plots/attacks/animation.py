@@ -33,7 +33,7 @@ FRAMES = 120  # at most: of a longer run every k-th epoch, as it is
 FRAMES_A_S = 10
 ANIMATION_DPI = 150
 _LINES = {"true signal": GREEN, "spoofer": ORANGE}
-_MARKERS = (("v", BLUE), ("^", RED), ("<", GREY), (">", BLACK))  # of the detectors in turn: none hides another
+_MARKERS = (("v", BLUE), ("^", RED), ("<", GREY), (">", BLACK))  # markers of the detectors in turn: none hides another
 
 
 def write_animation(
@@ -50,7 +50,7 @@ def write_animation(
     VestigeError
         If the results lack the satellite.
     ValueError
-        If the suffix is another one.
+        If the suffix of `path` is not `.gif`.
     """
     if Path(path).suffix.lower() != ".gif":
         raise ValueError(f"{path}: an animation is a .gif")

@@ -27,7 +27,7 @@ from vestige.plots.figure import (
 )
 
 _AXES_CM, _REST_CM = 4.0, 3.5  # height of the axes of a detector, and of all else
-_POWER_SHARE = 0.45  # of the height of a range offset
+_POWER_SHARE = 0.45  # share of the height of a range offset
 _MARGIN_M = 12.0
 _LINE: dict[str, Any] = {"linewidth": 0.5, "rasterized": True}
 

@@ -18,7 +18,7 @@ from vestige.plots.figure import BLACK, GREY, LETTERS_PT, ORANGE, SMALL_LETTERS_
 MAP_WIDTH_CM = 29.0
 _ROW_CM, _ROUND_CM = 0.5, 3.2
 _WHOLE = 10.0  # from here on without decimals
-_LIGHT = 0.5  # of the colours, so that black letters are read on them
+_LIGHT = 0.5  # opacity of the colours, so that black letters are read on them
 _WHITE, _RED = "#FFFFFF", "#CC3311"
 
 

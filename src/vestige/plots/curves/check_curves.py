@@ -11,7 +11,7 @@ from vestige.campaign.statistics import Proportion
 from vestige.plots.curves.sweep_curves import COLOURS
 from vestige.plots.figure import dress, legend, new_axes
 
-_APART = 0.006  # of the width: curves stand beside each other
+_APART = 0.006  # share of the width: curves stand beside each other
 
 
 def check_curves(

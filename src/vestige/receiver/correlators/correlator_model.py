@@ -1,8 +1,8 @@
 """The `correlators` fidelity: banks of correlators drawn from their exact distribution, without samples.
 
-Given the chips, a correlator output is a sum of the rays' correlation functions and of Gaussian noise whose
+Given the chips, a correlator output is a sum of the paths' correlation functions and of Gaussian noise whose
 covariance over the taps is that of the replicas. With N_c chips, T the integration time, d_k the tap's offset, and
-ray r of amplitude a_r, delay τ_r after the hand-over's prediction and residual Doppler f_r:
+path r of amplitude a_r, delay τ_r after the hand-over's prediction and residual Doppler f_r:
 
     c_k = Σ_r a_r e^{jπ f_r T} sinc(f_r T) R_e(τ_r − d_k) + (L z)_k,     z ~ CN(0, 1)
     L L^H = σ² [R(d_i − d_k)]_ik,   σ² = 1/(C/N0 · T)
@@ -14,7 +14,7 @@ front end: a sampled correlation at an incommensurate rate has the same distribu
 filter or a quantiser R_n of `front_end_correlation` is in the place of R, and R_e(x) = Σ_d A_|d| R_h(x − d).
 
 Under a sky all other signals are white noise (`other_signals`).
-Under attack, spoofing signals are further rays; noise, jamming, and rays too far off for A_d come from `disturbance`.
+Under attack, spoofing signals are further paths; noise, jamming, and paths too far off for A_d come from `disturbance`.
 
 The measured noise floor comes from N_c chips, so it scatters by 1/√N_c, and it holds the signal's own share.
 """
@@ -32,8 +32,8 @@ from vestige.receiver.samples.front_end_correlation import noise_correlation, si
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 
-_SELF_NOISE_LAGS = 16  # chips: rays may be as far as this from a tap
-_STEPS_PER_CHIP = 64  # of the table behind a front end: linear interpolation is good to 3e-4 of the peak at 20 MHz
+_SELF_NOISE_LAGS = 16  # chips: paths may be as far as this from a tap
+_STEPS_PER_CHIP = 64  # table behind a front end: linear interpolation is good to 3e-4 of the peak at 20 MHz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +49,7 @@ class Draws:
 class CorrelatorModel:
     """Draws banks of correlators."""
 
-    offsets_m: tuple[float, ...]  # of the taps
+    offsets_m: tuple[float, ...]  # offsets of the taps
     n_chips: int  # chips of a RECS
     # what the samples went through; without filter and quantiser it makes no difference
     front_end: FrontEnd | None = None
@@ -103,9 +103,9 @@ class CorrelatorModel:
     ) -> tuple[Complex128[np.ndarray, "n_epochs n_taps"], Float[np.ndarray, " n_epochs"]]:
         """Return taps and measured noise power of a block of epochs.
 
-        C/N0 is that of E6-C's line of sight; −∞ is no signal at all, and noise of variance 1. Rays have delays after
+        C/N0 is that of E6-C's line of sight; −∞ is no signal at all, and noise of variance 1. Paths have delays after
         the hand-over's prediction, amplitudes over the line of sight's magnitude, and residual Dopplers; the line of
-        sight is the first ray. `other_signals` is the density over N0 of what else is on air (`other_signals`).
+        sight is the first path. `other_signals` is the density over N0 of what else is on air (`other_signals`).
         """
         absent = np.isneginf(cn0_dbhz)
         variance = 1.0 if absent else 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)

@@ -33,13 +33,13 @@ CHIPS_A_METRE = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """The part of an attack on E6 that is not rays, over epochs."""
+    """The part of an attack on E6 that is not a path with a delay, over epochs."""
 
     white: Float[np.ndarray, " n"]  # density of white noise over N0
     waveforms: Complex128[np.ndarray, "n n_taps"]  # what jamming waveforms leave in the taps, for noise of σ = 1 there
     rise: Float[np.ndarray, " n"]  # by how much they raise the noise power, in the same unit
-    unrelated: Float[np.ndarray, "n n_rays n_lags"]  # B of every ray, of variance 1
-    forged_chips: Bool[np.ndarray, " n_rays"]  # rays whose chips never match
+    unrelated: Float[np.ndarray, "n n_rays n_lags"]  # B of every path, of variance 1
+    forged_chips: Bool[np.ndarray, " n_rays"]  # paths whose chips never match
 
 
 def drawn_disturbance(

@@ -8,9 +8,9 @@ With R the autocorrelation and signals of complex amplitude a_i, delay τ_i and 
     P(x) = Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)         H_ij = 1/(1 + j 2π(f_i − f_j)/4B)
 
 H is the part of a beat that remains in a loop of noise bandwidth B (its pole at 4B rad/s): signals that slip slowly add
-with their phases, signals that slip fast add their powers. The loop sits at a stable zero of P(x − d/2) − P(x + d/2),
-and when the signals change it goes to the zero that is next in its direction. So the loop has a memory: it stays on one
-of two peaks. Steps of 0.1 s are small enough for all pull-off rates up to 100 m/s.
+with their phases, signals that slip fast add their powers. The loop settles at a stable zero of P(x − d/2) − P(x +
+d/2). When the signals change, the loop moves to the nearest zero in the direction of its discriminator. So the loop has
+a memory: it stays on one of two peaks. Steps of 0.1 s are small enough for all pull-off rates up to 100 m/s.
 
 **Capture.** From an aligned start (spoofing signal on top, then leaving) a spoofing signal of more power takes the loop
 along, whatever its phase, and one of equal or less power never does [JWCN18, Eq. 4-6]. One that starts more than a chip
@@ -31,7 +31,7 @@ loops on samples do the same, since they do not look for side peaks either. Both
 spacing before the side peak: 16 m here, where d is 0.1 chip; 11 m on samples of 12.3 MHz, where it is 0.166.
 
 Not modelled: the carrier loop (Doppler is that of the strongest signal in the prompt correlator), the loop's own
-dynamics, and rays, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
+dynamics, and reflections, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
 (`sample_processor.tracking`) agree on who captures the code as long as the spoofing signal has the carrier frequency of
 the true signal. One whose Doppler fits its pull-off, and steps by more than the carrier loop's bandwidth, does not
 capture them: they stay with the true signal (210 Hz), or lose both in the beat and acquire the stronger one (26 Hz).

@@ -12,7 +12,7 @@ _STEPS_PER_SPACING = 8
 _REACH_CHIPS = 1.0  # a walk that finds no zero so far stays where it was
 _HALVINGS = 40
 _NEAR = 1e-6  # chips: where a zero is looked at for its stability
-_TIE = 1e-9  # of the power: early and late are equal
+_TIE = 1e-9  # share of the power: early and late are equal
 
 
 @njit(cache=True, nogil=True)

@@ -1,8 +1,8 @@
-"""The error that rays cause in an E1 delay lock loop: the root of its early-minus-late discriminator.
+"""The error that reflections cause in an E1 delay lock loop: the root of its early-minus-late discriminator.
 
 Theory of operation
 -------------------
-With R the autocorrelation and rays of complex amplitude a_i and excess delay τ_i, a correlator that is x later than the
+With R the autocorrelation and reflections of complex amplitude a_i and excess delay τ_i, a correlator x later than the
 line of sight gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where early and late have the same power:
 
     D(x) = |S(x − d/2)|² − |S(x + d/2)|² = 0,    D rising through 0
@@ -11,8 +11,8 @@ It starts on the line of sight. D(0) < 0 means that the late correlator is stron
 changes its sign; otherwise earlier. That first change of sign is searched in steps of d/8 and then located by the
 Illinois variant of false position. R is piecewise linear, so D is piecewise quadratic and a few steps are enough.
 
-The result is that of a loop which follows the rays at once: right for rays that turn slowly against its bandwidth.
-Front-end filtering is left out, as in the calibration of the multipath model.
+The result is that of a loop which follows the reflections at once: right for reflections that turn slowly against its
+bandwidth. Front-end filtering is left out, as in the calibration of the multipath model.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def e1_multipath_error_m(
     pulse: Pulse = BOC11,
     chip_rate_hz: float = E1C.chip_rate_hz,
 ) -> Float[np.ndarray, " n"]:
-    """Return the error of the pseudorange in m, positive if it is too long; 0 without rays.
+    """Return the error of the pseudorange in m, positive if it is too long; 0 without reflections.
 
     `amplitude` is that on this carrier relative to the line of sight; `spacing_chips` is d.
     """
@@ -56,7 +56,7 @@ def e1_multipath_error_m(
 
 @dataclass(frozen=True, slots=True)
 class _Rays:
-    """Rays of some epochs as a loop sees them, in chips; rays along the first axis."""
+    """Reflections of some epochs as a loop sees them, in chips; reflections along the first axis."""
 
     delay: Float[np.ndarray, "n_rays n"]
     amplitude: Complex128[np.ndarray, "n_rays n"]
@@ -64,7 +64,7 @@ class _Rays:
     pulse: Pulse
 
     def part(self, chosen: Int[np.ndarray, " m"] | Bool[np.ndarray, " n"]) -> _Rays:
-        """Return the rays of some of the epochs."""
+        """Return the reflections of some of the epochs."""
         return _Rays(self.delay[:, chosen], self.amplitude[:, chosen], self.half_spacing, self.pulse)
 
     def discriminator(self, x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-The correlators stand at offsets d from where the loop has settled, x₀ (by noise, rays and spoofing signals). With R the
-autocorrelation of BOC(1,1), signals of complex amplitude a_i relative to the true one, delay τ_i and Doppler f_i
-relative to what the carrier loop follows, T the integration time and s = √(2 C/N0 T),
+The correlators stand at offsets d from where the loop has settled, x₀ (by noise, reflections and spoofing signals).
+With R the autocorrelation of BOC(1,1), signals of complex amplitude a_i relative to the true one, delay τ_i and Doppler
+f_i relative to what the carrier loop follows, T the integration time and s = √(2 C/N0 T),
 
     ξ(d) = g [ s Σ_i a_i e^{jπ f_i T} sinc(f_i T) R(x₀ + d − τ_i) + √(1 + ρ) (L z)_d ]
     z ~ CN(0, 2),   L Lᵀ = [R(dᵢ − dₖ)]ᵢₖ
@@ -41,13 +41,13 @@ from vestige.signals.pulse import BOC11, Pulse, autocorrelation, cross_correlati
 from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
 
-TAP_CHIPS = (-0.15, -0.05, 0.0, 0.05, 0.15)  # of power–distortion, of the loop, prompt
+TAP_CHIPS = (-0.15, -0.05, 0.0, 0.05, 0.15)  # positions: power–distortion, the loop, prompt
 INTEGRATION_S = 0.1
 POWER_BANDWIDTH_HZ = 2e6  # W
 POWER_AVERAGING_S = 0.01
 _DB_PER_NEPER = 10 / np.log(10)
 _CHIPS_A_METRE = E1C.chip_rate_hz / SPEED_OF_LIGHT_MPS
-_RAY_DOPPLER = E1_CARRIER_HZ / E6_CARRIER_HZ  # rays have their Doppler on E6
+_RAY_DOPPLER = E1_CARRIER_HZ / E6_CARRIER_HZ  # reflections have their Doppler on E6
 
 
 class Arriving(NamedTuple):
@@ -61,7 +61,7 @@ class Arriving(NamedTuple):
 
 
 def arriving(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, with_rays: bool) -> Arriving:
-    """Return line of sight, rays and spoofing signals; parameters are those of `e1_taps`."""
+    """Return line of sight, reflections and spoofing signals; parameters are those of `e1_taps`."""
     one, attack, rays = np.ones((truth.time_s.size, 1)), truth.e1_attack, truth.rays
     return Arriving(
         amplitude=np.concatenate([one + 0j, rays.amplitude_e1 * with_rays, attack.amplitude], axis=1),
@@ -108,7 +108,8 @@ def e1_taps(
 ) -> Complex128[np.ndarray, "n n_taps"]:
     """Return ξ of one satellite alone, in BOC(1,1), before the gain control.
 
-    `cn0_dbhz` is that of the true signal without interference, `multipath_m` the error of the pseudorange by rays.
+    `cn0_dbhz` is that of the true signal without interference, `multipath_m` the error of the pseudorange by
+    reflections.
     """
     signals = e1_signals(truth, cn0_dbhz, multipath_m, with_rays=with_rays, pulse=BOC11)
     return signals + receiver_noise(truth, seed=seed, svid=svid, first=first)
@@ -123,17 +124,18 @@ def receiver_noise(truth: TruthBlock, *, seed: int, svid: int, first: int) -> Co
 def power_with_rays(
     truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, averaging_s: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the mean power of the prompt correlator beside rays, over that of the undisturbed signal, without noise.
+    """Return the mean power of the prompt correlator with reflections over that without them, both without noise.
 
-    The line of sight and its rays beat with each other; what turns fast against `averaging_s` is averaged out. Rays
-    are those of the true signal: once the loop has gone with a spoofing signal, they lie outside its correlator.
+    The line of sight and its reflections beat with each other; what turns fast against `averaging_s` is averaged out.
+    Reflections are those of the true signal: once the loop has gone with a spoofing signal, they lie outside its
+    correlator.
 
     Parameters
     ----------
     truth
         True state of the satellite's signals.
     multipath_m
-        Error of the pseudorange by rays.
+        Error of the pseudorange by reflections.
     averaging_s
         Time over which the receiver averages the power.
     """
@@ -214,7 +216,7 @@ def power_with_beat(
     overlap
         Correlation of two signals that are so many chips apart.
     with_rays
-        Whether rays are among them.
+        Whether reflections are among them.
     """
     one, attack, rays = np.ones((truth.time_s.size, 1)), truth.e1_attack, truth.rays
     first = (one + 0j, 0 * one, 0 * one)

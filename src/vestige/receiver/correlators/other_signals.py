@@ -6,8 +6,8 @@ a satellite's own E6-B are aligned with those of its E6-C, so their noise is 1/R
 
     w_i = 2 κ Σ_{j≠i} c_j p_j + c_i p_i / R_c,    p = 1 + power of multipath and spoofing signals over the line of sight
 
-Eight satellites of 45 dBHz raise the noise by 7 %. The taps get white noise of this density; the model leaves out that
-the noise of codes is more alike in taps less than a chip apart.
+Eight satellites of 45 dBHz raise the noise by 7 %. The taps get white noise of this density; the model neglects that
+code noise is more correlated between taps less than a chip apart.
 """
 
 from __future__ import annotations

@@ -52,16 +52,16 @@ from vestige.theory.search_budget import SEARCH_P_FA
 from vestige.theory.thermal_noise import MBOC, snapshot_noise_bound_m
 from vestige.theory.thresholds import correlator_amplitude, probability_of_detection, threshold
 
-SURE_PD = 0.9999  # of a signal that E1 has: below, nothing follows if the hand-over does not find it
+SURE_PD = 0.9999  # below this P_d of a signal on E1, a hand-over that misses it proves nothing
 _WORST_CODE_LOSS_DB = 2.5  # a quarter chip off
 WINDOW_S = 15.0  # either way: a receiver that searches does not trust its clock
-HANDOVER_TAPS = 5  # of the hand-over search, half a chip apart
-FINE_REACH_CHIPS = 1.25  # of `peak_at` about a cell
-_E1_BAND_HZ = 4.096e6  # of the E1 search: 86 % of BOC(1,1)
+HANDOVER_TAPS = 5  # correlators of the hand-over search, half a chip apart
+FINE_REACH_CHIPS = 1.25  # reach of `peak_at` about a cell
+_E1_BAND_HZ = 4.096e6  # bandwidth of the E1 search: 86 % of BOC(1,1)
 _E1_PHASES = 16384  # code phases of a period in that band, ¼ chip apart
 _E1_BINS, _E1_BIN_HZ = 81, 125.0
 _E6_BINS = 321  # ±5 kHz, 1/(2 T) apart at 16 ms
-_MEASURE_SIGMA_M = 3.0  # of a code phase out of 100 ms of E1
+_MEASURE_SIGMA_M = 3.0  # error of a code phase out of 100 ms of E1
 _E6_BANDWIDTH_HZ = 2 * E6C.chip_rate_hz
 _range_noise_m = cache(snapshot_noise_bound_m)  # at 0 dBHz; the root of C/N0 divides it
 
@@ -71,9 +71,9 @@ class SearchOutcome:
     """Outcome of the searches for one satellite, over epochs."""
 
     e1_signals: Float[np.ndarray, " n"]  # signals on E1; 0 if there is none, and then no hand-over
-    # those of them that carry the encrypted chips in E6; 0 where the hand-over was not run
+    # signals among them that carry the encrypted chips in E6; 0 where the hand-over was not run
     handover_carrying: Float[np.ndarray, " n"]
-    # of the range of the earliest in E6, as one of E1; NaN where it found nothing or was not run
+    # error of the range to the earliest signal in E6, as an E1 range; NaN where it found nothing or was not run
     handover_error_m: Float[np.ndarray, " n"]
     exhaustive_signals: Float[np.ndarray, " n"]  # the same of the exhaustive search
     exhaustive_error_m: Float[np.ndarray, " n"]
@@ -86,7 +86,7 @@ class BandSignals:
     amplitude: Complex128[np.ndarray, "n k"]  # relative to the true signal, as delay and Doppler; 0 is none
     delay_m: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    cn0_dbhz: Float[np.ndarray, " n"]  # of the true signal, over the noise that there is
+    cn0_dbhz: Float[np.ndarray, " n"]  # C/N0 of the true signal, over the noise that there is
 
 
 def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
@@ -147,7 +147,7 @@ def search_outcome(
     p_fa: float = SEARCH_P_FA,
     clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
-    """Return what the searches find in the epochs from `first` on; independent of the cut.
+    """Return the results of the searches in the epochs from `first` on; independent of the cut.
 
     C/N0 are those of undisturbed pilots, before what the elevation makes of them; `p_fa` is of each search (`outcome`).
     `clock_offset_s` is the error of the receiver's clock.
@@ -182,7 +182,7 @@ def outcome(
     periods: int = MAX_STRETCHES,
     clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
-    """Return what the searches find.
+    """Return the results of the searches.
 
     `shift_m` is by how much E6 is later than E1 in truth and not in the prediction. `e1_p_fa` is of one search of one
     satellite on E1 and at the hand-over each, `exhaustive_p_fa` of all E6, `window_s` the time uncertainty either way

@@ -22,7 +22,7 @@ random, so over T it is noise of the shape and the phase of the signals, with th
 
     P(τ) = W/f_s Σ_m [R_B(m/f_s − τ) + R_C(m/f_s − τ)] sinc(W m/f_s)
 
-so a satellite adds P(0) c η/W to the noise, η as in `e1_taps` with the overlap P(τ)/P(0), and rays count.
+so a satellite adds P(0) c η/W to the noise, η as in `e1_taps` with the overlap P(τ)/P(0), and reflections count.
 
 A filter of the front end is left out: samples that have one (`front_end.bandwidth_hz`) have rounder correlators.
 """
@@ -151,7 +151,7 @@ def _aligned(svid: int) -> float:
 
 @lru_cache(maxsize=4)
 def strangers_covariance_s(sample_rate_hz: float) -> Float[np.ndarray, "n_taps n_taps"]:
-    """Return A in s, between the correlators.
+    """Return A, the covariance between the correlators by other satellites, in s.
 
     Examples
     --------

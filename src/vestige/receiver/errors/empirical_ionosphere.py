@@ -18,7 +18,7 @@ from vestige.receiver.errors.ionosphere import PASS_TAU_S, Correlation, Ionosphe
 
 IONOSPHERE_COLUMN = "e6_minus_e1_m"  # header of the CSV file
 LARGEST_FILE = 1 << 28  # bytes, about 10 million samples
-LARGEST_RESIDUAL_M = 1000.0  # of a sample; the worst ionosphere is 0.1 km
+LARGEST_RESIDUAL_M = 1000.0  # largest value; the worst ionosphere is 0.1 km
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,6 +81,6 @@ def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
 
 
 def _text(path: Path) -> str:
-    """Return a regular file of bounded size as text, one character a byte."""
+    """Return a regular file of limited size as text, one character a byte."""
     data = read_bytes(path, at_most=LARGEST_FILE)
     return data.removeprefix(b"\xef\xbb\xbf").decode("latin-1").replace("\r\n", "\n")

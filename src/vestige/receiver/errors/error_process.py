@@ -48,7 +48,7 @@ class RayProcess(Protocol):
     """One realisation of a multipath model."""
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> RayBlock:
-        """Return the rays at later times."""
+        """Return the reflections at later times."""
         ...
 
 
@@ -76,11 +76,11 @@ class IonosphereModel(Protocol):
 
 @runtime_checkable
 class MultipathModel(Protocol):
-    """The rays of a satellite, on E6 and E1."""
+    """The reflections of a satellite, on E6 and E1."""
 
     @property
     def n_rays(self) -> int:
-        """The largest number of rays beside the line of sight; at least 1."""
+        """The largest number of reflections beside the line of sight; at least 1."""
         ...
 
     def process(self, streams: Streams) -> RayProcess:

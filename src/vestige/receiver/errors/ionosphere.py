@@ -40,7 +40,7 @@ from vestige.receiver.errors.gauss_markov import GaussMarkovProcess, SmoothGauss
 Correlation = Literal["iid", "gauss-markov", "smooth"]
 PASS_TAU_S = 7200.0  # 1/e at 110 min along Galileo passes, NeQuick-G minus NTCM-G
 
-_HALVINGS = 52  # of an interval: to the last bit
+_HALVINGS = 52  # halvings of an interval: to the last bit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

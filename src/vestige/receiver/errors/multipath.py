@@ -1,19 +1,19 @@
-"""Multipath at sample level, "LMS-lite": a few rays with delay, strength, phase and life [WFO, Sec. V].
+"""Multipath at sample level, "LMS-lite": a few reflections with delay, strength, phase and life [WFO, Sec. V].
 
 Theory of operation
 -------------------
     y(t) = x(t) + Σ_i a_i e^{jφ_i(t)} x(t − τ_i)
 
 * Excess delay τ: exponential of mean μ, cut at 500 ns.
-* Strength: Rayleigh, mean square 10^(G/10)/N with G = G0 − s τ in dB, for N rays. So G0 is the mean power of all rays
-  together relative to the line of sight.
+* Strength: Rayleigh, mean square 10^(G/10)/N with G = G0 − s τ in dB, for N reflections. So G0 is the mean power of all
+  reflections together relative to the line of sight.
 * Phase: uniform, then turning with the Doppler f_i = (v/λ) cos ψ_i, ψ uniform, v the receiver's speed.
-* Life: exponential, so a ray dies in a step dt with probability 1 − e^{−r dt}, whatever its age; r = v/L + 1/T for a
-  mean life of L metres of travel or T seconds. In its place comes another, independent one.
-* Number: fixed, or Poisson with a maximum, drawn anew with the same life.
+* Life: exponential, so a reflection dies in a step dt with probability 1 − e^{−r dt}, whatever its age; r = v/L + 1/T
+  for a mean life of L metres of travel or T seconds. Another, independent reflection follows.
+* Number: fixed, or Poisson with a maximum; the number is drawn anew at the same rate as the reflections.
 
-The same ray on E1 has the same reflection, but the phase of its own carrier: it differs by (f1 − f6) τ cycles, one for
-each metre of excess delay, so that the errors of E1 and E6 are practically independent.
+A reflection has the same coefficient on E1, but the phase of its own carrier: the phase differs by (f1 − f6) τ cycles,
+one for each metre of excess delay, so that the errors of E1 and E6 are practically independent.
 
 These are the marginal laws of the measured land-mobile channel [STEINGASS04] [ITU-P681] without its scenery. The power
 of the presets is calibrated to the one number that [WFO] gives: 52 misses in 100,000.
@@ -45,14 +45,14 @@ MAX_RAYS, MAX_POWER_DB = 10_000, 60.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RayBlock:
-    """The rays of a block of epochs, all relative to the line of sight.
+    """The reflections of a block of epochs, all relative to the line of sight.
 
     Attributes
     ----------
     delay_m
         Excess delay in m, positive.
     amplitude, amplitude_e1
-        Complex amplitude on E6 and on E1; 1 is the line of sight. 0 where there is no ray.
+        Complex amplitude on E6 and on E1; 1 is the line of sight. 0 where there is no reflection.
     doppler_hz
         Doppler on E6 in Hz; on E1 it is f1/f6 times that.
     """
@@ -65,21 +65,21 @@ class RayBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LmsLiteMultipath:
-    """Rays that come and go.
+    """Reflections that come and go.
 
-    A life of 0 makes every epoch independent. Mind the Doppler: a ray that turns by f T cycles in an integration time
-    is weaker by sinc(f T), so that speeds above some 10 m/s hide most of the multipath from 16 ms on E6.
+    A life of 0 makes every epoch independent. Mind the Doppler: a reflection that turns by f T cycles in an integration
+    time is weaker by sinc(f T), so that speeds above some 10 m/s hide most of the multipath from 16 ms on E6.
 
     Attributes
     ----------
     power_db
-        G0, mean power of all rays in dB; −inf for no multipath.
+        G0, mean power of all reflections in dB; −inf for no multipath.
     mean_excess_m
         μ in m.
     n_rays
-        Number of rays, or the largest if `mean_rays` is given.
+        Number of reflections, or the largest if `mean_rays` is given.
     mean_rays
-        Mean of the Poisson number of rays.
+        Mean of the Poisson number of reflections.
     slope_db_per_us
         s, loss with delay in dB/µs.
     max_excess_m
@@ -103,21 +103,21 @@ class LmsLiteMultipath:
 
     def __post_init__(self) -> None:
         if self.n_rays > MAX_RAYS or (self.mean_rays or 0.0) > MAX_RAYS or self.power_db > MAX_POWER_DB:
-            raise ValueError(f"at most {MAX_RAYS} rays and {MAX_POWER_DB:g} dB")
+            raise ValueError(f"at most {MAX_RAYS} reflections and {MAX_POWER_DB:g} dB")
         if self.n_rays < 1 or (self.mean_rays is not None and not self.mean_rays > 0):
-            raise ValueError("there must be at least one ray; for no multipath the power is -inf dB")
+            raise ValueError("there must be at least one reflection; for no multipath the power is -inf dB")
         if not self.slope_db_per_us >= 0:
-            raise ValueError("later rays are not stronger: the loss with delay is not negative")
+            raise ValueError("later reflections are not stronger: the loss with delay is not negative")
         if not (self.mean_excess_m > 0 and self.max_excess_m > 0):
             raise ValueError("mean and largest excess delay must be positive")
         if not (self.speed_mps >= 0 and self.mean_life_m >= 0 and self.mean_life_s >= 0):
-            raise ValueError("speed and life of a ray are not negative")
+            raise ValueError("speed and life of a reflection are not negative")
         if self.mean_life_m == 0 and 0 < self.mean_life_s < inf:
-            raise ValueError("with mean_life_m = 0 every epoch has its own rays: mean_life_s has nothing to say")
+            raise ValueError("with mean_life_m = 0 every epoch has its own reflections, so mean_life_s has no effect")
 
     @classmethod
     def elevation_5_30(cls) -> LmsLiteMultipath:
-        """Return low satellites as in [WFO, Sec. VI-A]: one ray an epoch, each epoch anew."""
+        """Return low satellites as in [WFO, Sec. VI-A]: one reflection an epoch, each epoch anew."""
         return cls(power_db=REFERENCE_MULTIPATH_DB, mean_excess_m=40.0, mean_life_m=0.0)
 
     @classmethod
@@ -135,7 +135,7 @@ class LmsLiteMultipath:
 
     @property
     def death_rate_hz(self) -> float:
-        """Deaths of a ray per second, r; infinite if each epoch has its own rays."""
+        """Deaths of a reflection per second, r; infinite if each epoch has its own reflections."""
         if self.mean_life_m == 0 or self.mean_life_s == 0:
             return inf
         return self.speed_mps / self.mean_life_m + 1 / self.mean_life_s
@@ -194,7 +194,7 @@ class MultipathProcess:
         self._last_s: float | None = None
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> RayBlock:
-        """Return the rays at later times.
+        """Return the reflections at later times.
 
         Parameters
         ----------
@@ -232,7 +232,7 @@ class MultipathProcess:
         )
 
     def _present(self, steps: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n_rays"]:
-        """Return 1 for the rays that there are at each epoch, 0 for the others."""
+        """Return 1 for the reflections that there are at each epoch, 0 for the others."""
         model = self._model
         if model.mean_rays is None:
             return np.ones((steps.size, model.n_rays))

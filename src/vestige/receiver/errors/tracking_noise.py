@@ -37,7 +37,7 @@ PulseName = Literal["BOC(1,1)", "MBOC", "BPSK"]
 SHARES: Mapping[PulseName, Mapping[Pulse, float]] = MappingProxyType(
     {"BOC(1,1)": {BOC11: 1.0}, "MBOC": MBOC, "BPSK": {BPSK: 1.0}}
 )
-# of what a receiver could be
+# values that a real receiver could have
 _RANGES = {
     "chip_rate_hz": (1e5, 1e8),
     "carrier_hz": (1e8, 1e11),

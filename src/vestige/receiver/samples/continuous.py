@@ -5,14 +5,15 @@ recording goes through all epochs in one piece:
 
     P(t) = s(t) + clock(t) + troposphere(t)      geometry as it is; clock: the cubic through t_k with the drift as slope
     E1:  code later by I, carrier earlier by I   ionosphere I = iono_diff/(γ − 1) + broadcast model, only under a sky
-         rays, if the scenario lets them disturb E1
+         reflections, if the scenario lets them disturb E1
     E6:  code later by γ I + bias + (γ − 1) c BGD, carrier earlier by γ I
-         rays
+         reflections
 
 In the middle of the reception of the chips that are sent at an epoch, everything is what the epoch says, and changes
 slowly. From there it goes over into the next epoch's without a step: delays and strengths along half a cosine, the
-phase of a ray along the cubic that begins and ends with the Dopplers of its epochs. So a RECS meets the signal of
-`Simulation.snapshot`, but for carrier phase and micrometres, and a tracking loop meets a channel.
+phase of a path along the cubic that begins and ends with the Dopplers of its epochs. A RECS in the recording is
+therefore that of `Simulation.snapshot`, apart from carrier phase and micrometres. Tracking loops see a channel without
+jumps.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class ContinuousTruth:
 
     line_of_sight: RangeHistory
     truth: TruthBlock  # at the epochs, at least two, and beyond the times that are asked for
-    e1_multipath: bool  # whether the rays are in E1 too
+    e1_multipath: bool  # whether the reflections are in E1 too
     # delay of E6 against E1 beyond the truth's residuals, which the receiver is told of, in m
     group_delay_m: float = 0.0
     atmosphere: AtmosphericDelay | None = None  # whose troposphere is in P(t); None for none
@@ -58,7 +59,7 @@ class ContinuousTruth:
         return self.atmosphere.troposphere_m(self._system_time(t_s, self.clock_m(t_s)))
 
     def clock_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return c times the receiver clock's error in it."""
+        """Return c times the receiver clock's error, in m, at times `t_s`."""
         return self._clock(t_s)[0]
 
     def clock_drift_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -133,9 +134,9 @@ class ContinuousPropagation:
     band: Band
     truth: ContinuousTruth
     received_s: Float[np.ndarray, " n"]  # when the first chip of each epoch arrives
-    duration_s: float  # of a RECS
+    duration_s: float  # duration of a RECS
 
-    # of all epochs, once: a recording asks for the propagation a hundred times a second
+    # computed once for all epochs: a recording asks for the propagation a hundred times a second
 
     @cached_property
     def _knots_s(self) -> Float[np.ndarray, " n"]:
@@ -178,7 +179,7 @@ class ContinuousPropagation:
     def _rays(
         self, left: int, u: float, beyond: float, span_s: float, share: float
     ) -> dict[str, Float[np.ndarray, " k"]]:
-        """Return the rays between knot `left` and the next one at the part `u` of the way, or `beyond` the ends."""
+        """Return the paths between knot `left` and the next one at the part `u` of the way, or `beyond` the ends."""
         rays, e1 = self.truth.truth.rays, self.band is Band.E1
         if e1 and not self.truth.e1_multipath:
             nothing = np.zeros(0)

@@ -4,11 +4,11 @@ Under a sky they come out of samples that all satellites share (`snapshots.sky_e
 
 Theory of operation
 -------------------
-For each epoch and satellite T = 0.1 s of E1-C are synthesised: line of sight, rays, spoofing signals, noise, jamming.
-The processor's own correlator takes them with BOC(1,1), the code of twice the rate whose every chip is followed by its
-opposite. Epochs are sent at whole tenths of a second, where the secondary code begins anew. Time zero is where
-the loop has settled, so a signal of delay τ stands at τ − x₀; sample phase and Doppler, on code and carrier, are those
-of the pseudorange. With M = f_s T samples of noise 1 the mean over them times √(2M) is ξ.
+For each epoch and satellite T = 0.1 s of E1-C are synthesised: line of sight, multipath, spoofing signals, noise and
+jamming. The processor's own correlator takes them with BOC(1,1), the code of twice the rate whose every chip is
+followed by its opposite. Epochs are sent at whole tenths of a second, where the secondary code begins anew. Time zero
+is where the loop has settled, so a signal of delay τ stands at τ − x₀; sample phase and Doppler, on code and carrier,
+are those of the pseudorange. With M = f_s T samples of noise 1 the mean over them times √(2M) is ξ.
 
 Each satellite has samples with noise of its own, which are not those of a recording. The power of the band is read from
 further samples that hold all satellites, W of them a second, whose mean square is 1 + Σ r_i without an attack.
@@ -41,7 +41,7 @@ from vestige.signals.definitions import E1C
 from vestige.time import GalileoTime
 
 SAMPLE_RATE_HZ = 4e6  # no small multiple of the chip rate
-_CHIP_RATE_HZ = 2 * E1C.chip_rate_hz  # of BOC(1,1) as a code
+_CHIP_RATE_HZ = 2 * E1C.chip_rate_hz  # rate of BOC(1,1) as a code
 _PERIOD_CHIPS = 2 * E1C.code_length * E1C.secondary_length
 _SPARE_CHIPS = 64  # on both sides of the segment, 9 km
 _MARGIN_S = 5e-6

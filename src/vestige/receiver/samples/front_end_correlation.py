@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-With h the filter's taps at the input rate f_i and Λ the triangle of rectangular chips, a correlator x away from a ray
+With h the filter's taps at the input rate f_i and Λ the triangle of rectangular chips, a correlator x away from a path
 of unit amplitude, and the covariance of the noise in two correlators δ apart, are
 
     R_h(x) = Σ_k h_k Λ(k/f_i − x) / Σ h
@@ -10,8 +10,8 @@ of unit amplitude, and the covariance of the noise in two correlators δ apart, 
 
 in units of the variance 1/(C/N0 · T) that there is without a front end. The replica is not filtered; f_s must not be
 commensurate with the chip rate, or its samples are not spread over the chip. For a filter with steep edges both tend to
-the band-limited autocorrelation R_B. A quantiser puts Σ_k (c_k/c_1)² ρ^k in the place of ρ = r (`quantiser.py`); that
-holds as long as the signals are weak against the noise in a sample.
+the band-limited autocorrelation R_B. A quantiser replaces ρ = r by Σ_k (c_k/c_1)² ρ^k (`quantiser.py`). The formula
+holds if the signals are weak against the noise in a sample.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 from scipy.special import ndtr
 
-_ORDERS = 60  # of Hermite polynomials; what follows them is below 1e-3 up to |ρ| = 0.9
+_ORDERS = 60  # orders of Hermite polynomials; what follows them is below 1e-3 up to |ρ| = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,7 @@ class Quantiser:
         Parameters
         ----------
         rho
-            Correlation coefficients of the noise before it, in [−1, 1].
+            Correlation coefficients of the noise at the quantiser's input, in [−1, 1].
         """
         jump, first = (1.0, -self.outermost + 0.5) if self.zero else (2.0, -(self.outermost - 1) / 2)
         t = (first + np.arange(2 * self.outermost / jump)) * self.step_sigma

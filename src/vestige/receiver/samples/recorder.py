@@ -45,7 +45,7 @@ STRETCH_S = 0.01
 _NOISE = {Band.E1: 61, Band.E6: 66}  # stream numbers
 _AHEAD = 8  # stretches that are made or wait to be taken
 _TOGETHER = 20  # stretches whose geometry is computed at once
-_MARGIN_S = 2e-5  # of chips on both sides of a stretch: 6 km, for rays and group delay
+_MARGIN_S = 2e-5  # duration of chips on both sides of a stretch: 6 km, for reflections and group delay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +57,8 @@ class Propagation:
     ray_delay_m: Float[np.ndarray, " n_rays"]  # excess delay against the line of sight
     ray_amplitude: Complex128[np.ndarray, " n_rays"]  # relative to the line of sight
     ray_doppler_hz: Float[np.ndarray, " n_rays"]  # relative to the line of sight
-    amplitude: complex = 1.0 + 0j  # of the line of sight, beyond its C/N0; 0 is nothing on air
-    doppler_hz: float = 0.0  # of the line of sight, beyond that of its pseudorange
+    amplitude: complex = 1.0 + 0j  # amplitude of the line of sight, beyond its C/N0; 0 is nothing on air
+    doppler_hz: float = 0.0  # Doppler of the line of sight, beyond that of its pseudorange
     delay_rate_mps: float = 0.0  # by which the group delay grows
 
 
@@ -138,7 +138,7 @@ class BandRecorder:
         begin, length = number * self.length, self.length
         whole, fraction = self._middles.time(number)
         first_input = begin * front_end.oversampling - front_end.margin_samples
-        middle = (begin + length // 2) * front_end.oversampling - first_input  # of the stretch, in the input
+        middle = (begin + length // 2) * front_end.oversampling - first_input  # middle of the stretch, in the input
         x = np.zeros(2 * front_end.input_samples(length), np.float32)
         if self.noise_key is not None:
             white = 0.0 if self.interference is None else self.interference.white(whole + fraction)
@@ -231,7 +231,7 @@ class _Middles:
     def __init__(self, *, length: int, sample_rate_hz: float) -> None:
         self._length, self._rate_hz = length, sample_rate_hz
         self._motion = dict[tuple[int, int], Float[np.ndarray, "3 n"]]()
-        self._block: int | None = None  # of which the times are known
+        self._block: int | None = None  # block whose times are known
         self._t_s = np.zeros(0)
         self._lock = Lock()
 
@@ -276,7 +276,7 @@ def _add(
     carrier_hz: float,
     sample_rate_hz: float,
 ) -> None:
-    """Add a satellite with its rays to a stretch, whose sample number `middle` is at t_m = `whole` + `fraction`."""
+    """Add a satellite with its paths to a stretch, whose sample number `middle` is at t_m = `whole` + `fraction`."""
     range_m, rate_mps, acceleration_mps2 = (float(value) for value in motion)
     held = satellite.propagation(whole + fraction)
     if not held.amplitude:

@@ -32,7 +32,7 @@ from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
 _SUBFRAMES_BEFORE = 12  # the slow tags of ADKD 12 are a subframe and ten more behind
-_MARGIN_S = 5e-6  # of samples on both sides of the RECS: 1.5 km, for taps, rays and errors
+_MARGIN_S = 5e-6  # duration of samples on both sides of the RECS: 1.5 km, for taps, reflections and errors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,7 @@ def received_signal(
     amplitude: float,
     later_s: float = 0.0,
 ) -> ReceivedSignal:
-    """Return the line of sight and its rays as they arrive; `start_s` counts from the epoch.
+    """Return the line of sight and its reflections as they arrive; `start_s` counts from the epoch.
 
     `later_s` is when the first of the chips is sent, after the epoch.
     """

@@ -18,7 +18,7 @@ from vestige.signal_generator.waveform import Component, Sequence, coded_compone
 from vestige.signals.definitions import E1B, E1C, E6B
 from vestige.streams import stream, stream_key
 
-_BGD_LSB = (6, 21)  # of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m between the bands
+_BGD_LSB = (6, 21)  # range in units of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m between the bands
 
 
 def broadcast_group_delay_s(seed: int, svid: int) -> float:
@@ -58,7 +58,7 @@ class SatelliteOnAir:
 
     simulation: Simulation
     path: ContinuousTruth
-    symbols: Sequence | None = None  # of E1-B, counted from the start; None for random ones
+    symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random ones
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
         """Return the true signal in a band, and its spoofing signals."""

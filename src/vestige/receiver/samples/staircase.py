@@ -1,7 +1,7 @@
 """Sampling rates that make the correlation function a staircase.
 
 If f_s/R_c is nearly p/q with a small p, the samples of all chips fall on p phases, and the sampled correlation function
-has treads of 1/p chip: correlators closer than that all see the same.
+has steps of 1/p chip: correlators closer than that all see the same.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ class Staircase:
     good_rate_hz: float
 
 
-_LARGEST_P = 16  # treads of 1/16 chip, 3.7 m on E6, do no harm
-_NEAR = 1e-3  # the phases then drift through a tread within 16 ms
+_LARGEST_P = 16  # steps of 1/16 chip, 3.7 m on E6, do no harm
+_NEAR = 1e-3  # the phases then drift through a step within 16 ms
 _GRID_HZ = 1e5  # good rates are named in 0.1 MHz
 
 
 def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircase | None:
-    """Return the treads that sampling at this rate gives the correlation function; None if none.
+    """Return the steps that sampling at this rate gives the correlation function; None if none.
 
-    f_s/R_c lies within 1e-3 of p/q, p ≤ 16: the tread is 1/p chip. The rate that counts is that of the samples that are
+    f_s/R_c lies within 1e-3 of p/q, p ≤ 16: the step is 1/p chip. The rate that counts is that of the samples that are
     correlated, since the replica's chips fall on p phases there. So a filter does not help, nor does a higher rate
     before it, which has as many phases or more.
     """

@@ -21,7 +21,7 @@ from vestige.navigation.troposphere import SaastamoinenTroposphere
 if TYPE_CHECKING:
     from vestige.receiver.sky.elevation import ElevationEffects, SatelliteRange
 
-_STEP_S = 1.0  # of the differences; what the fourth derivative leaves is below a micrometre a second
+_STEP_S = 1.0  # step of the differences; what the fourth derivative leaves is below a micrometre a second
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -32,7 +32,7 @@ LATITUDE_RATE_DEG_PER_DAY = 613.72253566
 SLOTS, SLOT_DEG = 8, 45.0
 
 TYPICAL_SISA_M = 3.12  # what nearly all satellites broadcast; without one receivers leave a satellite out
-_REFERENCE_DAYS = 6168.5  # of REFERENCE_EPOCH after 2000-01-01T12:00, UTC
+_REFERENCE_DAYS = 6168.5  # days from 2000-01-01T12:00 UTC to REFERENCE_EPOCH
 
 
 def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:

@@ -4,7 +4,7 @@ Theory of operation
 -------------------
     strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation works with the C/N0 at the first epoch, and the
                   line of sight has √ of the later gain as its amplitude
-    rays          relative amplitude of `navigation.elevation_model`
+    reflections          relative amplitude of `navigation.elevation_model`
     ionosphere    obliquity M(e)/M(17.5°) of `navigation.elevation_model`
 
 The ionosphere above one receiver is common to its satellites in part: with z₀ the receiver's and zᵢ the satellite's own
@@ -84,8 +84,8 @@ class SatelliteRange:
     """Range from a satellite to a receiver, less the satellite's clock error, at reception times in system time."""
 
     ephemeris: Ephemeris  # orbit and clock, which are taken for true
-    start: GalileoTime  # of the scenario
-    trajectory: Trajectory  # of the receiver
+    start: GalileoTime  # start of the scenario
+    trajectory: Trajectory  # motion of the receiver
     # the last lines of sight by their times: range, rate and acceleration are asked for one after the other
     _last: dict[bytes, LineOfSight] = field(init=False, default_factory=dict, repr=False, compare=False)
 

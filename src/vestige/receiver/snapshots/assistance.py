@@ -24,10 +24,10 @@ from vestige.validated_key import ValidatedKey
 class SimulatedAssistance:
     """RECS and keys of a simulated receiver; nothing is predicted of the delay between the bands.
 
-    Which keys the receiver gets hangs on what it hears: a lookup asks the block's own E6, which knows.
+    The keys depend on the pages that the receiver receives: a lookup asks the block's own E6, which knows.
     """
 
-    simulations: tuple[Simulation, ...]  # of each satellite
+    simulations: tuple[Simulation, ...]  # simulations of each satellite
     every: int  # every how many epochs there is a RECS
     group_delays: tuple[GroupDelay, ...] = ()
     hardware_bias_e1_e6_s: float = 0.0

@@ -19,7 +19,7 @@ from vestige.streams import stream
 
 PROMPTS = 50
 CN0_INTEGRATION_S = 0.02
-_LEAST_SNR = 1e-3  # of an estimate that the noise drove below zero
+_LEAST_SNR = 1e-3  # in place of an estimate that noise made negative
 
 
 def estimated_cn0_dbhz(

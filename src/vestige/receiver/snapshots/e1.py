@@ -4,8 +4,8 @@ A pseudorange holds geometry and receiver clock, noise, multipath and the error 
 holds the atmosphere of the scenario and the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it
 is common to both bands and no part of the range check.
 
-The C/N0 is an estimate over a second, which fades with the rays of that second (`cn0_estimate`). C/N0, correlators and
-power come in single precision, as results keep them.
+The C/N0 is an estimate over a second, which fades with the reflections of that second (`cn0_estimate`). C/N0,
+correlators and power come in single precision, as results keep them.
 
 A satellite that is out of view, weaker than the loop can hold, or being acquired has no measurement.
 
@@ -48,7 +48,7 @@ from vestige.records import Band
 from vestige.records.snapshot_block import E1Block, FrontEndBlock
 from vestige.signals.definitions import E1C
 
-_LEAST_POWER = 1e-6  # of a prompt correlator in a deep fade
+_LEAST_POWER = 1e-6  # lower limit of the power of a prompt correlator in a deep fade
 
 
 def single(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -77,7 +77,7 @@ def is_tracked(simulation: Simulation, truth: TruthBlock) -> Bool[np.ndarray, " 
 
 
 def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple[E1Block, FrontEndBlock | None]:
-    """Return what E1 tracking and the front end of E1 say; without correlators there is no power either.
+    """Return the data of E1 tracking and of the E1 front end; without correlators there is no power either.
 
     `with_taps` says whether E1 is tracked between two RECS.
     """
@@ -141,12 +141,12 @@ def range_acceleration_mps2(simulation: Simulation, truth: TruthBlock) -> Float[
 def reported_cn0_dbhz(
     simulation: Simulation, truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, first: int
 ) -> Float[np.ndarray, " n"]:
-    """Return the C/N0 that tracking estimates over the second of each epoch, in dBHz; it fades with the rays.
+    """Return the C/N0 that tracking estimates over the second of each epoch, in dBHz; it fades with the reflections.
 
     Parameters
     ----------
     simulation, truth, multipath_m
-        The satellite, and the error of its pseudorange by rays.
+        The satellite, and the error of its pseudorange by reflections.
     first
         Number of the first epoch.
     """

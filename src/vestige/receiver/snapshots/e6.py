@@ -172,7 +172,7 @@ class SimulatedE6Samples:
         A hand-over carries the observation of the epoch on to the reception of the RECS. That is a meaconer's seconds
         away, in which the clock wanders off; a receiver takes the observation of that moment. There satellite and clock
         are where they are in the RECS, so the hand-over is that of the true signal, and the seconds are taken off
-        the labels of the samples. On a single line of sight the clock that follows has done that already.
+        the time tags of the samples. On a single line of sight the clock that follows has done that already.
         """
         simulation, late_m = self.of.simulations[column], float(self._seconds_late_m[column][epoch])
         if simulation.elevation is None or not late_m:

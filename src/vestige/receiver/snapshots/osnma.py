@@ -120,10 +120,10 @@ class OsnmaReception:
 class PagesReceived:
     """Pages of n epochs and m satellites, as received and as sent."""
 
-    start: GalileoTime  # of the scenario
+    start: GalileoTime  # start of the scenario
     interval_s: float  # between epochs
     page: Int64[np.ndarray, "n 15"]  # as `pages_due` has it
-    in_view: Bool[np.ndarray, "n m"]  # whether a second channel hears the satellite
+    in_view: Bool[np.ndarray, "n m"]  # whether a second channel receives the satellite
     received: Bool[np.ndarray, "n m 15"]  # pages that were received
     forged: Bool[np.ndarray, "n m"]  # whether what is demodulated of a satellite is the attacker's own
 

@@ -59,11 +59,11 @@ class KnownSearches:
     """Searches of which it is known what they would find."""
 
     finds: SearchFinds
-    start: GalileoTime  # of the scenario
+    start: GalileoTime  # start of the scenario
     recs: RecsBlock  # RECS and keys of the block
 
     def e1(self, request: SearchRequest) -> SearchBlock:
-        """Return what the search of E1 with hand-over to E6 finds."""
+        """Return the result of the search of E1 with hand-over to E6."""
         rows = request.epoch
         on_e1, provable = self.finds.e1_signals[rows], self._provable(request)
         carrying = np.where(provable, self.finds.handover_carrying[rows], 0.0)
@@ -76,7 +76,7 @@ class KnownSearches:
         )
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
-        """Return what the exhaustive search of E6 finds."""
+        """Return the result of the exhaustive search of E6."""
         rows = request.epoch
         count, provable = self.finds.exhaustive_signals[rows], self._provable(request)
         made = provable & (count > 0)
@@ -108,11 +108,11 @@ class DrawnSearches:
     received_s: Float[np.ndarray, "n m"]
 
     def e1(self, request: SearchRequest) -> SearchBlock:
-        """Return what the search of E1 with hand-over to E6 finds."""
+        """Return the result of the search of E1 with hand-over to E6."""
         return self._known.e1(request)
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
-        """Return what the exhaustive search of E6 finds."""
+        """Return the result of the exhaustive search of E6."""
         return self._known.exhaustive(request)
 
     @cached_property

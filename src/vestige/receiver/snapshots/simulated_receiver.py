@@ -33,7 +33,7 @@ from vestige.records.times import GalileoTimes
 class SimulatedReceiver:
     """A receiver on one line of sight or under a sky."""
 
-    simulations: tuple[Simulation, ...]  # of each satellite, by ascending SVID
+    simulations: tuple[Simulation, ...]  # simulations of each satellite, by ascending SVID
     fidelity: Fidelity  # whether E6 is drawn, or made as samples; E1's correlators and power as well
     interval_s: float  # between epochs
     every: int = 1  # every how many of them there is a RECS

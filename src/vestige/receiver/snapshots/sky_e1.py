@@ -33,7 +33,7 @@ from vestige.records import Band, Handover
 from vestige.sample_processor.correlator import correlate
 from vestige.signals.definitions import E1C
 
-_MARGIN_S = 5e-6  # of samples on both sides: the taps, and a Doppler that makes the code longer
+_MARGIN_S = 5e-6  # duration of samples on both sides: the taps, and a Doppler that makes the code longer
 _OFFSETS_M = np.array(TAP_CHIPS) / E1C.chip_rate_hz * SPEED_OF_LIGHT_MPS
 
 
@@ -92,7 +92,7 @@ def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
     found = []
     to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
     for path, truth, multipath_m in zip(sky.paths, sky.of.truth, sky.of.e1_multipath_m.T, strict=True):
-        rows = np.searchsorted(path.truth.time_s, truth.time_s)  # of the epochs, among those around them
+        rows = np.searchsorted(path.truth.time_s, truth.time_s)  # rows of the epochs, among those around them
         settled = arriving(truth, multipath_m, with_rays=path.e1_multipath)
         direct_s = path.received_s(Band.E1)[rows]
         late_s = settled.settled_m / SPEED_OF_LIGHT_MPS

@@ -153,8 +153,8 @@ def read_assistance(
         Files that the same call read before. It is brought up to date, and RECS and BGD files that did not change are
         not read again.
     message
-        Message that the receiver itself has decoded, and the recording that it is from. Its keys are used like those of
-        a file of navigation pages; they may lead to the signed root keys of a key file.
+        Message that the receiver itself has decoded, and the recording that it is from. Keys in the message are used
+        like those of a file of navigation pages; they may lead to the signed root keys of a key file.
 
     Raises
     ------

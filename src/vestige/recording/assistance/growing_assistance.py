@@ -19,7 +19,7 @@ from vestige.recording.assistance.folder import AssistanceFolder, FileCache, rea
 from vestige.records import Assistance
 from vestige.time import GalileoTime
 
-AHEAD_S, RENEWED_S = 900.0, 60.0  # of RECS: read so far ahead, and again when less than the other is left
+AHEAD_S, RENEWED_S = 900.0, 60.0  # RECS are read so far ahead, and again when less than the second is left
 BEHIND_S = 1.0
 PATIENCE_S = 5.0  # longer than writing a file takes
 REST = 4.0  # times as long as reading took
@@ -30,7 +30,7 @@ _Stamp = tuple[frozenset[tuple[Path, int, int]], int]
 class LiveMessage(Protocol):
     """A message that grows."""
 
-    path: Path  # of the recording that it is from
+    path: Path  # file of the recording that it is from
 
     @property
     def version(self) -> int:

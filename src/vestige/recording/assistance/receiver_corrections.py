@@ -24,8 +24,8 @@ from vestige.recording.text_lines import numbered_lines
 
 RECEIVER_NAME, IONOSPHERE_NAME = "receiver.toml", "ionosphere.csv"
 CORRECTIONS_HEADER = "svid,slant_delay_e1_m"
-MAX_BIAS_S = 1e-3  # beyond is a slip of the unit; the largest that was published is 5.4 µs
-MAX_DELAY_M = 1000.0  # beyond is no ionosphere
+MAX_BIAS_S = 1e-3  # a larger value is in a wrong unit; the largest published bias is 5.4 µs
+MAX_DELAY_M = 1000.0  # no ionosphere delays E1 by more
 
 _UNIT_S = {"hardware_bias_e1_e6_s": 1.0, "hardware_bias_e1_e6_m": 1 / SPEED_OF_LIGHT_MPS}
 

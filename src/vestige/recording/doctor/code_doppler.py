@@ -22,9 +22,9 @@ from vestige.recording.doctor.reading import head
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
 
-CODE_WINDOW_S = 0.06  # of samples for one code phase: as few as E1 can be measured in
+CODE_WINDOW_S = 0.06  # duration of samples for one code phase: as few as E1 can be measured in
 APART_S = (0.02, 0.2)  # between the windows, at least, and at most: the code must stay within the taps
-CODE_SIGMA_S = 2e-8  # of one code phase in such a window at 40 dBHz
+CODE_SIGMA_S = 2e-8  # error of one code phase in such a window at 40 dBHz
 SIGNIFICANCE = 4.0  # standard deviations between a slope of 0 and one of 1 at least
 _SLOPES = (-1.6, -0.4)  # that a reversed spectrum gives
 

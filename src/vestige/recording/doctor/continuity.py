@@ -32,12 +32,13 @@ from vestige.signals.definitions import E6B
 from vestige.time import GalileoTime
 
 SHORTEST_S = 0.112  # two windows in which E1 can be measured
-TOLERANCE_S = (1e-6, 1e-8)  # of a jump: at least, and a second between two places, for an oscillator that wanders
+# smallest jump, and what is added for each second between two positions: the oscillator drifts
+TOLERANCE_S = (1e-6, 1e-8)
 _SATELLITES = 3
 _DOPPLER_SPAN_HZ = 1000.0  # by which the Doppler may change through the recording
 _NEAR_HZ = 250.0
 _NEAR_ENOUGH_S = 0.3
-_E6_S = 0.022  # of E6 samples in which a code phase is found
+_E6_S = 0.022  # duration of E6 samples in which a code phase is found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

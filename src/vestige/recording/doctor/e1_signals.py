@@ -30,15 +30,15 @@ from vestige.signals.definitions import CARRIER_HZ
 
 SVIDS = range(1, MAX_SVID + 1)
 READING_PFA = 1e-4  # probability that noise alone shows a satellite in one reading of the samples
-WIDE_STEP_HZ = 10_000.0  # of the middle of the Dopplers where none is found within ±5 kHz
+WIDE_STEP_HZ = 10_000.0  # step of the centre of the Dopplers where none is found within ±5 kHz
 WIDE_HZ = 60_000.0  # as far as the middle goes
 STANDING_HZ = 3_500.0  # no satellite has a larger mean Doppler than the others together if the receiver's clock is good
 _STRETCHES = 8  # code periods for the list of satellites: down to some 33 dBHz
 _TRY_STRETCHES = 2  # code periods for one reading: down to some 38 dBHz
 _STRONGER_DB = 0.5  # by which a reading must be better than the one before, which is simpler
 _TRY_BINS = 2  # every second one of the Doppler bins, for half of the time: 1 dB lost on average
-_RATES = 8  # of the usual ones
-_RATE_STRETCHES = 1  # code periods for one sampling rate: down to some 41 dBHz
+_RATES = 8  # number of usual sampling rates
+_RATE_STRETCHES = 1  # code periods for each sampling rate that is tried; enough above some 41 dBHz
 
 Progress = Callable[[str, int, int], None]
 

@@ -28,13 +28,13 @@ from vestige.sample_processor.e1_snapshot import E1Snapshot
 from vestige.sample_processor.e6_acquisition import OPEN_SHARE, E6Acquisition, acquire_e6, secondary_share
 from vestige.signals.definitions import E6B, E6C
 
-E6_WINDOW_S = 0.1  # of samples: one period of the secondary code
+E6_WINDOW_S = 0.1  # duration of samples: one period of the secondary code
 BAND_OFFSET_S = 2e-6  # between E1 and E6 that ionosphere, satellite and receiver hardware do not explain
 _LOOKED_AT = 6  # satellites, the strongest on E1
-_TRIED = 3  # of them in each other description
+_TRIED = 3  # number of satellites tried with each other description
 _TRY_S = 0.012
 PREDICTED_SPAN_HZ = 400.0  # around the Doppler that E1 predicts
-_WIDE_HZ = 60_000.0  # of the middle of the Dopplers, for a wrong centre frequency
+_WIDE_HZ = 60_000.0  # range of the centre of the Dopplers, for a wrong centre frequency
 _BLIND_SPAN_HZ = 5000.0  # without E1
 _BLIND_STRETCHES = 12
 
@@ -44,7 +44,7 @@ class E6Satellite:
     """The signals of one satellite in the E6 samples."""
 
     svid: int
-    cn0_dbhz: float  # of E6-B, rough: low by up to 4 dB
+    cn0_dbhz: float  # C/N0 of E6-B, rough: low by up to 4 dB
     e6c_open: bool  # whether the primary code of E6-C repeats every millisecond
     secondary_fits: bool | None  # whether its signs are those of the secondary code; None if the samples are too short
 

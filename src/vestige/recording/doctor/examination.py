@@ -37,11 +37,12 @@ TRY_S = 36.0  # processor time for descriptions that are one mistake away
 READ_S = 10.0  # processor time in which samples of float32 are read, some 10 GB
 SHORTEST_E1_S = (MIN_PERIODS + 2) * E1C.period_s  # in which the time of transmission can be measured
 SHORTEST_E6_S = min(length.n_chips for length in LENGTHS) / E6C.chip_rate_hz
-RECEIVED_KEY_S = 2 * SUBFRAME_S  # of E1 in which a whole subframe with its key lies, wherever it begins
+RECEIVED_KEY_S = 2 * SUBFRAME_S  # duration of E1 in which a whole subframe with its key lies, wherever it begins
 _GUESSED_HZ = 4000.0  # by which Dopplers may be wrong on a centre frequency that is the middle of the signals
 _SOME_TIME = GalileoTime(1200, 0)  # for samples whose time nothing tells: code phases do not need it
 _ENDS_ONLY = 2  # distinct values of a signal that is clipped to one bit
-_FEW_VALUES = 16  # of a front end of four bits or less, which stores many samples at its outermost values
+# number of values of a front end with four bits or less, which stores many samples at its outermost values
+_FEW_VALUES = 16
 _READ_SAMPLES = 1 << 20  # at once, to find those that are not finite
 _LOOKED_AT_S = 0.02  # at each place that is looked at for equal samples and clipping
 
@@ -119,7 +120,7 @@ def _satellites(e6: E6Result | None) -> tuple[E6Satellite, ...]:
 
 
 def _e6_files(e6: BandFile, e1: BandFile | None, result: E1Result | None) -> list[BandFile]:
-    """Return the ways to read E6: as described, or those of E1's file if E1 was found in that of E6."""
+    """Return descriptions of E6 to try: the given one, or that of the E1 file if E1 was found in the E6 file."""
     if e1 is None or result is None or result.file.path == e1.path:
         return [e6]
     return [reading.file for reading in swapped_readings(e6, e1)]
@@ -131,7 +132,7 @@ def _head_is_usable(file: BandFile) -> bool:
 
 
 def _equal_or_broken(reader: SampleReader) -> Iterator[Finding]:
-    """Yield what is wrong with the values at the beginning, in the middle and at the end."""
+    """Yield the faults of the values at the beginning, in the middle and at the end."""
     name, band, rate = reader.file.path.name, reader.band, reader.file.sample_rate_hz
     count = min(max(round(_LOOKED_AT_S * rate), 1), reader.n_samples)
     firsts = (reader.first_sample, (reader.first_sample + reader.end_sample - count) // 2, reader.end_sample - count)

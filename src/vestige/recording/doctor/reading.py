@@ -17,8 +17,8 @@ from vestige.records import SampleBatch
 from vestige.signals.definitions import CARRIER_HZ
 
 _LOOKED_AT = 1 << 16  # samples that tell whether a format is plausible
-_KURTOSIS = (1.2, 6.0)  # of noise behind a quantiser of 2 bits or more; a byte order that is wrong gives other values
-_LEAST_IF = 0.05  # of the sampling rate: an intermediate frequency of real samples
+_KURTOSIS = (1.2, 6.0)  # noise behind a quantiser of 2 bits or more; a wrong byte order gives other values
+_LEAST_IF = 0.05  # share of the sampling rate: an intermediate frequency of real samples
 _SIBLINGS: dict[SampleType, SampleType] = {"int8": "uint8", "uint8": "int8", "int16": "uint16", "uint16": "int16"}
 
 
@@ -26,7 +26,7 @@ _SIBLINGS: dict[SampleType, SampleType] = {"int8": "uint8", "uint8": "int8", "in
 class Reading:
     """One way to read a band's samples."""
 
-    kind: FindingKind  # of the mistake that the given description would have
+    kind: FindingKind  # kind of the mistake that the given description would have
     file: BandFile
     says: str  # what is different, as the evidence says it: "the spectrum reversed"
     change: str  # what to write in the description

@@ -40,7 +40,7 @@ _Count = Annotated[int, Field(ge=0)]
 class FollowProgress:
     """Progress in following a recording: the last snapshot, and the receiver state after it."""
 
-    index: _Count  # of the last snapshot
+    index: _Count  # number of the last snapshot
     sent: GalileoTime  # when its RECS was sent
     state: ReceiverState  # what is remembered after it
     time_tag_error_s: float = 0.0  # by how much the time tag of the samples was late
@@ -51,7 +51,7 @@ class _State:
     format: int
     settings: dict[str, str]
     n_bytes: _Count
-    sha256: str  # of so many bytes
+    sha256: str  # hash of the first `n_bytes` bytes
     progress: FollowProgress | None
 
 
@@ -134,7 +134,7 @@ class FollowJournal:
         self.progress = progress
 
     def _keep(self, state: _State) -> None:
-        text = json.dumps(self._adapter.dump_python(state, mode="json"))  # an infinite bound stays what it is
+        text = json.dumps(self._adapter.dump_python(state, mode="json"))  # an infinite limit stays what it is
         with replacement(self._folder / STATE) as part:
             part.write_text(text, encoding="utf-8")
         os.fsync(self._lock)

@@ -16,8 +16,8 @@ Where E1 is tracked in the samples, the observations, the keys and the time of t
 An epoch waits until a message has told the time. A key that has not come `wait_s` of tracked signal after the samples
 is missing, however fast a file is read.
 
-Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need theirs;
-which samples are there and which may go is answered as of that same look.
+Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need
+samples. Every decision about samples refers to that look.
 
 Nothing in a file says that it is finished. `idle_s` without anything new, or the end of a pipe, does; then what is left
 is handed out as it is, as from a finished recording.
@@ -73,7 +73,7 @@ class Following:
     folder: GrowingAssistance
     second: GrowingAssistance | None = None  # folder of OSNMA keys of the second channel
     accelerations: GrowingAccelerations | None = None  # file of inertial sensors
-    time_uncertainty_s: float  # bound on the receiver clock's error
+    time_uncertainty_s: float  # upper limit of the receiver clock's error
     searchable: bool  # as `RecordingSource`, and the next
     cn0_estimator: str = NOISE_FLOOR
     hardware_bias_s: float | None = None  # delay of E6 minus E1 in the receiver, in place of that of the folder

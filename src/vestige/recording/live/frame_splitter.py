@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-WAITING_BYTES = 1 << 20  # of each channel; the buffers of the streams are elsewhere
+WAITING_BYTES = 1 << 20  # limit for each channel; the buffers of the streams are elsewhere
 _BLOCK_FRAMES = 1 << 15
 
 
@@ -54,7 +54,7 @@ class FrameSplitter:
         self._read = read
         self._sample_bytes, self._n_channels, self._header = sample_bytes, n_channels, header_bytes
         self._parts = {one: bytearray() for one in (range(n_channels) if wanted is None else wanted)}
-        self._rest = b""  # of a frame
+        self._rest = b""  # the incomplete frame at the end
         self._reading = self._ended = False
         self._error: OSError | None = None
         self._changed = threading.Condition()

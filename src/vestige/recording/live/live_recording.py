@@ -1,7 +1,7 @@
 """A recording that another process is still writing, as far as it goes: sample files, or pipes.
 
-`look` says what is new, and until the next look everything here is as of that moment. Out of files every window can be
-read at any time. Out of a pipe `keep` says which RECS still need a snapshot; the samples of all others are let go.
+`look` says what is new, and until the next look everything here is as of that moment. Any window of a file can be read
+at any time. For a pipe, `keep` says which RECS still need a snapshot; all other samples are dropped.
 
 Times here are those that are right: where E1 is tracked, a message tells by how much the time tag of the samples is
 late.
@@ -32,7 +32,7 @@ from vestige.time import GalileoTime
 
 BEFORE_S = SEGMENT_WINDOW_S - TRAVEL_TIME_S[0] + 0.1
 AFTER_S = SEGMENT_WINDOW_S + TRAVEL_TIME_S[1] + E1_WINDOW_S + 0.1
-OBSERVED_BEFORE_S = 2.0  # of observations that are kept before a RECS, whose epochs around it are interpolated
+OBSERVED_BEFORE_S = 2.0  # duration of observations that are kept before a RECS, whose epochs around it are interpolated
 MOVED_S = 0.1  # by which windows that are kept may still move, when a message tells the error of the time tag
 ROOM = 1.5  # windows that a buffer has to hold at least
 
@@ -98,7 +98,7 @@ class LiveRecording:
         self._clock_s: tuple[float, float] | None = None  # by how much earlier and later the latest observations are
         self._seen: tuple[int, ...] = ()
         self._told_held_up: set[Band] = set()
-        self._kept_error_s: float | None = None  # of the time tag, when it was first known
+        self._kept_error_s: float | None = None  # error of the time tag, when it was first known
         self.n_dropped, self.full = 0, False
         self._look()
         self._tagged_start = SampleReader(

@@ -31,8 +31,8 @@ from vestige.sample_processor.tracking.tracking_receiver import (
 )
 from vestige.time import GalileoTime
 
-AT_ONCE_S = 2.0  # of samples that are tracked between two looks at what else is there
-UNPLACED_S = 200.0  # of observations that wait for the time; a message tells it after 30 s
+AT_ONCE_S = 2.0  # duration of samples that are tracked before other input is looked at
+UNPLACED_S = 200.0  # duration of observations that wait for the time; a message tells it after 30 s
 RETRACKED_S = 600.0  # before the last verdict: time enough for a root key, ephemerides and the time
 
 

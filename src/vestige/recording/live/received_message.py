@@ -18,8 +18,8 @@ from vestige.navigation.inav.page import InavPage
 from vestige.recording.assistance.assistance_files import Contents, FileTrust, Settings, contents_of_receiver
 from vestige.recording.tracked.message_navigation import EphemerisCollector, authenticated_orbits
 
-KEPT_S = 240.0  # of keys and of what was demodulated; a RECS waits for its key for a shorter time
-ISSUES = 3  # of the ephemerides of a satellite that are kept: half an hour of real ones
+KEPT_S = 240.0  # age of keys and demodulated pages; a RECS waits for its key for a shorter time
+ISSUES = 3  # issues of the ephemerides of a satellite that are kept: half an hour of real ones
 
 
 class ReceivedMessage:
@@ -40,8 +40,8 @@ class ReceivedMessage:
         self._collector = EphemerisCollector(ISSUES)
         self._trust: FileTrust | None = None
         self._receiver: OsnmaReceiver | None = None
-        self._roots: tuple[RootKey, ...] = ()  # of key files, which the receiver has learned
-        self._n_subframes = 0  # of receivers before, with another trust anchor
+        self._roots: tuple[RootKey, ...] = ()  # root keys of key files, which the receiver has learned
+        self._n_subframes = 0  # subframes of earlier receivers with another trust anchor
         self._begun = False
 
     @property

@@ -44,7 +44,7 @@ class GrowingObservations:
         return self.path.exists() and GrowingLines(self.path).take() is not None
 
     def missing(self) -> InputFileError:
-        """Return what is wrong with a file that has not begun."""
+        """Return the fault of a file that has no epoch yet."""
         found = "an empty file" if self.path.exists() else "no file"
         return InputFileError(self.path, "line 1", found, FIRST_LINE)
 

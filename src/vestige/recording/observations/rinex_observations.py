@@ -73,7 +73,7 @@ class _Header:
         self.types[self.last_system] += line[6:58].split()
 
     def check(self, number: int) -> None:
-        """Check that what is needed was there."""
+        """Raise `InputFileError` if the header lacks a line that is needed."""
         if self.time_system is None:
             raise InputFileError(self.path, f"line {number}", "the end of the header", "TIME OF FIRST OBS before it")
         name = self.time_system or ONE_SYSTEM_TIME.get(self.system, "")

@@ -17,8 +17,8 @@ from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 VERSIONS = ("3.05", "4.00")
-TICKS_PER_S = 10_000_000  # of an epoch
-TICK_TOLERANCE = 1e-5  # of a tick: 1 ps
+TICKS_PER_S = 10_000_000  # ticks of an epoch
+TICK_TOLERANCE = 1e-5  # share of a tick: 1 ps
 
 
 def write_rinex_observations(

@@ -268,7 +268,7 @@ EXPORTS: Mapping[str, Export] = {
     "pocketsdr": export_pocketsdr,
     "saslib": lambda recording, folder, sky: export_saslib(recording, folder, sky.svids),
 }
-COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # of a sample in the export's own copy
+COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # size of a sample in the export's own copy
 
 _CI8 = SampleFormat(component="int8", layout="iq")
 _OPEN = {Band.E1: 2, Band.E6: 1}  # open components, B first: E6-C is encrypted

@@ -18,8 +18,8 @@ element                 what is read
 The schema, the working group's library and the published files differ in the case of some names, and in the attribute
 of a unit, `format` or `units`. Both are read. The library's form is written, since programs use the library.
 
-The standard has no sample counter and no bound on the clock's error. Files of two bands must have the same time tag:
-then their first samples are the same moment. The bound is a processing option, `--time-uncertainty`.
+The standard has no sample counter and no upper limit of the clock's error. Files of two bands must have the same time
+tag: then their first samples are the same moment. The upper limit is a processing option, `--time-uncertainty`.
 """
 
 from __future__ import annotations

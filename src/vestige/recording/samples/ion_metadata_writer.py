@@ -1,7 +1,7 @@
 """ION GNSS SDR Metadata, revision 1.0 [IONSDR], of a recording that is there: one `.sdrx` file beside its samples.
 
 Names and units have the form of the working group's library, which other programs read with; `ion_metadata` reads it
-back. What the standard has no place for is lost: the sample counter and the bound on the clock's error.
+back. What the standard has no place for is lost: the sample counter and the upper limit of the clock's error.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def _band(path: Path, file: BandFile) -> str:
         raise UnsupportedError(f"{file.path}: ION metadata has no encoding for {form.component}, only 8 and 16 bits")
     if file.trailing_bytes or file.path.parent != path.parent:
         raise UnsupportedError(
-            f"{file.path}: ION metadata are written beside the samples, and nothing may follow those"
+            f"{file.path}: ION metadata must stand beside the samples, and no other data may follow the samples"
         )
     encoding, bits = _ENCODINGS[form.component]
     width = "" if file.bandwidth_hz is None else f'    <bandwidth format="Hz">{file.bandwidth_hz!r}</bandwidth>\n'

@@ -7,6 +7,7 @@ same moments, and read in pieces or at once the samples are the same bits.
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -22,6 +23,7 @@ from vestige.recording.samples.sample_format import decode
 from vestige.records import Band, SampleBatch
 from vestige.time import GalileoTime
 
+_log = logging.getLogger(__name__)
 BLOCK_SAMPLES = 1 << 20
 
 
@@ -154,6 +156,7 @@ def open_samples(file: BandFile) -> SampleReader:
         notes.append(f"{file.path.name} ends in the middle of a sample: it was cut off, or is not {file.form}")
     if file.stated_samples is not None and file.stated_samples != count:
         notes.append(f"{file.path.name} has {count} samples, its description states {file.stated_samples}")
+    _log.info("samples in %s: %d bytes, %d of %s", file.path, size, count, file.form)
     return SampleReader(file=file, n_samples=count, notes=tuple(notes))
 
 

@@ -9,15 +9,15 @@ vestige adds a namespace of its own (`core:extensions` name `vestige`, version 1
 ======= ============================== =============================================================================
 object  field                          meaning
 ======= ============================== =============================================================================
-global  `vestige:spectral_inversion`   boolean, default false: the stored spectrum is turned round
+global  `vestige:spectral_inversion`   boolean, default false: the stored spectrum is inverted
 global  `vestige:bandwidth_hz`         number: two-sided bandwidth of the front end
-global  `vestige:time_uncertainty_s`   number: bound on the receiver clock's error against Galileo System Time
+global  `vestige:time_uncertainty_s`   number: upper limit of the receiver clock's error against Galileo System Time
 global  `vestige:sample_count`         integer: how many samples were written; fewer in the file means it was cut off
 capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digits: receiver-clock time of the first
                                        sample in Galileo System Time. `core:datetime` says the same to a microsecond
 ======= ============================== =============================================================================
 
-For two bands the counter rules: their time tags must agree with it. Labels that only `core:datetime` gives may be off
+For two bands the counter rules: their time tags must agree with it. Those that only `core:datetime` gives may be off
 by a millisecond (many recorders write no more digits) if both files state a `core:global_index`; without one, they
 must be equal, since nothing else says how the bands lie to each other.
 """
@@ -57,11 +57,11 @@ from vestige.time import GalileoTime
 
 META, DATA, COLLECTION, ARCHIVE = ".sigmf-meta", ".sigmf-data", ".sigmf-collection", ".sigmf"
 NAMESPACE, NAMESPACE_VERSION = "vestige", "1.0.0"
-_MAX_BYTES = 1 << 26  # of metadata; recordings with thousands of annotations have a few megabytes
+_MAX_BYTES = 1 << 26  # size of metadata; recordings with thousands of annotations have a few megabytes
 
 EXACT_AGREEMENT_S = 1e-9
 DATETIME_AGREEMENT_S = 1e-3
-DATETIME_RESOLUTION_S = 2e-6  # of core:datetime as most programs write it
+DATETIME_RESOLUTION_S = 2e-6  # resolution of core:datetime as most programs write it
 
 
 class _Extension(BaseModel):
@@ -76,7 +76,7 @@ class _Extension(BaseModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stream:
-    """One SigMF recording and how far its own labels go."""
+    """One SigMF recording and how far its own time tags go."""
 
     file: BandFile
     exact_start: bool
@@ -304,9 +304,9 @@ def _aligned(streams: Sequence[_Stream]) -> dict[Band, BandFile]:
 
 
 def _counted(stream: _Stream, reference: _Stream) -> BandFile:
-    """Return a band with the start that follows from the counter and the reference band, if its own label agrees."""
+    """Return a band with the start that follows from the counter and the reference band, if its own time tag agrees."""
     file, start = stream.file, reference.file.start
-    assert start is not None  # noqa: S101  (the reference has a label)
+    assert start is not None  # noqa: S101  (the reference has a time tag)
     try:
         counted = started(file, start, reference.file)
     except ValueError as error:

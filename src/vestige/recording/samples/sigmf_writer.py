@@ -1,4 +1,4 @@
-"""SigMF recordings written batch by batch, in bounded memory.
+"""SigMF recordings written batch by batch, in limited memory.
 
 The samples go to a `.part` file that takes its name when the recording is complete; the metadata come last. So whatever
 has metadata is whole, and a run that was killed leaves nothing that looks like a recording. Writing can be
@@ -49,7 +49,7 @@ class SigmfWriter:
     bandwidth_hz
         Two-sided bandwidth of the front end in Hz.
     time_uncertainty_s
-        Bound on the receiver clock's error against Galileo System Time in s.
+        Upper limit of the receiver clock's error against Galileo System Time in s.
     description
         One line for a person.
     kept
@@ -96,7 +96,7 @@ class SigmfWriter:
         self._counted, self._n_counted = counted, 0
         self._stream: BinaryIO
         if kept is None:
-            self._part.unlink(missing_ok=True)  # of a run that was killed
+            self._part.unlink(missing_ok=True)  # left by a run that was killed
             self._stream = self._part.open("xb")  # never through a link that somebody prepared
         else:
             self._stream = self._part.open("r+b")

@@ -1,8 +1,8 @@
 """E1 of a recording, tracked from the first sample to the last.
 
 What comes out is what a receiver beside the recorder would have written: observations ten times a second and the
-navigation pages. The pages tell the time. As long as they have not, pseudoranges are placed by the time tag of the
-samples, to multiples of 100 ms; when the whole recording is tracked, these are placed by the message. A satellite whose
+navigation pages. The pages tell the time. Before that, pseudoranges refer to the time tag of the
+samples, modulo 100 ms. When the whole recording is tracked, the message corrects these pseudoranges. A satellite whose
 own message has told its time is never placed by others: a replay that is seconds late is seen to be.
 """
 
@@ -58,7 +58,7 @@ def track_recording(
     workers: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> TrackedRecording:
-    """Return what tracking makes of E1 of a recording.
+    """Return the result of tracking E1 of a recording.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def track_batches(
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> TrackedRecording:
-    """Return what tracking makes of E1 samples that come in pieces, out of a pipe for example.
+    """Return the result of tracking E1 samples that come in pieces, out of a pipe for example.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ class E1Signal:
     found: Acquisition  # the cell of the search
     code_start_s: float  # from the first sample to the start of the first code period, [0, 4 ms)
     doppler_hz: float
-    cn0_dbhz: float  # of E1-C alone
+    cn0_dbhz: float  # C/N0 of E1-C alone
     # satellite time of transmission of the first sample, modulo 100 ms; None if nothing was measured
     transmit_phase_s: float | None
 

@@ -114,7 +114,7 @@ class ExhaustiveSearch:
 
     @property
     def bins_hz(self) -> Float64[np.ndarray, " bins"]:
-        """Bins of a pass from its middle: those within its part of the span and half a bin beyond it."""
+        """Doppler bins of a pass relative to its middle; they reach half a bin beyond the pass."""
         bins = GRIDS[self.n_chips].bins_hz
         half = self.doppler_span_hz / len(self.passes_hz) + 0.25 / self.integration_s
         return bins[np.abs(bins) <= half * (1 + 1e-9)]

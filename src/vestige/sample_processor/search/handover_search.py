@@ -106,7 +106,7 @@ def search_handover(
     threshold
         On the magnitude, in standard deviations of the noise per dimension.
     taps
-        Code offsets half a chip apart that are tested at each place, an odd number.
+        Number of code offsets, half a chip apart, that are tested at each possible arrival; odd.
     progress
         Called with the number of hypotheses that are done, and of all.
     trace

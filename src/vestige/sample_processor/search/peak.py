@@ -14,7 +14,7 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 
 _FINE_CHIPS = np.arange(-25, 26) / 20  # 0.05 chip apart, ±1.25 chips: the cell is within a chip of the peak
-_MARGIN_S = 1e-6  # of samples on both sides of the segment
+_MARGIN_S = 1e-6  # duration of samples on both sides of the segment
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,7 @@ from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chi
 
 OFFSETS_AT_ONCE = 4  # times real and imaginary part: eight sums that do not wait for one another
 _BLOCK = 1000  # chips
-_INVERSION_STEPS = 4  # of u(t); each gains five decimals
+_INVERSION_STEPS = 4  # steps of u(t); each gains five decimals
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})

@@ -7,8 +7,8 @@ from typing import Any
 
 from vestige.errors import VestigeWarning
 
-NEW_NAMES = {"own_data": "forged_nav_data"}  # of version 0.1
-NEW_VALUES = {("symbols", "estimated"): "hard"}  # of version 0.2
+NEW_NAMES = {"own_data": "forged_nav_data"}  # by the names of version 0.1
+NEW_VALUES = {("symbols", "estimated"): "hard"}  # by the names of version 0.2
 
 
 def with_new_names(value: Any) -> Any:

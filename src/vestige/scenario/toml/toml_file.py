@@ -118,7 +118,7 @@ def _copy(value: Any) -> Any:
 
 
 def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> Any:
-    """Return what the tables describe, or raise the first thing that is wrong with its place.
+    """Return the object that the tables describe, or raise the first thing that is wrong with its place.
 
     A number is a number only, neither a text nor a truth value that could be taken for one. TOML has lists and tables
     where the models have tuples and objects, as JSON has: hence the detour.
@@ -145,7 +145,7 @@ def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[st
         return InconsistentSettingsError(
             ".".join(part for part in (place, cause.place) if part), cause.found, cause.expected
         )
-    if first["type"].startswith("union_tag"):  # of `kind`: missing, or none of those that there are
+    if first["type"].startswith("union_tag"):  # `kind` is missing, or unknown
         if near := difflib.get_close_matches("kind", set(_table_of(raw, first["loc"])) - {"kind"}):
             return InconsistentSettingsError(place or "top level", f"an unknown key {near[0]}", "kind")
         kinds = first["ctx"].get("expected_tags")

@@ -68,7 +68,9 @@ def test_check_of_received_power() -> None:
     saturated = _of_power(None, front_end=_front_end(0.0, 0.0, saturated=True))
     assert (saturated.outcome, saturated.reason) == (Outcome.FAIL, "the E6 front end is saturated")
     assert _of_power(None).reason == "no status of the E6 front end"
-    assert _of_power(1.0, None, learned=3).reason == "its usual level is being learned: 3 of 5 quiet snapshots"
+    assert (
+        _of_power(1.0, None, learned=3).reason == "its usual level is being learned: 3 of 5 snapshots without an alarm"
+    )
 
 
 def test_a_level_learned_from_few_values_allows_for_more() -> None:

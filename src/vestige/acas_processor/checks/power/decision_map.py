@@ -5,7 +5,7 @@ Theory of operation
 Each hypothesis is a distribution of second signals [WESSON18]:
 
     clean       none
-    multipath   one ray: Rayleigh amplitude, exponential delay, on the tracked satellite only, so no power
+    multipath   one reflection: Rayleigh amplitude, exponential delay, on the tracked satellite only, so no power
     spoofed     η and Δτ uniform, on all satellites
     jammed      J/N uniform in dB
 
@@ -42,12 +42,12 @@ class Hypotheses:
 
     cn0_dbhz: float = 45.0  # C/N0 of the tracked satellite without interference
     sky_cn0_dbhz: float = 45.0  # mean C/N0 of all satellites in the band
-    # of the taps: T, τ_d, the replica's pulse, its chip rate
+    # taps: T, τ_d, the replica's pulse, its chip rate
     integration_s: float = 0.1
     half_spacing_chips: float = 0.15
     pulse: Pulse = BPSK
     chip_rate_hz: float = 1.023e6
-    # of the power: W, satellites in it, drift
+    # power: W, satellites in the band, drift
     bandwidth_hz: float = 2e6
     n_satellites: int = 10
     sigma_power_db: float = 0.4
@@ -78,7 +78,7 @@ class Hypotheses:
             offset = rng.uniform(-self.spoofer_offset_chips, self.spoofer_offset_chips, n)
         elif truth is SignalClass.JAMMED:
             jam = 10 ** (rng.uniform(*self.jam_to_noise_db, n) / 10)
-        everywhere = eta if truth is SignalClass.SPOOFED else zero  # a ray is one satellite's own
+        everywhere = eta if truth is SignalClass.SPOOFED else zero  # a reflection is one satellite's own
         rise_db = power_rise_db(everywhere, jam, signals_to_noise=self.signals_to_noise)
         mean = zero
         if eta is not zero:
@@ -91,7 +91,7 @@ class Hypotheses:
 
 
 _POWER_DB = (-3.0, 25.0, 0.25)  # first, last, step of the cells
-_DISTORTION = (0.0, 7.0, 0.07)  # of ln(1 + D)
+_DISTORTION = (0.0, 7.0, 0.07)  # bins of ln(1 + D)
 _SMOOTHING_CELLS = 1.0  # 1σ
 
 

@@ -6,8 +6,8 @@ for the s of a signal that can be found as good as normal about √(s² + 1):
 
     |c| − √(s² + 1),    | · | ≤ K √(1 + (s (10^(σ_model/20) − 1))²),    K from p_fa, two-sided
 
-σ_model holds fading by rays, the place between two taps (−1.2 dB at the most, 15 m apart), antenna and satellite; it is
-the larger part, so the budget is a bound.
+σ_model holds fading by reflections, the position between two taps (−1.2 dB at the most, 15 m apart), antenna and
+satellite; it is the larger part, so the budget is an upper limit.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class E6StrengthMonitor(Monitor):
     name: ClassVar = CheckName.E6_CN0
     unit: ClassVar = "sigma"
     sigma_model_db: float = 1.5  # spread of the truth about the expectation, 1σ
-    p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, a bound
+    p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, an upper limit
 
     def statistic(
         self,

@@ -9,8 +9,8 @@ detecting correlator about a straight line over the last N RECS against the nois
 
     σ² = 1 + (ρ m̄)²
 
-and that of the rays m̄² P/2. ρ is the change from RECS to RECS by the place of the signal between two correlators and by
-the gain of the antenna.
+and that of the reflections m̄² P/2. ρ is the change from RECS to RECS by the position of the signal between two
+correlators and by the gain of the antenna.
 
 Phase and carrier of E1 are not needed, so the check runs with any interval between RECS.
 """
@@ -39,11 +39,11 @@ class E6FadingMonitor(Monitor):
     window
         N, number of RECS.
     ray_power_db
-        P, mean power of all rays over the direct signal in dB, at 16° of elevation.
+        P, mean power of all reflections over the direct signal in dB, at 16° of elevation.
     ray_life_s
-        L, how long a ray lasts, in s: 0 if each RECS has other rays, infinite if nothing is known of it.
+        L, how long a reflection lasts, in s: 0 if each RECS has other reflections, infinite if nothing is known of it.
     gain_sigma_db
-        ρ in dB: 1σ of all that changes the magnitude from RECS to RECS beside noise and rays.
+        ρ in dB: 1σ of all that changes the magnitude from RECS to RECS beside noise and reflections.
     p_fa
         False-alarm probability of one test of one satellite, an upper limit.
     """

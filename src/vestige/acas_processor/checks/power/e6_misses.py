@@ -51,7 +51,7 @@ class MissPrediction:
 
     min_pd: float = MIN_PD  # smallest predicted probability of detection with which a missing signal means anything
     detection_p_fa: float = 1e-7  # false-alarm probability of the detection in one correlator
-    ray_power_db: float = -15.8  # mean power of all rays over the direct signal
+    ray_power_db: float = -15.8  # mean power of all reflections over the direct signal
     e6_over_e1_db: float = 0.0  # expected C/N0 of E6 over that of E1
 
     def counting(self, measured: MeasurementBlock) -> Bool[np.ndarray, "n m"]:
@@ -140,7 +140,7 @@ class E6MissesCheck(Monitor):
 def expected_miss_rate(prediction: MissPrediction, measured: MeasurementBlock) -> float:
     """Return how often a test of `E6PowerCheck` fails without an attack: the mean over its tests in a block.
 
-    A test in which a miss would mean nothing never fails. 0 without tests.
+    A test in which a miss would mean nothing never fails. The result is 0 without tests.
     """
     counting = prediction.counting(measured)
     detected = (measured.detected.tap >= 0) & (measured.availability == Availability.CORRELATED)

@@ -24,7 +24,7 @@ MIN_PD = 0.9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6PowerCheck:
-    """Whether the encrypted signal is there.
+    """Check whether the encrypted signal was received.
 
     The statistic is the number of signals that E1 predicts and that are missing, 0 or 1; the check fails above 0.
     """

@@ -14,7 +14,8 @@ with the amplitude s = √(2 C/N0 T) of the tracked signal, whose own share of D
     a second signal     D Rician about s √η |R(τ_d + Δτ) − R(τ_d − Δτ)|
 
 The gain control holds the total power, so D as the taps have it is divided by 10^(ΔP/20): a jammer makes P large and D
-small. Multipath makes D without P, a spoofer both. `simulated_decision_map` makes regions of the (ΔP, D) plane of it.
+small. Multipath makes D without P, a spoofer both. `simulated_decision_map` divides the (ΔP, D) plane into
+regions.
 """
 
 from __future__ import annotations

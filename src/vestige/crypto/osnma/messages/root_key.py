@@ -44,7 +44,7 @@ class RootKey:
     def __reduce__(
         self,
     ) -> tuple[Callable[..., RootKey], tuple[DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime]]:
-        """Return what makes, and so checks, it again."""
+        """Return the class and its arguments for pickle; the copy is checked again."""
         return _root_key, (self.kroot, self.header, self.time, self.public_key, self.received_at)
 
     def received(self, time: GalileoTime) -> RootKey:

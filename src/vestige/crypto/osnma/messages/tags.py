@@ -6,7 +6,7 @@ covers ::
 
     [PRN_D 8, not in tag0] | PRN_A 8 | GST_SF 32 | CTR 8 | NMAS 2 | data | zeros to a full byte       [OSNMA-ICD, 6.7]
 
-and MACSEQ covers what the flexible slots say of themselves: PRN_A 8 | GST_SF 32 | the 16 bits of each of them. The
+and MACSEQ covers the information fields of the flexible slots: PRN_A 8 | GST_SF 32 | the 16 bits of each of them. The
 cut-off point COP counts the subframes over which the data of a tag has not changed; 0 marks a dummy tag.
 """
 
@@ -95,7 +95,7 @@ def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainPa
 
 
 def make_macseq(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> int:
-    """Return the MACSEQ field, 12 bits, that belongs to what the flexible slots say of themselves [OSNMA-ICD, 6.6].
+    """Return the MACSEQ field, 12 bits, that belongs to the information fields of the flexible slots [OSNMA-ICD, 6.6].
 
     `slots` is the message's row of the MAC look-up table, `key` the chain's key of the next subframe.
     """

@@ -78,7 +78,7 @@ class Chain:
         self._times = [root.time.gst_seconds]
 
     def __reduce__(self) -> tuple[type[Chain], tuple[RootKey]]:
-        """Return what makes it again: a chain that is pickled forgets its keys, they have to be validated again."""
+        """Return the class and its arguments for pickle; a copy of the chain has to validate its keys again."""
         return Chain, (self._root,)
 
     @property
@@ -199,7 +199,7 @@ class _KeyOfChain(ValidatedKey):
         return self
 
     def __reduce__(self) -> tuple[Callable[[Key, Chain], ValidatedKey], tuple[Key, Chain]]:
-        """Return what makes it again: the key and its chain, to be validated."""
+        """Return the class and its arguments for pickle: the copy validates the key again."""
         return validate, (Key(time=self._time, data=self._data), self._chain)
 
     @property

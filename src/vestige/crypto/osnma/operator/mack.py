@@ -25,7 +25,7 @@ class TagContent:
     svid: int  # PRN_D
     adkd: int
     cut_off: int  # COP 1 … 15; 0 for a dummy tag
-    data: NavigationData  # of a dummy tag the data that its noise is made from
+    data: NavigationData  # the data that a tag authenticates, or that the noise of a dummy tag is made from
 
 
 def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:

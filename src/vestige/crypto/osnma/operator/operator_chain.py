@@ -15,7 +15,7 @@ from vestige.crypto.osnma.operator.signed_messages import sign_kroot, unsigned_k
 from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 
-_FIXED_BYTES = 7  # of a DSM-KROOT, before alpha: nobody can choose others to avoid a zero
+_FIXED_BYTES = 7  # bytes of a DSM-KROOT, before alpha: nobody can choose others to avoid a zero
 _MAX_DRAWS = 32
 _HOURS_SEEN = 4
 

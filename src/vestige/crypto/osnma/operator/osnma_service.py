@@ -98,7 +98,7 @@ class OsnmaService:
     def operator(self, seed: bytes, start: GalileoTime, n_subframes: int) -> OsnmaOperator:
         """Return the operator as it is when it begins; arguments as in `OperatorConfiguration`.
 
-        Raises `VestigeError` if events overlap, or need a key that there is not.
+        Raises `VestigeError` if events overlap, or need a key that does not exist.
         """
         own = self.key
         return OsnmaOperator(

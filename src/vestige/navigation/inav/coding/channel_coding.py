@@ -5,7 +5,7 @@ A page is two halves of 120 bits. Each half passes the convolutional code of rat
 synchronisation symbols: 250 symbols in 1 s. The six tail bits bring the encoder back to state 0, so each half is
 decoded for itself.
 
-Soft symbols are positive for a 0 and negative for a 1, as E1-B is modulated. Their scale does not matter.
+Soft symbols are positive for a 0 and negative for a 1, as E1-B is modulated. The scale of soft symbols does not matter.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PAGE_SYMBOLS = 2 * HALF_SYMBOLS
 
 _GENERATORS = (0o171, 0o133)  # the most significant bit is the tap of the newest bit [OS-ICD, 4.1.4.1]
 _MEMORY = 6
-_ROWS = 8  # of the interleaver: written column by column, read row by row [OS-ICD, 4.1.4.2]
+_ROWS = 8  # rows of the interleaver: written column by column, read row by row [OS-ICD, 4.1.4.2]
 
 
 def _register_signs() -> Float[np.ndarray, "128 2"]:

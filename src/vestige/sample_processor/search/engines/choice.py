@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,6 +12,8 @@ import numpy as np
 from jaxtyping import Int8
 
 from vestige.sample_processor.search.engines.engine import Engine, EngineUnavailableError
+
+_log = logging.getLogger(__name__)
 
 EngineName = Literal["auto", "cuda", "segment", "fft"]
 FASTEST_FIRST: tuple[EngineName, ...] = ("cuda", "segment", "fft")  # in which `auto` tries them
@@ -66,7 +69,9 @@ def make_engine(name: EngineName, codes: Int8[np.ndarray, "codes chips"]) -> Eng
     EngineUnavailableError
         If an engine is named that this machine does not run.
     """
-    return _MAKE[choose_engine(name).name](codes)
+    choice = choose_engine(name)
+    _log.info("engine of the exhaustive search: %s", choice)
+    return _MAKE[choice.name](codes)
 
 
 # each is imported when it is used: some compile, one asks for a GPU
