@@ -23,7 +23,7 @@ HEIGHT_CM = 5.6
 CM_PER_INCH = 2.54
 DPI = 300
 LETTERS_PT = 7.0
-P_D, P_FA = r"$P_\mathrm{d}$", r"$P_\mathrm{fa}$"  # as Matplotlib typesets the two probabilities
+PD_TEXT, PFA_TEXT = r"$P_\mathrm{d}$", r"$P_\mathrm{fa}$"  # as Matplotlib typesets the two probabilities
 SMALL_LETTERS_PT = 6.0
 LEGEND: dict[str, Any] = {
     "fontsize": SMALL_LETTERS_PT,

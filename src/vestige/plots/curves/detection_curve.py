@@ -14,7 +14,7 @@ from vestige.campaign.statistics import CONFIDENCE, binomial_intervals
 from vestige.errors import VestigeError
 from vestige.plots.curves.sweep_curves import CN0, COLOURS, abscissa, curves
 from vestige.plots.epochs import attribute
-from vestige.plots.figure import BLACK, P_D, P_FA, dress, legend, new_axes, typeset
+from vestige.plots.figure import BLACK, PD_TEXT, PFA_TEXT, dress, legend, new_axes, typeset
 from vestige.theory.thresholds import miss_probability, probability_of_detection
 
 _CURVE_POINTS = 300
@@ -40,9 +40,13 @@ def _as_asked(cn0_dbhz: Float[np.ndarray, " n"], _: float, p_fa: float) -> Float
 
 _DETECTED, _ALIGNED = ("trials", "detections"), "Marcum Q, aligned"
 COUNTED_EVENTS = {
-    "detections": _Kind("Detection", P_D, *_DETECTED, probability_of_detection, _ALIGNED, log=False),
-    "misses": _Kind("Missed detection", f"1 − {P_D}", *_DETECTED, miss_probability, f"1 − {_ALIGNED}", of_others=True),
-    "false_alarms": _Kind("False alarm", P_FA, "false_alarm_trials", "false_alarms", _as_asked, f"{P_FA} asked for"),
+    "detections": _Kind("Detection", PD_TEXT, *_DETECTED, probability_of_detection, _ALIGNED, log=False),
+    "misses": _Kind(
+        "Missed detection", f"1 − {PD_TEXT}", *_DETECTED, miss_probability, f"1 − {_ALIGNED}", of_others=True
+    ),
+    "false_alarms": _Kind(
+        "False alarm", PFA_TEXT, "false_alarm_trials", "false_alarms", _as_asked, f"{PFA_TEXT} asked for"
+    ),
 }
 
 
@@ -134,5 +138,5 @@ def _title(kind: _Kind, integration_s: float | None, p_fa: float | None) -> str:
     if integration_s is not None:
         parts.append(f"{integration_s * 1e3:g} ms")
     if p_fa is not None:
-        parts.append(f"{P_FA} {typeset(p_fa)}")
+        parts.append(f"{PFA_TEXT} {typeset(p_fa)}")
     return ", ".join(parts)

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 
 from vestige.campaign.statistics import binomial_intervals
-from vestige.plots.figure import BLUE, GREEN, ORANGE, P_D, P_FA, RED, dress, legend, new_axes
+from vestige.plots.figure import BLUE, GREEN, ORANGE, PD_TEXT, PFA_TEXT, RED, dress, legend, new_axes
 
 _COLOURS = (BLUE, RED, GREEN, ORANGE)
 
@@ -21,7 +21,7 @@ RocCurve = tuple[
 def roc_curves(curves: Sequence[RocCurve], *, title: str) -> Axes:
     """Return P_d against the false-alarm probability of the whole search.
 
-    Each curve has a name; overall P_FA and P_d of theory; P_FA, detections and trials of what was measured.
+    Each curve has a name; overall PFA_TEXT and P_d of theory; PFA_TEXT, detections and trials of what was measured.
     """
     ax = new_axes()
     for colour, (name, pfa, pd, at, found, trials) in zip(_COLOURS, curves, strict=False):
@@ -31,6 +31,6 @@ def roc_curves(curves: Sequence[RocCurve], *, title: str) -> Axes:
         ax.errorbar(at, share, [share - low, high - share], fmt="o", color=colour, markersize=2, linewidth=0.6)
     ax.set_xscale("log")
     ax.set_ylim(0, 1)
-    dress(ax, title=title, x=f"{P_FA} of the whole search", y=P_D)
+    dress(ax, title=title, x=f"{PFA_TEXT} of the whole search", y=PD_TEXT)
     legend(ax, "lower right")
     return ax
