@@ -14,13 +14,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.measurement import Fixes
 from vestige.acas_processor.monitoring.memory import RateMemory, SatelliteRate
 from vestige.navigation.earth import local_axes_at
+from vestige.records.snapshot_block import SnapshotBlock
 
 
 def gained_towards_mps(
@@ -50,11 +53,28 @@ class RateStep:
     sigma_change_mps: Float[np.ndarray, " m"]  # standard deviation of the measured change
 
 
-def rate_steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
-    """Yield the rows of the RECS of a block with what happened until there, or why there is nothing to compare.
+Steps = tuple[tuple[int, RateStep | str], ...]
 
-    Nothing without inertial sensors.
+
+def rate_steps(evidence: Evidence) -> Steps:
+    """Return the rows of the RECS of a block with what happened until there, or why there is nothing to compare.
+
+    Nothing without inertial sensors. The steps of a run that begins with the block are kept for the other levels.
     """
+    snapshots, fixes = evidence.measured.snapshots, evidence.measured.fixes
+    if fixes is None or evidence.rates is not None:
+        return tuple(_steps(evidence))
+    of, steps = _KEPT.get(fixes, (None, ()))
+    if of is not snapshots:
+        steps = tuple(_steps(evidence))
+        _KEPT[fixes] = snapshots, steps
+    return steps
+
+
+_KEPT: WeakKeyDictionary[Fixes, tuple[SnapshotBlock, Steps]] = WeakKeyDictionary()
+
+
+def _steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
     for epoch, before, now in _pairs(evidence):
         if now is None:
             yield epoch, "no position fix"

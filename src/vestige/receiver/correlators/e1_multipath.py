@@ -59,10 +59,9 @@ def _kept_m(
     delay_m: bytes, amplitude: bytes, n_rays: int, spacing_chips: float, pulse: Pulse, chip_rate_hz: float
 ) -> Float[np.ndarray, " n"]:
     """Return the error of rays that scenes with the same seed have in common, as bytes in C order."""
-    rays = (
-        np.frombuffer(values, kind).reshape(-1, n_rays) for values, kind in ((delay_m, float), (amplitude, complex))
-    )
-    return _settled_m(*rays, spacing_chips, pulse, chip_rate_hz)
+    shape = (-1, n_rays)
+    delays_m, amplitudes = np.frombuffer(delay_m).reshape(shape), np.frombuffer(amplitude, complex).reshape(shape)
+    return _settled_m(delays_m, amplitudes, spacing_chips, pulse, chip_rate_hz)
 
 
 def _settled_m(
