@@ -51,15 +51,14 @@ def e1_multipath_error_m(
     settings = (spacing_chips, pulse, chip_rate_hz)
     if delay_m.shape[0] > _KEPT_EPOCHS:
         return _settled_m(delay_m, amplitude, *settings)
-    return _kept_m(delay_m.tobytes(), amplitude.tobytes(), delay_m.shape[1], *settings).copy()
+    return _kept_m(delay_m.tobytes(), amplitude.tobytes(), delay_m.shape, *settings).copy()
 
 
 @lru_cache(maxsize=128)
 def _kept_m(
-    delay_m: bytes, amplitude: bytes, n_rays: int, spacing_chips: float, pulse: Pulse, chip_rate_hz: float
+    delay_m: bytes, amplitude: bytes, shape: tuple[int, ...], spacing_chips: float, pulse: Pulse, chip_rate_hz: float
 ) -> Float[np.ndarray, " n"]:
     """Return the error of rays that scenes with the same seed have in common, as bytes in C order."""
-    shape = (-1, n_rays)
     delays_m, amplitudes = np.frombuffer(delay_m).reshape(shape), np.frombuffer(amplitude, complex).reshape(shape)
     return _settled_m(delays_m, amplitudes, spacing_chips, pulse, chip_rate_hz)
 
