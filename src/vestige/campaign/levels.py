@@ -197,7 +197,11 @@ def measured_of(results: xarray.Dataset) -> tuple[AcasProcessor, MeasurementBloc
     _check_own_parts(scenario, attributes.own_parts)
     overhead = Overhead(attributes.satellites_expected, attributes.cn0_e1_expected_dbhz)
     processor = receiver_processor(scenario, overhead, attributes.navigation)
-    columns = {name: results[name].transpose(*column.dims).values for name, column in _READ.items() if name in results}
+    columns = {
+        name: results.variables[name].transpose(*column.dims).values
+        for name, column in _READ.items()
+        if name in results
+    }
     of = Judged(scenario=scenario, processor=processor, svids=tuple(results["svid"].values.tolist()))
     epoch = np.rint(columns["time_s"] / scenario.interval_s).astype(np.int64)
     return processor, measured_block(of, epoch, columns)

@@ -49,7 +49,8 @@ from vestige.receiver.samples.sampled_epoch import (
 )
 from vestige.receiver.sky.elevation import ElevationEffects
 from vestige.receiver.sky.replayed_past import SpooferUnderSky, replay_delay_m
-from vestige.receiver.truth import ErrorModels, TruthBlock, TruthProcess
+from vestige.receiver.truth import TruthBlock, TruthProcess
+from vestige.receiver.undisturbed_truth import ErrorModels
 from vestige.records import ChipSequence, EncryptedSegment, FrontEndStatus, SampleBatch
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import noise_key
@@ -102,6 +103,11 @@ class Simulation:
     def truth(self) -> TruthProcess:
         """Return the truth at its beginning."""
         return TruthProcess(self)
+
+    @property
+    def epoch_interval_s(self) -> float:
+        """Time between the epochs of `truth`."""
+        return self.interval_s if self.truth_interval_s is None else self.truth_interval_s
 
     def transmit_time(self, epoch: int) -> GalileoTime:
         """Return the time of an epoch, exact in deciseconds."""

@@ -1,58 +1,29 @@
-"""The truth of a simulated line of sight, epoch after epoch: every term of every error.
+"""The truth of a simulated line of sight, epoch after epoch: every term of every error, with what an attack adds.
 
 Everything here has memory and is cheap, so it is drawn in order; how the epochs are cut into calls makes no difference.
-A model that is None is not there: its term is zero.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from vestige.constants import E1_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
-from vestige.navigation.elevation_model import obliquity, relative_ray_amplitude
-from vestige.own_parts import require_numbers
 from vestige.receiver.correlators.e1_loop import E1Loop, E1Tracking
-from vestige.receiver.errors.error_process import (
-    BiasModel,
-    ClockModel,
-    IonosphereModel,
-    MultipathModel,
-    TrackingModel,
-    named_streams,
-)
 from vestige.receiver.errors.multipath import RayBlock
-from vestige.receiver.errors.tracking_noise import noise_growth
-from vestige.receiver.sky.elevation import SatelliteGeometry, single_line_of_sight
+from vestige.receiver.sky.elevation import SatelliteGeometry
 from vestige.receiver.sky.replayed_past import SpooferUnderSky
+from vestige.receiver.undisturbed_truth import KEPT_EPOCHS, UndisturbedProcess, UndisturbedTruth, kept_truth
 from vestige.records import Band
-from vestige.spoofer.spoofer import BandEffects
+from vestige.spoofer.spoofer import NO_SPOOFER, BandEffects
 
 if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
 _WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over that of an undisturbed one
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorModels:
-    """The error models of a receiver; None where there is none [WFO, Sec. V]."""
-
-    clock: ClockModel | None = None
-    ionosphere: IonosphereModel | None = None
-    multipath: MultipathModel | None = None
-    e1_tracking: TrackingModel | None = None
-    bias: BiasModel | None = None
-    # Whether the reflections disturb E1 too. [WFO, Sec. V] applies multipath to the E6 samples only.
-    e1_multipath: bool = False
-
-    @property
-    def n_rays(self) -> int:
-        """Places for reflections beside the line of sight; at least one, which then has no strength."""
-        return 1 if self.multipath is None else self.multipath.n_rays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,67 +69,42 @@ class TruthProcess:
     """Runs through the epochs in order."""
 
     def __init__(self, of: Simulation) -> None:
-        models, elevation, cn0_dbhz = of.models, of.elevation, of.cn0_e1_dbhz
-        receiver, own = named_streams(of.seed), named_streams(of.seed, of.svid)
+        models = of.models
         self._of = of
-        self._interval_s = of.interval_s if of.truth_interval_s is None else of.truth_interval_s
-        self._clock = models.clock and models.clock.process(receiver)
-        self._ionosphere = models.ionosphere and models.ionosphere.process(own)
-        if self._ionosphere and elevation and hasattr(self._ionosphere, "shared"):
-            self._ionosphere.shared(receiver, elevation.ionosphere_common)
-        self._multipath = models.multipath and models.multipath.process(own)
-        self._tracking = models.e1_tracking and models.e1_tracking.process(own, cn0_dbhz=cn0_dbhz)
+        self._undisturbed = replace(of, spoofer=NO_SPOOFER)
+        self._process: UndisturbedProcess | None = None
+        self._interval_s = of.epoch_interval_s
         self._loop = E1Loop(
             of.spoofer,
             of.svid,
             interval_s=self._interval_s,
-            cn0_dbhz=cn0_dbhz,
+            cn0_dbhz=of.cn0_e1_dbhz,
             loop_bandwidth_hz=models.e1_tracking.loop_bandwidth_hz if models.e1_tracking else 1.0,
             reacquisition_s=of.reacquisition_s,
         )
-        self._bias = models.bias and models.bias.process(own, receiver=receiver)
 
     def advance(self, first: int, count: int) -> TruthBlock:
         """Return the truth of epochs first … first + count − 1, which are the next ones."""
-        times_s = (first + np.arange(count)) * self._interval_s
-        zero = np.zeros(count)
-        models = self._of.models
-        clock_m, drift_mps = _advanced(models.clock, self._clock, times_s, 2) if self._clock else (zero, zero)
-        elevation, path = self._of.elevation, self._of.line_of_sight
-        if elevation is None:
-            seen = single_line_of_sight(path, times_s)
-        else:
-            seen = elevation.seen(times_s - self._of.clock_offset_s, clock_m)
-        geometry = seen.geometry
-        code_m, carrier_m, doppler_hz = (
-            _advanced(models.e1_tracking, self._tracking, times_s, 3) if self._tracking else (zero, zero, zero)
-        )
+        free = self._without_attack(first, count)
+        times_s, geometry, rays = free.time_s, free.motion.geometry, free.rays
+        models, elevation = self._of.models, self._of.elevation
+        code_m, carrier_m, doppler_hz, iono_diff_m = free.code_m, free.carrier_m, free.doppler_hz, free.iono_diff_m
         spoofer, e1 = self._of.spoofer_as_received, self._loop.advance(first, count)
         if isinstance(spoofer, SpooferUnderSky):
             e1 = spoofer.tracked(times_s, e1)
         noisier = np.minimum(1 / np.sqrt(e1.gain), _WORST_NOISE)
-        iono_diff_m = _advanced(models.ionosphere, self._ionosphere, times_s) if self._ionosphere else zero
-        rays = (
-            _advanced(models.multipath, self._multipath, times_s) if self._multipath else _no_rays(count, models.n_rays)
-        )
-        if elevation:
-            code_m, doppler_hz = self._weaker(geometry, code_m, doppler_hz)
-            carrier_m = carrier_m / geometry.amplitude
-            iono_diff_m = iono_diff_m * obliquity(geometry.elevation_rad)
-            scale = relative_ray_amplitude(geometry.elevation_rad)[:, None]
-            rays = replace(rays, amplitude=rays.amplitude * scale, amplitude_e1=rays.amplitude_e1 * scale)
         return TruthBlock(
             time_s=times_s,
-            range_m=seen.range_m,
-            rate_mps=seen.rate_mps,
-            acceleration_mps2=seen.acceleration_mps2,
-            clock_m=clock_m,
-            clock_drift_mps=drift_mps,
+            range_m=free.motion.range_m,
+            rate_mps=free.motion.rate_mps,
+            acceleration_mps2=free.motion.acceleration_mps2,
+            clock_m=free.clock_m,
+            clock_drift_mps=free.clock_drift_mps,
             iono_diff_m=iono_diff_m,
             ionosphere_e1_m=iono_diff_m / (GAMMA_E1_E6 - 1) if elevation else np.zeros(count),
-            broadcast_ionosphere_e1_m=elevation.broadcast_ionosphere_e1_m(times_s, clock_m) if elevation else zero,
+            broadcast_ionosphere_e1_m=free.broadcast_ionosphere_e1_m,
             iono_on_carrier=np.full(count, 0.0 if getattr(models.ionosphere, "code_only", False) else 1.0),
-            bias_m=_advanced(models.bias, self._bias, times_s) if self._bias else zero,
+            bias_m=free.bias_m,
             e1_noise_m=code_m * noisier,
             e1_phase_noise_m=carrier_m * noisier,
             e1_rate_noise_mps=-doppler_hz * noisier * SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ,
@@ -169,29 +115,15 @@ class TruthProcess:
             geometry=geometry,
         )
 
-    def _weaker(
-        self, geometry: SatelliteGeometry, code_m: Float[np.ndarray, " n"], doppler_hz: Float[np.ndarray, " n"]
-    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Return the tracking noise at the strength of each epoch, from that at the nominal one."""
-        if self._of.models.e1_tracking is None:
-            return code_m, doppler_hz
-        code, doppler = noise_growth(
-            self._of.models.e1_tracking, self._of.cn0_e1_dbhz, 20 * np.log10(geometry.amplitude)
-        )
-        return code_m * code, doppler_hz * doppler
+    def _without_attack(self, first: int, count: int) -> UndisturbedTruth:
+        """Return the part of the truth that no attack changes.
 
-
-def _advanced(model: Any, process: Any, times_s: Float[np.ndarray, " n"], n_errors: int = 1) -> Any:
-    """Return the next values of a model's errors; of a class of the user's only what has the shape that it needs."""
-    values = process.advance(times_s)
-    if isinstance(values, RayBlock):
-        for field in fields(values):
-            require_numbers(model, f"advance.{field.name}", getattr(values, field.name), (times_s.size, model.n_rays))
-    else:
-        require_numbers(model, "advance", values, (n_errors, times_s.size)[n_errors == 1 :])
-    return values
-
-
-def _no_rays(count: int, n_rays: int) -> RayBlock:
-    nothing = np.zeros((count, n_rays))
-    return RayBlock(delay_m=nothing, amplitude=nothing + 0j, amplitude_e1=nothing + 0j, doppler_hz=nothing)
+        Scenes of a threat table differ in their attack alone: a short run that begins with this block is kept for them.
+        """
+        if first == 0 and count <= KEPT_EPOCHS:
+            return kept_truth(self._undisturbed, count)
+        if self._process is None:
+            self._process = UndisturbedProcess(self._undisturbed)
+            if first:
+                self._process.advance(np.arange(first) * self._interval_s)
+        return self._process.advance((first + np.arange(count)) * self._interval_s)

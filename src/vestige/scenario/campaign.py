@@ -34,7 +34,7 @@ from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.sky.atmosphere import through_atmosphere
 from vestige.receiver.sky.meaconer_way import placed_attacks
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
-from vestige.receiver.truth import ErrorModels
+from vestige.receiver.undisturbed_truth import ErrorModels
 from vestige.scenario.empirical import EmpiricalIonosphereTable
 from vestige.scenario.limits import (
     LARGEST_CLOCK_ERROR_S,

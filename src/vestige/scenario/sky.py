@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from abc import abstractmethod
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -260,18 +260,19 @@ def satellites_in_view(
     Raises `InconsistentSettingsError` if there is none, or the receiver's whereabouts are not known for the whole run.
     """
     trajectory = table.trajectory(-longest_delay_s, duration_s + _AFTER_S)
-    times_s = np.linspace(0.0, duration_s, int(np.clip(np.ceil(duration_s / _GRID_S) + 1, 2, _MOST_TIMES)))
+    # the scenes of a threat table ask for the same elevations again and again
+    elevations_rad = _kept_elevations_rad if isinstance(trajectory, StaticTrajectory) else _elevations_rad
     antenna = ElevationCn0(zenith_dbhz=0.0, fall_db=constellation.cn0_fall_db)
     found = []
     for ephemeris in constellation.chosen(start):
         path = SatelliteRange(ephemeris=ephemeris, start=start, trajectory=trajectory)
-        elevation_rad = path.sight(times_s).elevation_rad
-        if np.max(elevation_rad) >= np.radians(constellation.mask_deg):
+        first_rad, highest_rad = elevations_rad(path, duration_s)
+        if highest_rad >= np.radians(constellation.mask_deg):
             found.append(
                 ElevationEffects(
                     path=path,
                     mask_deg=constellation.mask_deg,
-                    first_rad=float(elevation_rad[0]),
+                    first_rad=first_rad,
                     antenna=antenna,
                     ionosphere_common=constellation.ionosphere_common,
                 )
@@ -279,3 +280,13 @@ def satellites_in_view(
     if not found:
         raise InconsistentSettingsError("constellation", "no satellite in view", "at least one")
     return tuple(found)
+
+
+def _elevations_rad(path: SatelliteRange, duration_s: float) -> tuple[float, float]:
+    """Return the elevation of a satellite at the beginning of a run, and the highest one."""
+    times_s = np.linspace(0.0, duration_s, int(np.clip(np.ceil(duration_s / _GRID_S) + 1, 2, _MOST_TIMES)))
+    elevation_rad = path.sight(times_s).elevation_rad
+    return float(elevation_rad[0]), float(np.max(elevation_rad))
+
+
+_kept_elevations_rad = lru_cache(maxsize=256)(_elevations_rad)

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
-from itertools import groupby, islice, product
+from itertools import chain, islice, product
 from pathlib import Path
 
 from vestige.campaign.execution.direct import direct_results
@@ -27,6 +27,7 @@ from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, sc
 from vestige.threats.scenes import LEVEL_NUMBERS, Scene, Threat, scene_scenario
 
 _IN_FLIGHT = 3  # runs for each worker
+_SEEDS_TOGETHER = 6  # a worker keeps what the scenes of so many seeds have in common: `undisturbed_truth`
 Outcomes = tuple[RunOutcome, ...]  # one run: an outcome for each level
 
 
@@ -120,7 +121,7 @@ def measure_threats(
     folder: Path | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Iterator[SceneCell]:
-    """Yield the cells of each case, a level each, as soon as all its runs are measured.
+    """Yield the cells of each case, a level each, when all its runs are measured.
 
     Runs are measured in the pool, so many at the same time as it has workers. `runs.csv` is kept and continued in the
     folder; without one nothing is. `progress` is called with the number of runs that are known, and of all.
@@ -133,15 +134,14 @@ def measure_threats(
         write_runs(folder / RUNS, known)
     total, done = len(chosen) * len(seeds), 0
     runs = _runs(chosen, seeds, pool, workers, known, folder)
-    for number, of_case in groupby(runs, key=lambda run: run[0]):
-        case = chosen[number]
-        found: dict[bool, list[Outcomes]] = {True: [], False: []}
-        for _, attacked, outcomes in of_case:
-            found[attacked].append(outcomes)
-            done += attacked
-            if progress is not None:
-                progress("attacked runs", done, total)
-        yield from _cells(case, found, attacked=bool(case.scenario(seeds[0], True).attack))
+    found: list[dict[bool, list[Outcomes]]] = [{True: [], False: []} for _ in chosen]
+    for number, attacked, outcomes in runs:
+        found[number][attacked].append(outcomes)
+        done += attacked
+        if progress is not None:
+            progress("attacked runs", done, total)
+    for case, of_case in zip(chosen, found, strict=True):
+        yield from _cells(case, of_case, attacked=bool(case.scenario(seeds[0], True).attack))
 
 
 def _cells(case: Case, found: dict[bool, list[Outcomes]], *, attacked: bool) -> Iterator[SceneCell]:
@@ -160,12 +160,14 @@ def _runs(
 ) -> Iterator[tuple[int, bool, Outcomes]]:
     """Yield number of the case, whether attacked, and outcomes of each run in order; new ones go into the file.
 
-    The runs of a case begin before those of the case before it have ended, so that no worker waits.
+    They go through all cases with some seeds before the next ones. The runs of a case begin before those of the case
+    before it have ended, so that no worker waits.
     """
     shared: dict[str, Future[Outcomes]] = {}
 
     def submitted() -> Iterator[tuple[int, bool, tuple[RunKey, ...], Future[Outcomes] | None]]:
-        for (number, case), seed in product(enumerate(chosen), seeds):
+        together = [seeds[first : first + _SEEDS_TOGETHER] for first in range(0, len(seeds), _SEEDS_TOGETHER)]
+        for (number, case), seed in chain.from_iterable(product(enumerate(chosen), some) for some in together):
             scenario = case.scenario(seed, True)
             window_s = window_of(scenario)
             both = {True: scenario} | ({False: case.scenario(seed, False)} if scenario.attack else {})

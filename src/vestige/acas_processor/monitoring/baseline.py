@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -203,8 +204,9 @@ def _running(
     values = np.concatenate([np.array(before, np.float64), column[taught]])
     known: Int64[np.ndarray, " n"] = len(before) + np.cumsum(taught) - taught
     medians = np.full(values.size + 1, np.nan)  # medians of the values so far, by their number
-    for count in range(max(LEARNED, len(before)), min(BASELINE_WINDOW, values.size + 1)):
-        medians[count] = np.median(values[:count])
+    growing = values[: BASELINE_WINDOW - 1].tolist()
+    for count in range(max(LEARNED, len(before)), len(growing) + 1):
+        medians[count] = median(growing[:count])
     if values.size >= BASELINE_WINDOW:
         medians[BASELINE_WINDOW:] = np.median(np.lib.stride_tricks.sliding_window_view(values, BASELINE_WINDOW), axis=1)
     return medians[known], np.minimum(known, BASELINE_WINDOW).astype(np.float64)

@@ -14,13 +14,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Float
 
 from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.measurement import Fixes
 from vestige.acas_processor.monitoring.memory import RateMemory, SatelliteRate
 from vestige.navigation.earth import local_axes_at
+from vestige.records.snapshot_block import SnapshotBlock
 
 
 def gained_towards_mps(
@@ -50,11 +53,29 @@ class RateStep:
     sigma_change_mps: Float[np.ndarray, " m"]  # standard deviation of the measured change
 
 
-def rate_steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
-    """Yield each row with a RECS and its rate step, or the reason why rates cannot be compared.
+Steps = tuple[tuple[int, RateStep | str], ...]
 
-    Nothing without inertial sensors.
+
+def rate_steps(evidence: Evidence) -> Steps:
+    """Return each row with a RECS and its rate step, or the reason why rates cannot be compared.
+
+    Nothing is returned without inertial sensors. The steps of a run that begins with the block are kept, because the
+    other levels judge the same block.
     """
+    snapshots, fixes = evidence.measured.snapshots, evidence.measured.fixes
+    if fixes is None or evidence.rates is not None:
+        return tuple(_steps(evidence))
+    of, steps = _KEPT.get(fixes, (None, ()))
+    if of is not snapshots:
+        steps = tuple(_steps(evidence))
+        _KEPT[fixes] = snapshots, steps
+    return steps
+
+
+_KEPT: WeakKeyDictionary[Fixes, tuple[SnapshotBlock, Steps]] = WeakKeyDictionary()
+
+
+def _steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
     for epoch, before, now in _pairs(evidence):
         if now is None:
             yield epoch, "no position fix"

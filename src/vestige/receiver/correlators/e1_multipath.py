@@ -18,6 +18,7 @@ bandwidth. Front-end filtering is left out, as in the calibration of the multipa
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Complex128, Float, Int
@@ -30,6 +31,7 @@ LOOP_REACH_CHIPS = 0.5  # a loop that went further would have lost the peak
 _STEPS_PER_SPACING = 8
 _FALSE_POSITIONS = 40
 _TOLERANCE_CHIPS = 1e-10  # 30 nm
+_KEPT_EPOCHS = 1000  # reflections of more epochs are not kept
 
 
 def e1_multipath_error_m(
@@ -46,6 +48,29 @@ def e1_multipath_error_m(
     """
     if not 0 < spacing_chips < 1:
         raise ValueError(f"a spacing lies between 0 and 1 chip, found {spacing_chips}")
+    settings = (spacing_chips, pulse, chip_rate_hz)
+    if delay_m.shape[0] > _KEPT_EPOCHS:
+        return _settled_m(delay_m, amplitude, *settings)
+    return _kept_m(delay_m.tobytes(), amplitude.tobytes(), delay_m.shape, *settings).copy()
+
+
+@lru_cache(maxsize=128)
+def _kept_m(
+    delay_m: bytes, amplitude: bytes, shape: tuple[int, ...], spacing_chips: float, pulse: Pulse, chip_rate_hz: float
+) -> Float[np.ndarray, " n"]:
+    """Return the error of the reflections that scenes with the same seed have in common, as bytes in C order."""
+    delays_m, amplitudes = np.frombuffer(delay_m).reshape(shape), np.frombuffer(amplitude, complex).reshape(shape)
+    return _settled_m(delays_m, amplitudes, spacing_chips, pulse, chip_rate_hz)
+
+
+def _settled_m(
+    delay_m: Float[np.ndarray, "n n_rays"],
+    amplitude: Complex128[np.ndarray, "n n_rays"],
+    spacing_chips: float,
+    pulse: Pulse,
+    chip_rate_hz: float,
+) -> Float[np.ndarray, " n"]:
+    """Return where the loop settles in m."""
     rays = _Rays(delay_m.T * (chip_rate_hz / SPEED_OF_LIGHT_MPS), amplitude.T, spacing_chips / 2, pulse)
     error = np.zeros(delay_m.shape[0])
     at_zero = rays.discriminator(error)

@@ -18,6 +18,7 @@ so the distribution F of each satellite's residual stays what it is.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -28,11 +29,12 @@ from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.line_of_sight import LineOfSight, line_of_sight, range_less_clock_m
 from vestige.receiver.sky.atmosphere import AtmosphericDelay, DelayedRange
 from vestige.receiver.sky.constellation import ElevationCn0
-from vestige.receiver.sky.trajectory import Trajectory
+from vestige.receiver.sky.trajectory import StaticTrajectory, Trajectory
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.time import GalileoTime
 
 _KEPT_TIMES = 5000  # a line of sight at more times, of which each satellite would keep megabytes, is not kept
+_KEPT_RANGES = 128  # times, in as many calls as eight runs of a sky make
 _KEPT_SIGHTS = 16  # range, rate and acceleration of a delayed signal through a troposphere ask for six
 
 
@@ -107,7 +109,9 @@ class SatelliteRange:
         known = self._last.get(t_s.tobytes()) if t_s.size <= _KEPT_TIMES else None
         if known is not None:
             return known.range_m - known.satellite_clock_m
-        return range_less_clock_m(self.ephemeris, self.start, t_s, self.trajectory.motion(t_s))
+        if t_s.size > _KEPT_RANGES or not isinstance(self.trajectory, StaticTrajectory):
+            return range_less_clock_m(self.ephemeris, self.start, t_s, self.trajectory.motion(t_s))
+        return _kept_range_m(self, t_s.tobytes()).copy()
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return its rate in m/s."""
@@ -117,6 +121,13 @@ class SatelliteRange:
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return its second derivative in m/s²."""
         return self.sight(t_s).acceleration_mps2
+
+
+@lru_cache(maxsize=4096)
+def _kept_range_m(path: SatelliteRange, times: bytes) -> Float[np.ndarray, " n"]:
+    """Return ranges that scenes with the same seed have in common; the times in s are bytes."""
+    t_s = np.frombuffer(times)
+    return range_less_clock_m(path.ephemeris, path.start, t_s, path.trajectory.motion(t_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -88,6 +88,15 @@ class ReceiverTruth:
         return tuple(simulation.arrival(truth) for simulation, truth in zip(self.simulations, truths, strict=True))
 
     @cached_property
+    def received_s(self) -> Float[np.ndarray, "n m"]:
+        """When each RECS is received to its last sample, in s after the start; the epoch itself without a RECS."""
+        elapsed_s = np.repeat(self.truth[0].time_s[:, None], self.shape[1], axis=1)
+        for column, (simulation, truth) in enumerate(zip(self.simulations, self.of_recs, strict=True)):
+            if self.recs_rows.size:
+                elapsed_s[self.rows, column] = simulation.received_s(truth, self.arrived[column])
+        return elapsed_s
+
+    @cached_property
     def e1_multipath_m(self) -> Float[np.ndarray, "n m"]:
         """Multipath error of each pseudorange on E1."""
         return self.each(Simulation.e1_multipath_m)

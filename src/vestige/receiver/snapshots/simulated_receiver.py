@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.samples.attacked_sky import latest_s
@@ -78,7 +77,7 @@ class SimulatedReceiver:
         """Return the same of a truth of which other quantities are wanted, too; of a sky, its `pages` may be one."""
         e1, power = e1_block(of, fidelity=self.fidelity, with_taps=self.with_taps)
         e6 = DrawnE6(of) if self.fidelity == "correlators" else SimulatedE6Samples(of)
-        time, received_s, elevation = self._times(of), self._received_s(of), self.simulations[0].elevation
+        time, elevation = self._times(of), self.simulations[0].elevation
         osnma = None if elevation is None else OsnmaReception(of=of)
         if osnma is not None and pages is None:
             pages = osnma.pages(self.interval_s)
@@ -87,7 +86,7 @@ class SimulatedReceiver:
         return SnapshotBlock(
             index=of.first + np.arange(of.n, dtype=np.int64),
             time=time,
-            received_at=GalileoTimes.after(self.simulations[0].start, received_s),
+            received_at=GalileoTimes.after(self.simulations[0].start, of.received_s),
             time_uncertainty_s=np.full(of.n, self.simulations[0].time_uncertainty_s, np.float64),
             svids=of.svids,
             asked=np.ones(of.shape, np.bool_),
@@ -103,20 +102,12 @@ class SimulatedReceiver:
 
     def searches(self, of: ReceiverTruth) -> DrawnSearches:
         """Return the searches of a block, which are drawn at both fidelities."""
-        return DrawnSearches(of=of, received_s=self._received_s(of))
+        return DrawnSearches(of=of, received_s=of.received_s)
 
     def _times(self, of: ReceiverTruth) -> GalileoTimes:
         """Return the epochs on the receiver's clock, times of transmission, exact in deciseconds."""
         deciseconds = (of.first + np.arange(of.n, dtype=np.int64)) * round(10 * self.interval_s)
         return GalileoTimes(self.simulations[0].start.gst_seconds + deciseconds // 10, deciseconds % 10 / 10)
-
-    def _received_s(self, of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
-        """Return when each RECS is received to its last sample, after the start; the epoch itself without one."""
-        elapsed_s = np.repeat(of.truth[0].time_s[:, None], of.shape[1], axis=1)
-        for column, (simulation, truth) in enumerate(zip(self.simulations, of.of_recs, strict=True)):
-            if of.recs_rows.size:
-                elapsed_s[of.rows, column] = simulation.received_s(truth, of.arrived[column])
-        return elapsed_s
 
     def _increments(
         self, of: ReceiverTruth, time: GalileoTimes, elevation: ElevationEffects | None
