@@ -1,5 +1,4 @@
-"""The range model [WFO, Eq. 3], s(t) = s0 + v t + a t²/2 + A sin ωt, and the protocol of all range models.
-"""
+"""The range model [WFO, Eq. 3], s(t) = s0 + v t + a t²/2 + A sin ωt, and the protocol of all range models."""
 
 from __future__ import annotations
 

@@ -81,7 +81,8 @@ def window_delay(delay):
 def interior(u0, step, reach, n_chips, n):
     """Return (i0, i1), the range of samples that meet a chip at all delays within ±reach.
 
-    Sample i of n has the code phase u0 + i · step. The range may be a sample short at either end; the plain loops at the edges then process that sample.
+    Sample i of n has the code phase u0 + i · step. The range may be a sample short at either end; the plain loops at
+    the edges then process that sample.
     """
     i0 = max(0, min(n, np.int64(np.ceil((reach - u0) / step)) + 1)) if u0 < reach else np.int64(0)
     i1 = n
