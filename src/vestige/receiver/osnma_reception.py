@@ -1,4 +1,4 @@
-"""Reception of I/NAV pages from E1-B, and with the pages of OSNMA and its keys.
+"""Reception of I/NAV pages from E1-B, and of the OSNMA data and keys in these pages.
 
 Theory of operation
 -------------------

@@ -16,7 +16,7 @@ A reflection has the same coefficient on E1, but the phase of the E1 carrier. Th
 one cycle for each metre of excess delay, so that the errors of E1 and E6 are practically independent.
 
 These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681], without its
-scenery. The power of the presets is calibrated to the only number in [WFO]: 52 misses in 100,000.
+scenery. The power of the presets is calibrated to the only result in [WFO]: 52 misses in 100,000.
 """
 
 from __future__ import annotations

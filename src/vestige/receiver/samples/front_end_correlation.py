@@ -88,7 +88,7 @@ def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
 
 @lru_cache(maxsize=4)
 def spread(front_end: FrontEnd, n_lags: int, steps_per_chip: int) -> Float[np.ndarray, "n_lags n_grid"]:
-    """Return the share of each lag of a code's autocorrelation, even and given at whole chips, at |x| on a fine grid."""
+    """Return the share of each lag of a code's even autocorrelation, given at whole chips, at |x| on a fine grid."""
     last = (n_lags - 1) * steps_per_chip
     table = signal_correlation(front_end, np.arange(-last, 2 * last + 1) / steps_per_chip)
     rows = [table[last - lag * steps_per_chip :][: last + 1] for lag in range(n_lags)]  # R_h(x − lag)
