@@ -4,8 +4,8 @@
 |---|---|
 | reserved | 14 |
 | HAS page header, `AF3BC3` for a dummy page | 24 |
- HAS message, here random bits | 424 |
- CRC-24Q over the fields above | 24 |
+| HAS message, here random bits | 424 |
+| CRC-24Q over the fields above | 24 |
 | tail | 6, zero |
 
 The page passes the convolutional code and the interleaver of I/NAV, here with 123 columns and 8 rows. It follows 16
