@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-Half a page, 114 bits and 6 zero bits of tail, is sent as 240 symbols in a second. Its convolutional code has rate 1/2
+Half a page, 114 bits and 6 zero bits of tail, is sent as 240 symbols in a second. The convolutional code has rate 1/2
 and constraint length 7 (171, 133 octal) [OS-ICD, 4.1.4]. E1-B and E1-C have the same power and thus the same C/N0, so
 
     Es/N0 = C/N0 / 250 Hz · e^{−σφ²},    σφ² = B_φ/(C/N0) (1 + 1/(2T C/N0))

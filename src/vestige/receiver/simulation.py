@@ -6,9 +6,9 @@ With P the pseudorange that geometry and receiver clock make, common to both ban
     P6 = P + iono_diff + bias                        where the line of sight is in E6
 
 The hand-over thus misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath. Every other
-reflection arrives later by its excess delay. These are delays of the code; the carrier has no bias, and the ionosphere
-advances it (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1 loop
-followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
+reflection arrives later by its excess delay. All of these are delays of the code; the carrier has no bias, and the
+ionosphere advances it (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1
+loop followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with
   reflections and noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one

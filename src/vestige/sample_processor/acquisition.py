@@ -8,7 +8,7 @@ periods does no harm. One FFT serves every Doppler bin: its bins are 1/(8 ms) = 
 one bin is the next Doppler. Only the bins around the carrier are kept, which mixes, filters and decimates in one step.
 
 The powers of K stretches are added non-coherently, each shifted by the code Doppler. Against noise of variance 1 per
-dimension the sum is chi-squared with 2K degrees of freedom; the threshold follows from the overall false-alarm
+dimension the sum is chi-squared with 2K degrees of freedom. The threshold follows from the overall false-alarm
 probability over all cells (code phases × Doppler bins × satellites) [WFO, Sec. III-D].
 
 Cross-correlation with a much stronger satellite is not noise, because it is constant over the whole 100 ms. Between two
@@ -132,7 +132,7 @@ def search_cells(
     bin_step: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Acquisition, ...]:
-    """Return the results of `choose` for every satellite, without those that may be cross-correlation.
+    """Return the results of `choose` for every satellite, without signals that may be cross-correlation.
 
     `choose` returns the signals in the powers of one satellite. The powers of the components `signals` are added, over
     `max_stretches` code periods at most. `overall_pfa` is the probability that noise alone exceeds the threshold in any

@@ -1,8 +1,8 @@
 """The sum of a satellite's components in one band, sub-chip by sub-chip: the table from which a recording is sampled.
 
-A component with a primary code is a repeated pattern with a sign for each period: secondary chip times symbol. This is
-possible because a symbol lasts one code period on E1-B and on E6-B [OS-ICD, 2.3]. Encrypted components are given chip
-by chip.
+A component with a primary code is a repeated pattern with a sign for each period: secondary chip times symbol. A period
+has a single sign because a symbol lasts one code period on E1-B and on E6-B [OS-ICD, 2.3]. Encrypted components are
+given chip by chip.
 """
 
 from __future__ import annotations

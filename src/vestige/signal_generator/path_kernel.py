@@ -9,8 +9,8 @@ look-up and one rotation per sample for any number of components:
     x_i += level[⌊u_0 + i u_1⌋] · (a e^{jφ_i})          u_0, u_1 in float64, new for each block
 
 Code phase and carrier phase are parabolas in time. For each block of 1024 samples, the code's rate and the carrier's
-phase are computed in float64 at the middle of the block. One table of the carrier serves several blocks. Their number
-follows from the Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
+phase are computed in float64 at the middle of the block. One table of the carrier serves several blocks. The number of
+blocks follows from the Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
 
 No sum depends on the order of vector lanes and no operations are fused: a block has the same bits on every machine.
 """

@@ -81,8 +81,8 @@ def synthesize(
     noise_key
         Key of the noise (`noise_kernel.noise_key`); None for no noise.
     origin_sample
-        Sample from which `start_s` of the signals counts. It lies near the signals, because float64 rounds in a long
-        recording.
+        Sample from which `start_s` of the signals counts. The sample lies near the signals, because float64 rounds in a
+        long recording.
     noise_power
         Variance of the noise. Amplitudes refer to variance 1, so a larger variance means additional white interference.
     carrier_hz

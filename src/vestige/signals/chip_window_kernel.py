@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 **Packed chips.** A code is packed into one bit per chip, 32 chips to a word; a set bit means −1. A window is 32
-consecutive chips. A left shift by s brings chip s of the window into the sign bit. That bit, XORed into a float32,
+consecutive chips. A left shift by s brings chip s of the window into the sign bit. The sign bit, XORed into a float32,
 multiplies the float32 by the chip.
 
 **One window for eight samples.** At half the chip rate or more, eight samples meet at most 15 chips. One window then
@@ -12,9 +12,9 @@ its words: chip c is bit c mod 32, and the shift is the code phase modulo 32 chi
 samples, unless the sampling rate is less than half the chip rate: then each sample has its own window.
 
 **Fixed-point code phase.** The phase at the start of a block is a float64. Inside the block the phase is an integer
-with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. This phase, modulo 32 chips and cut to 27
-fraction bits, is added to the delay's (`window_delay`); the five upper bits of the sum are the shift. A chip edge is
-exact to 2^-27 chip (0.4 µm): a plain double loop in float64 finds the same chip at every sample.
+with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. The phase, modulo 32 chips and cut to 27
+fraction bits, is added to the phase of the delay (`window_delay`); the five upper bits of the sum are the shift. A chip
+edge is exact to 2^-27 chip (0.4 µm): a plain double loop in float64 finds the same chip at every sample.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

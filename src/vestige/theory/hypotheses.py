@@ -8,8 +8,8 @@ Both vestigial searches look for a signal within the time uncertainty ΔT [WFO, 
     hand-over    N = (ΔT / E1 code period) · taps                          one Doppler bin, known from E1
 
 The paper's count for the hand-over, 30 s / 4 ms = 7500, has one code offset at each position; with a bank of taps the
-count is multiplied by their number. The hand-over saves tests on E6 because a detection on E1 comes first. That
-detection has its own count: `exhaustive_hypotheses` over one E1 period with the E1 chip.
+count is multiplied by their number. The hand-over saves tests on E6 because a detection on E1 comes first. The
+detection on E1 has its own count: `exhaustive_hypotheses` over one E1 period with the E1 chip.
 
 The counts are not rounded to whole steps. Hypotheses less than a chip apart share part of their noise, so N of them
 give fewer false alarms than N independent hypotheses. `effective_taps` gives this reduction for a bank of taps.

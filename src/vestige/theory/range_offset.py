@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-c_e, c_p, c_l are the early, punctual and late magnitudes, Δ apart. The punctual tap and the lower of the outer ones
-lie on the same flank and give its slope α. A line with that slope through c_p and one with the opposite slope through
-the higher outer tap meet at the peak:
+c_e, c_p, c_l are the early, punctual and late magnitudes, Δ apart. The punctual tap and the lower outer tap lie on the
+same flank and give its slope α. Two lines meet at the peak: the line with that slope through c_p, and the line with the
+opposite slope through the higher outer tap.
 
     τ = τ_p + sgn(c_l − c_e) · ½ · (c_max − c_min)/(c_p − c_min) · Δ        c_max, c_min: of c_e and c_l
 
@@ -13,11 +13,12 @@ aδ, c_l = 1 − a(Δ−δ), c_e = 1 − a(Δ+δ). So c_l − c_e = 2aδ, c_p �
 
 The formula is exact for an unfiltered signal while Δ + |δ| is at most one chip: for every |δ| ≤ Δ/2 if Δ ≤ 2/3 chip.
 
-[WFO] prints the formula without the ½ and the sign, which gives |2δ|. Its results were computed with both: the cluster
-of early detections lies at −30 m + ½·15 m = −22.5 m.
+[WFO] prints the formula without the ½ and the sign, which gives |2δ|. The results of [WFO] were computed with both: the
+cluster of early detections lies at −30 m + ½·15 m = −22.5 m.
 
-|τ − τ_p| never exceeds Δ/2. An outer tap may be higher than the punctual tap, since the maximum detector allows this for
-n > 1 and at the ends of its range. The peak is then taken to be halfway to that outer tap. Three equal taps give τ_p.
+|τ − τ_p| never exceeds Δ/2. An outer tap may be higher than the punctual tap, since the maximum detector allows this
+for n > 1 and at the ends of its range. The peak is then taken to be halfway to that outer tap. Three equal taps give
+τ_p.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ A cell far above the threshold is thus almost never lost, and the loss depends o
 − k √(1−f), a cell just at the threshold is k standard deviations above t. The choice of k and f balances the loss
 against the time: noise passes e^{−t²/2} of the cells. Here f = ½ and k = 1.5.
 
-The loss at a C/N0 is the mean of this probability over all S > g. It is computed for the strongest cell, with the
+The loss at a C/N0 is the mean of this probability over all S > g. The mean is computed for the strongest cell, with the
 signal anywhere between the points of the grid. The screen's bins are 1/T_I apart, so a bin may be 1/(2 T_I) off the
 frequency of that cell.
 """

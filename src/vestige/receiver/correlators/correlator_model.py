@@ -17,7 +17,7 @@ or a quantiser R_n of `front_end_correlation` replaces R, and R_e(x) = Σ_d A_|d
 Under a sky all other signals are white noise (`other_signals`). Under attack, spoofing signals are further paths.
 Noise, jamming, and paths too far from the tap for A_d come from `disturbance`.
 
-The noise floor is measured with N_c chips, so it scatters by 1/√N_c. It includes the signal's own share.
+The noise floor is measured with N_c chips, so it scatters by 1/√N_c. The floor includes the signal's own share.
 """
 
 from __future__ import annotations

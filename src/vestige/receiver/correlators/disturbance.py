@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-**Chips that do not match.** Such a signal has other chips than the replica: an attacker made them up, or they lie many
-chips away in the same keystream. The correlator at distance x then gives
+**Chips that do not match.** An attacker made up the chips of such a signal, or the chips lie far away in the replica's
+keystream. The correlator at distance x then gives
 
     R_u(x) = (1 − f) B_d + f B_{d+1}       d = ⌊x⌋, f = x − d chips       B_d ~ N(0, 1/N_c), independent
 
@@ -54,7 +54,7 @@ def drawn_disturbance(
 ) -> Disturbance:
     """Return the disturbance of the epochs from `first` on; the cut into blocks does not change it.
 
-    `labels` name the owner of the draws, beside the block's number.
+    `labels` name the owner of the draws, in addition to the block's number.
     """
     n, chips = effects.white.size, offsets_m * CHIPS_A_METRE
     n_lags = int(np.ceil(np.ptp(chips))) + 2

@@ -65,8 +65,7 @@ def _next(n_levels, x, delay, half_spacing, direction):
 def settle(levels, x, delay, product, half_spacing):
     """Return the stable zero of D = early − late that a loop at x reaches; x if there is none within reach.
 
-    D > 0 moves the loop earlier. Where D does not decide, the loop also moves earlier, so of two equal signals it keeps
-    the first.
+    D > 0 moves the loop earlier. With D = 0 the loop also moves earlier, so of two equal signals it keeps the first.
     """
     after = _early_side(levels, x + _NEAR, delay, product, half_spacing)
     before = _early_side(levels, x - _NEAR, delay, product, half_spacing)

@@ -13,8 +13,9 @@ until D changes its sign; otherwise it moves earlier. The first change of sign i
 located by the Illinois variant of false position. R is piecewise linear, so D is piecewise quadratic and a few steps
 are enough.
 
-The result assumes a loop that follows the reflections at once. This is right for reflections whose phase changes slowly
-against the loop bandwidth. Front-end filtering is left out, as in the calibration of the multipath model.
+The result assumes a loop that follows the reflections at once. The assumption is right for reflections whose phase
+changes slowly against the loop bandwidth. Front-end filtering is left out, as in the calibration of the multipath
+model.
 """
 
 from __future__ import annotations

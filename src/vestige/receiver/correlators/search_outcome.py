@@ -23,11 +23,11 @@ can end on the flank of the stronger. On E1 a signal that is 16 dB below the str
 signal counts as an additional signal; in E6 only a signal with the chips of the RECS counts. A false alarm has
 probability p_fa and lies anywhere in the window.
 
-The earliest signal in E6 is the true signal. Its delay less the predicted E6 − E1 delay is the range that a receiver
-then uses. The errors of this range are its delay, ionosphere and group delay as in every hand-over, and the noise of
-one snapshot. After a hand-over search the range is used if every signal of E1 was found in E6 or could not have been
-missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip off. After an exhaustive search the range is used if there are two
-signals: a single signal may be the spoofing signal, while the true signal is lost in noise.
+The earliest signal in E6 is the true signal. A receiver then uses the delay of this signal less the predicted E6 − E1
+delay as a range. The errors of this range are its delay, ionosphere and group delay as in every hand-over, and the
+noise of one snapshot. After a hand-over search the range is used if every signal of E1 was found in E6 or could not
+have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip off. After an exhaustive search the range is used if there
+are two signals. A single signal may be the spoofing signal, with the true signal lost in noise.
 
 In this model multipath components do not count as signals of their own. A satellite 16 dB below the strongest of the
 others is not left out.
@@ -84,7 +84,7 @@ class SearchOutcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandSignals:
-    """The signals of one satellite in one band over epochs; the true one is the first."""
+    """The signals of one satellite in one band over epochs; the true signal is the first."""
 
     amplitude: Complex128[np.ndarray, "n k"]  # relative to the true signal, as delay and Doppler; 0 means no signal
     delay_m: Float[np.ndarray, "n k"]

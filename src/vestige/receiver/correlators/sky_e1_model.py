@@ -5,9 +5,9 @@ Theory of operation
 Each satellite sends E1-B and E1-C, of C/N0 c_j each, CBOC(6,1,1/11) with + and −. A correlator takes E1-C as BOC(1,1).
 
 **Strangers** are all signals that are not aligned with the replica: those of other satellites, and the satellite's own
-that are a chip or more away. Their power u = Σ c_j p_j is that of one component over N0, in Hz; p is the power of a
-satellite's signals over that of its line of sight. Sampled at f_s, their noise in two correlators δ apart has the
-covariance u A(δ) in each dimension. The receiver's own noise has the covariance of the replicas instead.
+that are a chip or more away. The power u = Σ c_j p_j of the strangers is that of one component over N0, in Hz; p is the
+power of a satellite's signals over that of its line of sight. Sampled at f_s, their noise in two correlators δ apart
+has the covariance u A(δ) in each dimension. The receiver's own noise has the covariance of the replicas instead.
 
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 

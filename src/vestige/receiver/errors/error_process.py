@@ -66,7 +66,7 @@ class IonosphereModel(Protocol):
     """The differential ionosphere E6 − E1 of a satellite.
 
     Under a sky, vestige multiplies the residual by the obliquity. A process may have a method `shared(receiver,
-    share)`, as `IonosphereProcess` has. Its argument is the share of the variance that all satellites have in common.
+    share)`, as `IonosphereProcess` has. `share` is the share of the variance that all satellites have in common.
     """
 
     def process(self, streams: Streams) -> Any:

@@ -8,14 +8,14 @@ the late side
 
     P(e > x) = ps · e^{−(x−u)/β}
 
-This is a straight line in a logarithmic histogram, as the right flank in [WFO, Sec. VI-A]. One Gaussian z per epoch
+The tail is a straight line in a logarithmic histogram, as the right flank in [WFO, Sec. VI-A]. One Gaussian z per epoch
 gives the value through the inverse distribution function, e = F⁻¹(Φ(z)). So e has the distribution F for any memory of
 z.
 
 * `iid`: every epoch independent, for histograms.
 * `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation along a Galileo pass. A run of 100,000 s
-  then has only about 14 independent values. In a second the residual changes by 1.7 % of its spread, or 2 cm. This is
-  half a radian of the E6 carrier, so carrier phases need `smooth`.
+  then has only about 14 independent values. In a second the residual changes by 1.7 % of its spread, or 2 cm: half a
+  radian of the E6 carrier. So carrier phases need `smooth`.
 * `smooth`: z is a Gauss-Markov process of second order with the same τ, so it has a rate: 0.03 % of its spread in a
   second, 0.4 mm. E6 carrier phases can be compared with those of E1.
 

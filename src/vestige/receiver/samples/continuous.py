@@ -10,9 +10,10 @@ recording goes through all epochs in one piece:
          reflections
 
 In the middle of the reception of an epoch's chips, all errors have the values of the epoch, and change slowly. From
-there they change to the values of the next epoch without a step. Delays and strengths follow half a cosine. The phase
-of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the recording is therefore
-that of `Simulation.snapshot`, except for carrier phase and micrometres. Tracking loops see a channel without jumps.
+there the errors change to the values of the next epoch without a step. Delays and strengths follow half a cosine. The
+phase of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the recording is
+therefore that of `Simulation.snapshot`, except for carrier phase and micrometres. Tracking loops see a channel without
+jumps.
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ Time zero is where the loop has settled, so a signal of delay τ lies at τ − 
 carrier, are those of the pseudorange. With M = f_s T samples of noise 1, the mean over them times √(2M) is ξ.
 
 The samples of each satellite have their own noise, which differs from that of a recording. The power of the band comes
-from further samples with all satellites, W of them per second. Their mean square is 1 + Σ r_i without an attack.
+from further samples with all satellites, W of them per second. The mean square of these samples is 1 + Σ r_i without an
+attack.
 """
 
 from __future__ import annotations

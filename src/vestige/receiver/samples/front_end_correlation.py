@@ -11,7 +11,7 @@ at distance x from a path of unit amplitude. R_n is the covariance of the noise 
 Both are in units of the variance 1/(C/N0 · T) without a front end. The replica is not filtered. f_s must not be
 commensurate with the chip rate; otherwise the samples are not spread over the chip. For a filter with steep edges both
 functions approach the band-limited autocorrelation R_B. A quantiser replaces ρ = r by Σ_k (c_k/c_1)² ρ^k
-(`quantiser.py`). This formula holds if the signals are weak against the noise in a sample.
+(`quantiser.py`). The formula is valid if the signals are weak against the noise in a sample.
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@ Theory of operation
 -------------------
 **Stretches.** A band is made in stretches of some 10 ms, whole blocks of the synthesis kernel. About the middle t_m of
 a stretch the pseudorange is P + v x + ½ a x². The third derivative j adds j x³/6 within 5 ms, less than a micrometre
-for any receiver on Earth. The chip that arrives at t_m was sent at t − P(t)/c. Its number is counted from the Galileo
-second in integers, and the chip arrives x after t_m. Stretches are cut on the sample counter, so two recordings of the
-same scenario have the same bits where they overlap.
+for any receiver on Earth. The chip that arrives at t_m was sent at t − P(t)/c. The chip's number is counted from the
+Galileo second in integers, and the chip arrives x after t_m. Stretches are cut on the sample counter, so two recordings
+of the same scenario have the same bits where they overlap.
 
 **Propagation.** All effects in addition to the pseudorange are computed once per stretch. A group delay moves the code
 of the line of sight and not its carrier; an ionosphere moves the carrier the other way. Both change over a stretch with

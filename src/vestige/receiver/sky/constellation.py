@@ -1,9 +1,10 @@
 """The sky: satellites on nominal orbits, and their signal strength.
 
-The nominal constellation is Galileo's Walker 24/3/1 as the service publishes it [GSC-ORBITS]. It has circular orbits in
-three planes 120° apart. Each plane has eight slots at 45°, and the next plane is ahead by 360°/24 = 15°. The satellites
-are given as ephemerides, so that simulator, navigation file and receiver work with the same orbits. SVID 1 to 8 stand
-for the slots A01 to A08, 9 to 16 for B01 to B08, 17 to 24 for C01 to C08. Real satellites have other numbers.
+The nominal constellation is Galileo's Walker 24/3/1 as the service publishes it [GSC-ORBITS]. The constellation has
+circular orbits in three planes 120° apart. Each plane has eight slots at 45°, and the next plane is ahead by 360°/24 =
+15°. The satellites are given as ephemerides, so that simulator, navigation file and receiver work with the same orbits.
+SVID 1 to 8 stand for the slots A01 to A08, 9 to 16 for B01 to B08, 17 to 24 for C01 to C08. Real satellites have other
+numbers.
 
 Orbit and clock of an ephemeris are taken as true: errors of the broadcast message are not modelled.
 """

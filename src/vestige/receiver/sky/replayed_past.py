@@ -10,8 +10,8 @@ The receiver computes the satellite's position at t − τ − ρ/c, so all rang
 (`samples.attacked_sky`). For 5 s the difference is up to 4 km. Delays up to 10 µs are not changed: their difference is
 less than 1 cm. Strength, ionosphere and multipath stay those of t.
 
-A single line of sight does not need this correction. Its receiver has no other clock than the signal (`snapshots.e1`),
-so its time is that of the replay. At that time the range, too, is that of the replay.
+A single line of sight does not need this correction. The receiver has no other clock than the signal (`snapshots.e1`),
+so the receiver's time is that of the replay. At that time the range, too, is that of the replay.
 """
 
 from __future__ import annotations

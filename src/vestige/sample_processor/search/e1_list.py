@@ -1,7 +1,7 @@
 """Measurements of all signals on E1 at one time, which `vestige search e1` lists.
 
-`search_e1` finds signals on a grid of 125 Hz and a quarter of a chip. This module measures each of them (`measure_e1`)
-over the same samples, and refers all of them to the first of those samples. If samples are missing, every signal jumps.
+`search_e1` finds signals on a grid of 125 Hz and a quarter of a chip. This module measures each signal (`measure_e1`)
+over the same samples, and refers all signals to the first of these samples. If samples are missing, every signal jumps.
 Then only the longer part, before or after the jump, is used, so that all signals come from the same part.
 """
 

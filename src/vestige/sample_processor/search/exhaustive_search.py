@@ -12,10 +12,10 @@ loses up to 0.72 dB. If the loss exceeds 0.3 dB, the span is cut into passes. Ea
 middle from carrier *and* code: two passes for 8 ms, three for 16 ms. The remaining loss is at most 0.24 dB.
 
 **Decision.** If a power comes within an engine's loss and `SCREEN_MARGIN_DB` of the threshold, the cell is computed
-again. This exact value uses the samples in complex128, over all bins, against the noise of the same samples (Σ|chip|²,
-see `vestige.sample_processor.correlator`). Only the exact value is compared with the threshold. Then Doppler and code
-phase are interpolated. The margin is needed because noise differs between an engine's sum and the exact sum; it costs a
-few exact cells per hour.
+again. The exact value uses the samples in complex128, over all bins, against their own noise (Σ|chip|², see
+`vestige.sample_processor.correlator`). Only the exact value is compared with the threshold. Then Doppler and code phase
+are interpolated. The margin is needed because noise differs between an engine's sum and the exact sum; it costs a few
+exact cells per hour.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class ExhaustiveSearch:
         `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that runs here. With
         every engine exact cells decide. `segment` leaves out a few of the weakest signals (`theory/screen_loss.py`).
     workers
-        Number of threads; None for all cores. The result does not depend on it.
+        Number of threads; None for all cores. The result does not depend on this number.
     """
 
     integration_s: float = 4e-3
@@ -141,7 +141,7 @@ class ExhaustiveSearch:
         Parameters
         ----------
         source
-            E6 samples. Only offsets at which they hold the whole sum are searched.
+            E6 samples. Only offsets with the whole sum in the samples are searched.
         codes
             Decrypted RECS, of one or more satellites, each with at least the chips of the integration time.
         first_start, last_start
@@ -284,7 +284,7 @@ class _Block:
         return CHIP_RATE_HZ * (1 + self.middle_hz / CARRIER_HZ[source.read(source.first_sample, 1).band])
 
     def _chips(self, source: SampleSource) -> Int16[np.ndarray, "2 2 n"]:
-        """Return the chips of the block, grid, real and imaginary part, σ `SIGMA`; zeros behind the last sample."""
+        """Return the chips of the block by grid, real and imaginary part, with σ = `SIGMA`; zeros after the samples."""
         n = self.count + self.search.n_chips
         head = source.read(source.first_sample, 1)
         rate, code_rate = head.sample_rate_hz, self._code_rate(source)

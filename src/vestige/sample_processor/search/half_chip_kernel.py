@@ -1,8 +1,9 @@
 """Samples summed into half chips, the first step of both searches in E6.
 
-A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t². It is added, free of its carrier,
-to half chip ⌊2u⌋. The correlator at a delay of any multiple of half a chip is then a signed sum of these numbers. This
-sum equals that over samples, because `vestige.sample_processor.correlator` finds the same chip for every sample.
+A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t². The sample is added, free of its
+carrier, to half chip ⌊2u⌋. The correlator at a delay of any multiple of half a chip is then a signed sum of these
+numbers. The signed sum equals the sum over samples, because `vestige.sample_processor.correlator` finds the same chip
+for every sample.
 
 Phases of code and carrier are computed in float64 for each block of 1024 samples. Inside a block the code phase is an
 integer with 40 fraction bits, and the carrier is a table.

@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-The loop measures the error e_k of phase k (code or carrier) over an integration time T. It then sets the rate of its
-oscillator for the next integration:
+The loop measures the error e_k of phase k (code or carrier) over an integration time T. The loop then sets the rate of
+its oscillator for the next integration:
 
     a_{k+1} = a_k + γ₃ e_k / T²        order 3
     f_{k+1} = f_k + a_{k+1} T + γ₂ e_k / T        order 2 and 3

@@ -2,7 +2,7 @@
 
 Samples are given in consecutive stretches; the result does not depend on how they are cut. The receiver looks for all
 satellites at the beginning. Then it looks for an untracked satellite every 5 s, first for those above the horizon by
-the almanac of the message (`outlook.py`). It looks for lost satellites every second for two minutes, around their last
+the almanac of the message (`outlook.py`). Lost satellites are searched every second for two minutes, around their last
 Doppler. Observables are computed `epochs_per_s` times a second at whole fractions of a second of the receiver's clock.
 
 The time of transmission becomes known in steps. The secondary code gives it modulo 100 ms; the message gives it
@@ -135,7 +135,7 @@ class TrackingReceiver:
         return self._take(batch, map if pool is None else pool.map)
 
     def _start_anew(self) -> None:
-        """Forget the channels, because the next samples are not connected to the previous ones.
+        """Forget the channels, because the next samples are not connected to the previous samples.
 
         The known error of the time tag is still the best guess. But pages and ranges wait until a message gives the
         time again.

@@ -23,12 +23,12 @@ The rest of the power is noise; it is 1/ρ² − 1 times the part that correlate
 
 **Chips of E6-C.** Each lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. Let the matching part of the spoofing signal
 have η times the power of the true signal. The rest is noise behind the victim's correlator, because its chips do not
-match. Its density is
+match. The density of this noise is
 
     N/N0 = η (Ec/N0 of the victim) (1/ρ² − 1)
 
-This is η/G for a repeater that receives G times better. An attacker who drops the quadrature of the repeated signal
-halves the noise without any decision: 1/ρ² − 1 = 1/(2γ).
+The density is η/G for a repeater that receives G times better. An attacker who drops the quadrature of the repeated
+signal halves the noise without any decision: 1/ρ² − 1 = 1/(2γ).
 
 **Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol: t is the time since the symbol began.
 """

@@ -7,10 +7,10 @@ the publication was not available, so the formulas are derived here from the ide
 Theory of operation
 -------------------
 The receiver correlates the first w seconds of each symbol and multiplies by the symbol. B_u is the mean over n_u
-unpredictable symbols and B_p that over n_p predictable ones. Both are complex. With an authentic signal both have the
-amplitude A of the signal, whatever the filter of the front end does to the beginning of a symbol. The noise of one
-symbol has the variance s² = A²/(2 c w) per dimension, c = C/N0. It is estimated from the scatter of the real parts,
-with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics are
+unpredictable symbols and B_p the mean over n_p predictable symbols. Both are complex. With an authentic signal both
+have the amplitude A of the signal, for any effect of the front end's filter on the beginning of a symbol. The noise of
+one symbol has the variance s² = A²/(2 c w) per dimension, c = C/N0. The variance is estimated from the scatter of the
+real parts, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics are
 
     real         Re(B_p − B_u) / e             Student's t, ν degrees of freedom
     distance     |B_p − B_u|² / (2 e²)         F with 2 and ν degrees of freedom
@@ -19,7 +19,7 @@ with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the
     paired       √n_u mean(d) / std(d)         Student's t, n_u − 1 degrees of freedom
 
 The `paired` metric needs no predictable symbols: d is the later part of an unpredictable symbol less its first part.
-The alarm is raised above a threshold. The thresholds of `real`, `distance` and `paired` are exact. Those of
+The alarm is raised above a threshold. The thresholds of `real`, `distance` and `paired` are exact. The thresholds of
 `magnitudes` and `ratio` assume known A and s. A is taken from the later parts. The estimate of s enters as s t/z, the
 quantiles of Student's t and of the normal distribution, which is exact for A ≫ s/√n.
 
