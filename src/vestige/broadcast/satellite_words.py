@@ -92,7 +92,7 @@ class SatelliteWords:
         if not ordered:
             raise VestigeError("a satellite without an ephemeris cannot send navigation words")
         if len({one.ephemeris.svid for one in ordered}) > 1:
-            raise ValueError("ephemerides of several satellites in the words of one")
+            raise ValueError("ephemerides of several satellites were given for a single satellite")
         self.svid = ordered[0].ephemeris.svid
         self.fec2 = fec2
         self._system = system
@@ -103,7 +103,7 @@ class SatelliteWords:
             if later.ephemeris.iod_nav == earlier.ephemeris.iod_nav:
                 raise VestigeError(
                     f"E{self.svid:02}: the ephemeris issued at {later.start} has the IODnav "
-                    f"{later.ephemeris.iod_nav} of the one before; receivers would mix their words"
+                    f"{later.ephemeris.iod_nav} of the issue before; receivers would mix their words"
                 )
         if fec2:
             self._words = [{**words, **parity_words(words)} for words in self._words]

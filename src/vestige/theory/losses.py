@@ -80,7 +80,7 @@ def quantisation_loss_db(bits: int) -> float:
     Φ)); a single bit leaves 2/π.
     """
     if bits not in {1, 2}:
-        raise ValueError(f"the loss is known here for 1 and 2 bits, asked for {bits}")
+        raise ValueError(f"the loss is known for 1 and 2 bits, found {bits}")
     step = np.linspace(0.5, 1.5, 1001) if bits == 2 else np.array([np.inf])
     inner = erf(step / np.sqrt(2))
     efficiency = 2 / np.pi * (1 + 2 * np.exp(-(step**2) / 2)) ** 2 / (inner + 9 * (1 - inner))

@@ -48,7 +48,7 @@ def e1_multipath_error_m(
     `amplitude` is relative to the line of sight on this carrier; `spacing_chips` is d.
     """
     if not 0 < spacing_chips < 1:
-        raise ValueError(f"a spacing lies between 0 and 1 chip, found {spacing_chips}")
+        raise ValueError(f"a spacing must lie between 0 and 1 chip, found {spacing_chips}")
     rays = _Rays(delay_m.T * (chip_rate_hz / SPEED_OF_LIGHT_MPS), amplitude.T, spacing_chips / 2, pulse)
     error = np.zeros(delay_m.shape[0])
     at_zero = rays.discriminator(error)

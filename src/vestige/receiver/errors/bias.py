@@ -41,7 +41,7 @@ class BiasResiduals:
 
     def __post_init__(self) -> None:
         if not (self.bgd_sigma_m >= 0 and self.hardware_sigma_m >= 0 and self.hardware_drift_mps >= 0):
-            raise ValueError("standard deviations are not negative")
+            raise ValueError("standard deviations that are not negative")
 
     def process(self, streams: Streams, *, receiver: Streams) -> BiasProcess:
         """Return a realisation for one satellite, from its own streams and from those of the receiver."""

@@ -51,7 +51,7 @@ class TwoStateClock:
 
     def __post_init__(self) -> None:
         if not (self.h0_s >= 0 and self.h_minus_2_hz >= 0):
-            raise ValueError("the noise coefficients of a clock are not negative")
+            raise ValueError("noise coefficients that are not negative")
 
     @property
     def white_s(self) -> float:

@@ -43,7 +43,7 @@ class EmpiricalIonosphere:
 
     def __post_init__(self) -> None:
         if self.samples_m.size == 0 or not np.all(np.isfinite(self.samples_m)):
-            raise ValueError("a distribution needs samples, and finite ones")
+            raise ValueError("a distribution needs at least one sample, and finite samples only")
 
     def process(self, streams: Streams) -> IonosphereProcess:
         """Return a realisation for one satellite from its streams."""

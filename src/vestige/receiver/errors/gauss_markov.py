@@ -35,7 +35,7 @@ class GaussMarkovProcess:
 
     def __init__(self, rng: np.random.Generator, tau_s: float) -> None:
         if not tau_s >= 0:
-            raise ValueError(f"a correlation time is not negative, found {tau_s}")
+            raise ValueError(f"a correlation time must not be negative, found {tau_s}")
         self._rng, self._tau_s = rng, tau_s
         self._last_s: float | None = None
         self._z = 0.0
@@ -72,7 +72,7 @@ class SmoothGaussMarkovProcess:
 
     def __init__(self, rng: np.random.Generator, tau_s: float) -> None:
         if not tau_s > 0:
-            raise ValueError(f"the correlation time of a smooth process is positive, found {tau_s}")
+            raise ValueError(f"the correlation time of a smooth process must be positive, found {tau_s}")
         self._rng, self._a_s = rng, tau_s / _SMOOTH_TAU
         self._last_s: float | None = None
         self._z = self._rate = 0.0  # `_rate` is the rate times a

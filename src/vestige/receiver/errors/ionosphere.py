@@ -82,7 +82,7 @@ class HeavyTailedIonosphere:
 
     def __post_init__(self) -> None:
         if not (self.core_sigma_m >= 0 and self.tail_start_m >= 0 and self.tail_scale_m >= 0):
-            raise ValueError("the widths of the core and of the tails are not negative")
+            raise ValueError("widths of the core and of the tails that are not negative")
         if not 0 <= self.tail_probability <= 1:
             raise ValueError(f"the probability of the tails is not in [0, 1]: {self.tail_probability}")
         if not 0 <= self.late_tail_share <= 1:

@@ -108,11 +108,11 @@ class LmsLiteMultipath:
         if self.n_rays < 1 or (self.mean_rays is not None and not self.mean_rays > 0):
             raise ValueError("there must be at least one reflection; for no multipath the power is -inf dB")
         if not self.slope_db_per_us >= 0:
-            raise ValueError("later reflections are not stronger: the loss with delay is not negative")
+            raise ValueError("a loss with delay that is not negative, because later reflections are not stronger")
         if not (self.mean_excess_m > 0 and self.max_excess_m > 0):
-            raise ValueError("mean and largest excess delay must be positive")
+            raise ValueError("a mean and a largest excess delay above 0")
         if not (self.speed_mps >= 0 and self.mean_life_m >= 0 and self.mean_life_s >= 0):
-            raise ValueError("speed and life of a reflection are not negative")
+            raise ValueError("a speed and a life that are not negative")
         if self.mean_life_m == 0 and 0 < self.mean_life_s < inf:
             raise ValueError("with mean_life_m = 0 every epoch has its own reflections, so mean_life_s has no effect")
 

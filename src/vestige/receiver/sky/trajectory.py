@@ -71,7 +71,7 @@ class CircularTrajectory:
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0:
-            raise ValueError(f"the radius of a circle is positive, found {self.radius_m}")
+            raise ValueError(f"the radius of a circle must be positive, found {self.radius_m}")
 
     def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
         """Return ECEF position, velocity and acceleration at times after the scenario's start."""
@@ -103,7 +103,7 @@ class WaypointTrajectory:
 
     def __post_init__(self) -> None:
         if self.time_s.size < 2 or not np.all(np.diff(self.time_s) > 0):
-            raise ValueError("waypoints are two or more, at ascending times")
+            raise ValueError("a trajectory needs two waypoints or more, at ascending times")
 
     @classmethod
     def from_geodetic(cls, waypoints: Float[np.ndarray, "k 4"]) -> WaypointTrajectory:

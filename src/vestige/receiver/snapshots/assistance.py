@@ -36,7 +36,7 @@ class SimulatedAssistance:
     def recs_of(self, snapshots: SnapshotBlock) -> SimulatedRecs:
         """Return the RECS that the satellites of a block sent, with their keys."""
         if not isinstance(snapshots.e6, DrawnE6 | SimulatedE6Samples):
-            raise TypeError("the assistance of a simulation is for its own snapshots")
+            raise TypeError("the assistance of a simulation needs snapshots of the same simulation")
         return SimulatedRecs(assistance=self, block=recs_block(snapshots.e6.of), first=snapshots.e6.of.first)
 
 

@@ -160,7 +160,7 @@ class ExhaustiveSearch:
         """
         chips = tuple(shortened(one, self.n_chips) for one in codes)
         if any(one.chips.size < self.n_chips for one in chips):
-            raise ValueError(f"a RECS holds fewer than the {self.n_chips} chips to be correlated")
+            raise ValueError(f"a RECS has fewer than the {self.n_chips} chips of the integration time")
         begin, uncertainty_s = searchable(source, self.integration_s, first_start, last_start)
         total = self.hypotheses(uncertainty_s, len(chips))
         if total <= 0 or not chips:

@@ -253,7 +253,7 @@ def track_together(
         return []
     needed = min(channel.first_sample for channel in channels)
     if first > needed:
-        raise ValueError(f"samples from number {first} on, a channel needs {needed}")
+        raise ValueError(f"samples begin with number {first}, but a channel needs {needed}")
     x: Float32[np.ndarray, " n"] = samples.view(np.float32)
     constants, states = np.zeros(len(channels), CONSTANTS), np.zeros(len(channels), CHANNEL_STATE)
     for i, channel in enumerate(channels):  # np.concatenate compares the fields' types each time

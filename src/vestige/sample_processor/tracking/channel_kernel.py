@@ -282,7 +282,7 @@ def _phase_error(kind, prompt, amplitude):
 
 @njit(cache=True, nogil=True)
 def _lock(c, s, prompt):
-    """Add a prompt to the sums of its secondary code; at the end determine C/N0, phase lock and the loss of the signal."""
+    """Add a prompt to the sums of its secondary code; at the end determine C/N0, phase lock and loss of signal."""
     s.sum_re += prompt.real
     s.sum_im += prompt.imag
     s.sum_in_phase += prompt.real**2

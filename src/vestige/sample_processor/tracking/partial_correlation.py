@@ -230,7 +230,7 @@ def predictable_reference_test(
     kinds = [(signs * first)[unpredictable], (signs * first)[~unpredictable]]
     n_u, n_p = (kind.size for kind in kinds)
     if min(n_u, n_p) < MIN_SYMBOLS:
-        found = f"{n_u} unpredictable and {n_p} predictable ones"
+        found = f"{n_u} unpredictable and {n_p} predictable symbols"
         raise ValueError(f"a test of replayed symbols needs {MIN_SYMBOLS} symbols or more of each kind, found {found}")
     squares = sum(float(np.sum(np.square(kind.real - np.mean(kind.real)))) for kind in kinds)
     noise = float(np.sqrt(squares / (n_u + n_p - 2)))

@@ -128,7 +128,7 @@ def metric_threshold(
     [3.09, 6.91, 1.66]
     """
     if not 0 < p_fa < 0.5:
-        raise ValueError(f"a false-alarm probability lies between 0 and 0.5, found {p_fa:g}")
+        raise ValueError(f"a false-alarm probability must lie between 0 and 0.5, found {p_fa:g}")
     freedom = n_unpredictable + n_predictable - 2
     student = -float(stdtrit(freedom, p_fa))
     if metric == "real":
