@@ -5,10 +5,10 @@ With P the pseudorange that geometry and receiver clock make, common to both ban
     P1 = P + e1_noise + e1_multipath                 what E1 tracking says
     P6 = P + iono_diff + bias                        where the line of sight is in E6
 
-The hand-over thus misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath. Every other
-reflection arrives later by its excess delay. All of these are delays of the code; the carrier has no bias, and the
-ionosphere advances it (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1
-loop followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
+The hand-over thus misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath. The reflections
+arrive later by their excess delay. All of these are delays of the code; the carrier has no bias, and the ionosphere
+advances it (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1 loop
+followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with
   reflections and noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one
@@ -149,8 +149,8 @@ class Simulation:
     def repeated_later_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
         """Return the delay, times c, relative to the true RECS, of the RECS to which E1 leads.
 
-        As long as the E1 error is less than seconds, this delay is the E1 error. Under a sky an error of seconds also
-        contains the motion of the satellite in these seconds, while the RECS itself has only the delay.
+        The delay equals the E1 error, unless that error is seconds. Under a sky an error of seconds also contains the
+        motion of the satellite in these seconds, while the RECS itself has only the delay.
         """
         error_m = truth.e1.error_m
         rows = np.flatnonzero(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)

@@ -25,10 +25,10 @@ first epoch the receiver has acquired the strongest signal on air.
 for a lost satellite every second. The search takes 0.1 s of samples and the pull-in of the carrier 0.2 s; C/N0 and
 phase lock are good after 0.2 s more. So observations come 0.5 to 1.5 s after the signal (`test_reacquisition.py`).
 
-**Side peaks.** R² of BOC(1,1) has peaks half a chip from the main peak, 6 dB lower. A loop stays on the nearest of
-them: if the true signal vanishes and a signal 170 m later stays, the loop settles 16 m later, not 170 m. The tracking
-loops on samples do the same, since they do not look for side peaks either. Both settle a quarter of their early-late
-spacing before the side peak: 16 m here, where d is 0.1 chip, and 11 m on samples of 12.3 MHz, where d is 0.166 chip.
+**Side peaks.** R² of BOC(1,1) has peaks half a chip from the main peak, 6 dB lower. A loop stays on the nearest peak:
+if the true signal vanishes and a signal 170 m later stays, the loop settles 16 m later, not 170 m. The tracking loops
+on samples do the same, since they do not look for side peaks either. Both settle a quarter of their early-late spacing
+before the side peak: 16 m here, where d is 0.1 chip, and 11 m on samples of 12.3 MHz, where d is 0.166 chip.
 
 The model leaves out the carrier loop, the loop's own dynamics, and reflections. The Doppler of the model is that of the
 strongest signal in the prompt correlator; the error of reflections is added separately (`e1_multipath`). The tracking

@@ -1,6 +1,6 @@
 """E1 correlators and received power of a single line of sight from samples: the reference of `e1_taps`.
 
-Under a sky they come from samples that all satellites share (`snapshots.sky_e1`).
+Under a sky the correlators come from samples that all satellites share (`snapshots.sky_e1`).
 
 Theory of operation
 -------------------

@@ -1,7 +1,7 @@
 """The delays of the atmosphere between a satellite and the receiver of a sky, at any time.
 
 The troposphere delays code and carrier of both bands alike. The ionosphere delays the code and advances the carrier, on
-E6 γ times as much as on E1. Both follow the satellite's direction, so they change smoothly.
+E6 γ times as much as on E1. Both delays follow the satellite's direction, so they change smoothly.
 """
 
 from __future__ import annotations

@@ -256,7 +256,7 @@ def track_together(
         raise ValueError(f"samples begin with number {first}, but a channel needs {needed}")
     x: Float32[np.ndarray, " n"] = samples.view(np.float32)
     constants, states = np.zeros(len(channels), CONSTANTS), np.zeros(len(channels), CHANNEL_STATE)
-    for i, channel in enumerate(channels):  # np.concatenate compares the fields' types each time
+    for i, channel in enumerate(channels):  # faster than np.concatenate, which compares field types
         constants[i], states[i] = channel._constants[0], channel._state[0]
     totals = np.stack([channel._total for channel in channels])
     most = int(samples.size / (constants["sample_rate_hz"].min() * E1C.period_s) * 1.01) + 2
