@@ -94,8 +94,8 @@ def test_presets(model: LmsLiteMultipath, power_db: float, mean_excess_m: float)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"n_rays": 0}, "one ray"),
-        ({"mean_rays": 0.0}, "one ray"),
+        ({"n_rays": 0}, "one reflection"),
+        ({"mean_rays": 0.0}, "one reflection"),
         ({"mean_excess_m": 0.0}, "positive"),
         ({"max_excess_m": -1.0}, "positive"),
         ({"speed_mps": -1.0}, "negative"),

@@ -142,5 +142,5 @@ def steps_s(last_s: float, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray
     """
     steps = np.diff(times_s, prepend=last_s)
     if not np.all(steps >= 0):
-        raise ValueError("the times of a process must not decrease")
+        raise ValueError("the times of a process must go forward")
     return steps

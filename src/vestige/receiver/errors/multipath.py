@@ -110,7 +110,7 @@ class LmsLiteMultipath:
         if not self.slope_db_per_us >= 0:
             raise ValueError("a loss with delay that is not negative, because later reflections are not stronger")
         if not (self.mean_excess_m > 0 and self.max_excess_m > 0):
-            raise ValueError("a mean and a largest excess delay above 0")
+            raise ValueError("a positive mean and a positive largest excess delay")
         if not (self.speed_mps >= 0 and self.mean_life_m >= 0 and self.mean_life_s >= 0):
             raise ValueError("a speed and a life that are not negative")
         if self.mean_life_m == 0 and 0 < self.mean_life_s < inf:
