@@ -1,15 +1,16 @@
-"""C/NAV on E6-B: dummy pages of the High Accuracy Service [HAS-ICD, 3], one a second.
+"""C/NAV on E6-B: dummy pages of the High Accuracy Service [HAS-ICD, 3], one page a second.
 
 | field | bits |
 |---|---|
 | reserved | 14 |
 | HAS page header, `AF3BC3` for a dummy page | 24 |
-| HAS message, here of random bits | 424 |
-| CRC-24Q over all of these | 24 |
+| HAS message, here random bits | 424 |
+| CRC-24Q over the fields above | 24 |
 | tail | 6, zero |
 
-The page passes the convolutional code and the interleaver of I/NAV, here of 123 columns and 8 rows, and follows 16
-synchronisation symbols: 1000 symbols/s, one a period of the E6-B code. A page begins with each second of GST.
+The page passes the convolutional code and the interleaver of I/NAV, here with 123 columns and 8 rows. With the 16
+synchronisation symbols before it, the page has 1000 symbols, one in each period of the E6-B code, and begins with a
+second of GST.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ def dummy_page(message: int) -> UInt8[np.ndarray, " 492"]:
     Parameters
     ----------
     message
-        The 424 bits in the place of a message.
+        The 424 bits of the HAS message.
 
     Raises
     ------
     ValueError
-        If it has more bits.
+        If the message has more bits.
     """
     if not 0 <= message < 1 << _MESSAGE_BITS:
         raise ValueError(f"a HAS message has {_MESSAGE_BITS} bits, found {message.bit_length()}")
@@ -63,16 +64,16 @@ def cnav_page_symbols(bits: UInt8[np.ndarray, " 492"]) -> UInt8[np.ndarray, " 10
 def cnav_symbols(
     seed: int, svid: int, reference: GalileoTime
 ) -> Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]:
-    """Return the symbols of a satellite as ±1 against their number after a whole second; logic 0 is +1.
+    """Return the symbols of a satellite as ±1 by their number after a whole second; logic 0 is +1.
 
     Parameters
     ----------
     seed, svid
-        The dummy messages of satellites and seconds differ, and follow from these.
+        Seed and SVID, from which the dummy messages follow; satellites and seconds have different messages.
     reference
-        A whole second.
+        A whole second, at which symbol 0 begins.
 
-    The numbers of a call are ascending.
+    In each call of the returned function the numbers must ascend.
     """
 
     @lru_cache(maxsize=_PAGES_KEPT)

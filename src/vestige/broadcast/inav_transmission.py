@@ -17,7 +17,7 @@ OsnmaSource = Callable[[int, GalileoTime], bytes]
 
 
 def no_osnma(svid: int, start: GalileoTime) -> bytes:  # noqa: ARG001  (the signature of an `OsnmaSource`)
-    """Return the OSNMA field of a satellite that sends none: 5 zero bytes."""
+    """Return the OSNMA field of a satellite that sends no OSNMA: 5 zero bytes."""
     return bytes(OSNMA_BYTES)
 
 
@@ -28,11 +28,11 @@ class InavTransmission:
     Attributes
     ----------
     words
-        Its navigation words.
+        Navigation words of the satellite.
     osnma
-        Called with SVID and start of a page, returns the 5 bytes of the page's OSNMA field.
+        Function of SVID and start of a page that returns the 5 bytes of the page's OSNMA field.
     sends_ssp
-        Whether the satellite sends secondary synchronisation patterns; None: if it sends FEC2.
+        Whether the satellite sends secondary synchronisation patterns; None: only if it sends FEC2.
 
     Examples
     --------
@@ -55,7 +55,7 @@ class InavTransmission:
     def page(self, start: GalileoTime) -> InavPage:
         """Return the page that starts at a time; parameters and errors are those of `SatelliteWords.word`.
 
-        Raises `ValueError` too if the OSNMA source does not return 5 bytes.
+        The method also raises `ValueError` if the OSNMA source does not return 5 bytes.
         """
         sends_ssp = self.words.fec2 if self.sends_ssp is None else self.sends_ssp
         data = encode_page(
@@ -73,7 +73,7 @@ class InavTransmission:
         start
             Start of the first page, an odd whole second.
         count
-            How many.
+            Number of pages.
         """
         for index in range(count):
             yield self.page(start + float(PAGE_S * index))
@@ -84,6 +84,6 @@ class InavTransmission:
         Parameters
         ----------
         start
-            Start of the page, an odd whole second; it is when the first symbol leaves the satellite.
+            Start of the page, an odd whole second of satellite time; the first symbol is sent then.
         """
         return page_symbols(self.page(start).data)

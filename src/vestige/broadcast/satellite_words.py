@@ -1,6 +1,6 @@
 """The navigation words of one satellite over time, new issues of its ephemeris included.
 
-A new issue of data starts with a subframe, so the words 1 to 4 of a subframe, and the FEC2 words, are of one IODnav.
+A new issue of data starts with a subframe, so words 1 to 4 and the FEC2 words of a subframe have the same IODnav.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class EphemerisIssue:
     Attributes
     ----------
     start
-        It is sent from the first subframe on that starts at this time or later, until the next issue.
+        Time of issue. The ephemeris is sent from the first subframe that starts then or later, until the next issue.
     ephemeris
         The ephemeris that is sent.
     """
@@ -42,7 +42,7 @@ class EphemerisIssue:
 
     @property
     def first_subframe(self) -> GalileoTime:
-        """Start of the first subframe that carries it."""
+        """Start of the first subframe that carries the ephemeris."""
         past = self.start - self.start.subframe
         return self.start.subframe + (SUBFRAME_S if past else 0)
 
@@ -58,7 +58,7 @@ class SystemData:
     ionosphere
         Ionosphere model, in word 5.
     almanac
-        Sets of words 7 to 10, of which one is sent each minute, in turn. Without a set, word 0 is sent in their place.
+        Sets of words 7 to 10. One set is sent each minute, in turn. Without any set, word 0 is sent instead.
     """
 
     utc: UtcModel
@@ -72,7 +72,7 @@ class SatelliteWords:
     Parameters
     ----------
     issues
-        Its ephemerides with the times at which they are issued, in any order; the IODnav of successive ones differ.
+        Ephemerides of the satellite with their times of issue, in any order; successive issues have different IODnav.
     system
         Data that all satellites send alike.
     fec2
@@ -81,8 +81,8 @@ class SatelliteWords:
     Raises
     ------
     VestigeError
-        If there is no ephemeris, a value does not fit into the message, or a new issue has the IODnav of the one
-        before; it names the satellite.
+        If there is no ephemeris, a value does not fit into the message, or two successive issues have the same IODnav;
+        the message names the satellite.
     ValueError
         If the ephemerides are of several satellites.
     """
@@ -92,7 +92,7 @@ class SatelliteWords:
         if not ordered:
             raise VestigeError("a satellite without an ephemeris cannot send navigation words")
         if len({one.ephemeris.svid for one in ordered}) > 1:
-            raise ValueError("ephemerides of several satellites in the words of one")
+            raise ValueError("ephemerides of several satellites were given for a single satellite")
         self.svid = ordered[0].ephemeris.svid
         self.fec2 = fec2
         self._system = system
@@ -103,7 +103,7 @@ class SatelliteWords:
             if later.ephemeris.iod_nav == earlier.ephemeris.iod_nav:
                 raise VestigeError(
                     f"E{self.svid:02}: the ephemeris issued at {later.start} has the IODnav "
-                    f"{later.ephemeris.iod_nav} of the one before; receivers would mix their words"
+                    f"{later.ephemeris.iod_nav} of the issue before; receivers would mix their words"
                 )
         if fec2:
             self._words = [{**words, **parity_words(words)} for words in self._words]
@@ -112,7 +112,7 @@ class SatelliteWords:
 
     @property
     def issues(self) -> tuple[EphemerisIssue, ...]:
-        """Its ephemerides in the order in which they are issued."""
+        """Ephemerides of the satellite in the order of their issue."""
         return tuple(self._issues)
 
     def ephemeris(self, time: GalileoTime) -> Ephemeris:
@@ -126,7 +126,7 @@ class SatelliteWords:
         Raises
         ------
         VestigeError
-            If none is issued yet; it names the satellite.
+            If no ephemeris is issued by that time; the message names the satellite.
         """
         return self._issues[self._number(time)].ephemeris
 
@@ -146,7 +146,7 @@ class SatelliteWords:
         Raises
         ------
         VestigeError
-            If no ephemeris is issued yet; it names the satellite.
+            If no ephemeris is issued by that time; the message names the satellite.
         ValueError
             If no page starts at that time.
         """
@@ -168,13 +168,13 @@ class SatelliteWords:
         return time_word(start)
 
     def _number(self, time: GalileoTime) -> int:
-        number = bisect_right(self._starts, time) - 1  # each start is that of a subframe
+        number = bisect_right(self._starts, time) - 1  # each issue starts with a subframe
         if number < 0:
             raise VestigeError(f"E{self.svid:02}: no ephemeris is issued by {time}; the first is of {self._starts[0]}")
         return number
 
     def _reduced_ced(self, start: GalileoTime) -> ReducedCed | None:
-        """Return the reduced CED of a subframe, which is fitted once for its pages."""
+        """Return the reduced CED of a subframe; the fit is made once for all its pages."""
         subframe = start.subframe
         if self._reduced is None or self._reduced[0] != subframe:
             self._reduced = subframe, ReducedCed.from_ephemeris(self.ephemeris(start), start)

@@ -1,7 +1,7 @@
 """The navigation message of all satellites of a sky: I/NAV words with OSNMA in them, and the symbols of E1-B.
 
-The operator of OSNMA covers in each subframe the words of the subframes before, of all satellites, so a message is made
-in the order of time, once, from the operator's first subframe on; any part of it can then be asked for.
+In each subframe the operator of OSNMA authenticates the words of earlier subframes, from all satellites. So a message
+is made once, in the order of time, from the operator's first subframe on. Afterwards any part can be read.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ _SYMBOLS_A_PAGE = PAGE_S * SYMBOLS_PER_S
 
 
 def ephemeris_issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[EphemerisIssue]:
-    """Yield what a satellite issues from `start` to `end`: its orbit again and again, with a new IODnav each time.
+    """Yield the issues of a satellite from `start` to `end`: the same orbit each time, with a new IODnav.
 
     Parameters
     ----------
     ephemeris
         Orbit and clock, which all issues share to within the rounding of their fields.
     start, end
-        Some issue is on air at any time between them.
+        Between these times some issue is always on air.
     """
     first = start + -(start.gst_seconds % _ISSUE_S + start.fraction)
     for number in range(int((end - first) // _ISSUE_S) + 1):
@@ -52,30 +52,30 @@ def ephemeris_issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime)
 
 @dataclass(frozen=True, kw_only=True)
 class SkyMessage:
-    """E1-B messages of the satellites of a sky: their I/NAV pages, and the transmissions that make them.
+    """E1-B messages of the satellites of a sky: their I/NAV pages, and the transmissions that make the pages.
 
     Attributes
     ----------
     pages
         The pages of each satellite by SVID, in the order of time, one every 2 s.
     transmissions
-        The message of each satellite, which makes its pages, by SVID.
+        Transmission of each satellite, which makes the pages, by SVID.
     """
 
     pages: Mapping[int, tuple[InavPage, ...]]
     transmissions: Mapping[int, InavTransmission]
 
     def symbols(self, svid: int, reference: GalileoTime) -> Symbols:
-        """Return the symbols of a satellite as ±1 against their number after a whole second; logic 0 is +1.
+        """Return the symbols of a satellite as ±1 by their number after a whole second; logic 0 is +1.
 
         The sequence raises `VestigeError` for a symbol that is not in the message.
 
         Parameters
         ----------
         svid
-            The satellite.
+            SVID of the satellite.
         reference
-            A whole second.
+            A whole second, at which symbol 0 begins.
         """
         made: dict[int, Int8[np.ndarray, " 500"]] = {}
         pages, transmission = self.pages[svid], self.transmissions[svid]
@@ -115,21 +115,21 @@ def make_sky_message(
     Parameters
     ----------
     ephemerides
-        One of each satellite that sends.
+        One ephemeris of each satellite that sends.
     operator
-        Who makes the OSNMA fields; it has not made any yet.
+        Operator who makes the OSNMA fields and has made none yet.
     end
-        Time to which the message goes at least.
+        Time up to which the message must go.
     almanac
-        One ephemeris of each satellite of the constellation, for words 7 to 10; without any, word 0 is sent in their
-        places.
+        One ephemeris of each satellite of the constellation, for words 7 to 10. Without any ephemeris, word 0 is sent
+        instead.
     ionosphere
         Ionosphere model, for word 5.
 
     Raises
     ------
     VestigeError
-        If an ephemeris does not fit into its words; it names the satellite.
+        If an ephemeris does not fit into its words; the message names the satellite.
     """
     start = operator.configuration.start
     system = SystemData(

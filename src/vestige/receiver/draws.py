@@ -8,15 +8,15 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-DRAW_BLOCK = 500  # epochs that share a stream of draws, wherever a chunk is cut
+DRAW_BLOCK = 500  # epochs that share a stream of draws, independent of the cut into chunks
 
 _T = TypeVar("_T")
 
 
 def drawn_rows(first: int, n: int, draw: Callable[[int], _T]) -> _T:
-    """Return n rows of draws from row `first` on: of an array, or of a record of arrays.
+    """Return n rows of draws from row `first` on, as an array or as a record of arrays.
 
-    `draw` gives the `DRAW_BLOCK` rows of a block by its number.
+    `draw` returns the `DRAW_BLOCK` rows of the block with the given number.
     """
     begin = first // DRAW_BLOCK
     drawn = [draw(block) for block in range(begin, max((first + n - 1) // DRAW_BLOCK, begin) + 1)]
@@ -24,7 +24,7 @@ def drawn_rows(first: int, n: int, draw: Callable[[int], _T]) -> _T:
 
 
 def joined_blocks(parts: Sequence[_T]) -> _T:
-    """Return arrays, or records of arrays, one after the other."""
+    """Return arrays, or records of arrays, joined end to end."""
     arrays: Sequence[Any] = parts
     if isinstance(parts[0], np.ndarray):
         return np.concatenate(arrays)  # type: ignore[return-value]

@@ -1,25 +1,27 @@
-"""Reception of I/NAV pages from E1-B, and with them of OSNMA and its keys.
+"""Reception of I/NAV pages from E1-B, and of the OSNMA data and keys in these pages.
 
 Theory of operation
 -------------------
-Half a page, 114 bits and 6 zero bits of tail, is 240 symbols in a second behind a convolutional code of rate 1/2 and
-constraint length 7 (171, 133 octal) [OS-ICD, 4.1.4]. E1-B has the power of E1-C, so with the C/N0 of one of them
+Half a page, 114 bits and 6 zero bits of tail, is sent as 240 symbols in a second. The convolutional code has rate 1/2
+and constraint length 7 (171, 133 octal) [OS-ICD, 4.1.4]. E1-B and E1-C have the same power and thus the same C/N0, so
 
     Es/N0 = C/N0 / 250 Hz · e^{−σφ²},    σφ² = B_φ/(C/N0) (1 + 1/(2T C/N0))
 
-where σφ is the phase error of the carrier loop, which moves over many symbols of a page while the interleaver spreads
-them. A soft-decision Viterbi decoder loses half a page with the probability `_HALF_LOST`: the table is a simulation of
-the code that `tests/unit/receiver/test_osnma_reception.py` repeats. Above the table a first error event of the free
-distance 10 decides, and its logarithm goes on as it did. A page lacks a good checksum if one of its halves does:
+Here σφ is the phase error of the carrier loop. The error changes over many symbols of a page, and the interleaver
+spreads these symbols. A soft-decision Viterbi decoder loses half a page with the probability `_HALF_LOST`. This table
+is a simulation of the code that `tests/unit/receiver/test_osnma_reception.py` repeats. Beyond the table, first error
+events of the free distance 10 decide, and the logarithm is extrapolated. A page is lost if the checksum of one of its
+halves fails:
 
     C/N0     22 dBHz  23 dBHz  24 dBHz  25 dBHz  26 dBHz
     lost     0.52     0.13     0.02     0.0008   0.00002     without phase error
 
-So an ideal receiver loses OSNMA within 3 dB. Fading, an old decoder or few bits cost more.
+An ideal receiver thus loses OSNMA within 3 dB. Fading, an old decoder or few bits cost more.
 
-A key is on air in pages 10 to 14 of every satellite's subframe, the same key [OSNMA-ICD]: one satellite is enough.
+Pages 10 to 14 of every satellite's subframe carry the same key [OSNMA-ICD], so a single satellite is enough.
 
-Pages are numbered from the start of the week; page j, j mod 15 of its subframe, has ended 3 + 2j s after it.
+Pages are numbered from the start of the week. Page j is page j mod 15 of its subframe; it ends 3 + 2j s after that
+start.
 """
 
 from __future__ import annotations
@@ -39,14 +41,14 @@ _ES_N0_DB = np.arange(-4.0, 1.6, 0.5)
 _HALF_LOST = np.array([0.956, 0.861, 0.716, 0.516, 0.313, 0.156, 0.0663, 0.0235, 0.00712, 0.00174, 3.9e-4, 9.0e-5])
 _LOG_LOST = np.log(-np.log1p(-_HALF_LOST))
 _DRAW_BLOCK = 500  # pages that share a stream of draws
-_DECI = 10  # times are counted in tenths of a second, which are exact
+_DECI = 10  # times are counted in tenths of a second, which are exact as integers
 
 
 def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: TrackingModel | None = None) -> Float[np.ndarray, "*n"]:
     """Return the probability that a page is lost.
 
-    `cn0_dbhz` is that of E1-B, which is that of E1-C; NaN or −∞ loses every page. Without `tracking` the phase is
-    perfect.
+    `cn0_dbhz` is the C/N0 of E1-B, equal to that of E1-C; at NaN or −∞ every page is lost. Without `tracking` the phase
+    has no error.
     """
     cn0 = 10 ** (np.where(np.isfinite(cn0_dbhz), cn0_dbhz, 0.0) / 10)
     phase_loss = np.zeros_like(cn0) if tracking is None else tracking.phase_variance_rad2(cn0)
@@ -59,14 +61,14 @@ def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: TrackingModel | None 
 
 
 def page_end_s(page: Int64[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return when pages have ended, in s after the start of the week in which they are numbered."""
+    """Return the end of pages, in s after the start of the week in which the pages are numbered."""
     return (FIRST_PAGE_OFFSET_S + PAGE_S * (page + 1)).astype(np.float64)
 
 
 def pages_due(week_s: Float[np.ndarray, " n"], interval_s: float) -> Int64[np.ndarray, "n 15"]:
-    """Return which page each of 15 places of a subframe has had since the epoch before, −1 for none.
+    """Return the page since the previous epoch for each of the 15 positions in a subframe, −1 for no page.
 
-    When epochs are 30 s apart or more, those of the last subframe that has ended.
+    If epochs are 30 s apart or more, the pages are those of the last subframe that has ended.
     """
     now = np.round(_DECI * week_s).astype(np.int64)[:, None]
     place = np.arange(PAGES_A_SUBFRAME)
@@ -80,15 +82,15 @@ def pages_due(week_s: Float[np.ndarray, " n"], interval_s: float) -> Int64[np.nd
 
 
 def key_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarray, "n 5"]:
-    """Return the pages that hold the key of a RECS that is sent at each epoch; parameters as elsewhere."""
+    """Return the pages with the key of a RECS that is sent at each epoch; the key is `key_delay` subframes later."""
     subframe = np.round(_DECI * week_s).astype(np.int64) // (_DECI * SUBFRAME_S) + key_delay
     return subframe[:, None] * PAGES_A_SUBFRAME + np.array(KEY_PAGES)
 
 
 def data_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarray, "n 17"]:
-    """Return the pages with what the key of a RECS authenticates: words, and the tag over them a subframe later.
+    """Return the pages of the data that the key of a RECS authenticates: words, and the tag over them a subframe later.
 
-    The key of subframe k belongs to the tags of subframe k − 1, which are over the data of k − 2 [OSNMA-ICD].
+    The key of subframe k belongs to the tags of subframe k − 1, which cover the data of k − 2 [OSNMA-ICD].
     """
     of_key = key_pages(week_s, key_delay)[:, :1] // PAGES_A_SUBFRAME
     return np.concatenate(
@@ -103,9 +105,9 @@ def data_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndar
 def demodulated(
     page: Int64[np.ndarray, "n k"], loss: Float[np.ndarray, "n k"], *, seed: int, svid: int
 ) -> Bool[np.ndarray, "n k"]:
-    """Return which pages of a satellite are received; the same page has the same draw, whoever asks.
+    """Return which pages of a satellite are received; a page has the same draw in every call.
 
-    A negative number is no page, and not received.
+    A negative number means no page, which is not received.
     """
     found = np.zeros(page.shape, bool)
     block = page // _DRAW_BLOCK
@@ -117,10 +119,10 @@ def demodulated(
 
 
 def as_mask(places: Bool[np.ndarray, "*n 15"]) -> Int16[np.ndarray, "*n"]:
-    """Return the places of a subframe as bits, the first page as bit 0."""
+    """Return the positions in a subframe as bits; bit 0 is the first page."""
     return (places @ (1 << np.arange(PAGES_A_SUBFRAME))).astype(np.int16)
 
 
 def of_mask(mask: Int16[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n 15"]:
-    """Return the places of a subframe from their bits."""
+    """Return the positions in a subframe from their bits."""
     return (mask[..., None].astype(np.int64) >> np.arange(PAGES_A_SUBFRAME) & 1).astype(bool)

@@ -5,10 +5,10 @@ With P the pseudorange that geometry and receiver clock make, common to both ban
     P1 = P + e1_noise + e1_multipath                 what E1 tracking says
     P6 = P + iono_diff + bias                        where the line of sight is in E6
 
-so the hand-over misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath, and every other
-reflection comes its excess delay later. These are delays of the code; the carrier has no bias, and the ionosphere
-advances it (`sampled_epoch`). Under attack e1_error, what the E1 loop followed, is in P1 as well, and spoofing signals,
-noise and jamming are in E6 (`sampled_attack`, `disturbance`).
+The hand-over thus misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath. The reflections
+arrive later by their excess delay. All of these are delays of the code; the carrier has no bias, and the ionosphere
+advances it (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1 loop
+followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with
   reflections and noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one
@@ -66,42 +66,42 @@ Fidelity = Literal["samples", "correlators"]
 
 SVID = 11  # the paper's single line of sight needs a name
 _E6_NOISE = 6  # stream number of the E6 noise
-KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # when a key is sent is the same for every alpha
-CLOCK_FOLLOWS_S = 0.1  # no travel time is longer by more than this: it must be the clock
+KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # alpha does not change the time at which a key is sent
+CLOCK_FOLLOWS_S = 0.1  # a travel time grows by less, so a larger delay is an error of the clock
 _STREAMS_A_SATELLITE = 1 << 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulation:
-    """A receiver on one line of sight, by itself or as one of a sky."""
+    """A receiver on one line of sight, either single or part of a sky."""
 
-    seed: int  # everything random follows from it
+    seed: int  # seed from which all random numbers follow
     start: GalileoTime  # time of epoch 0, a whole second; epochs are times of transmission
     n_epochs: int  # number of RECS
     interval_s: float  # between RECS, a multiple of 0.1 s
     line_of_sight: RangeHistory
     models: ErrorModels
-    cn0_dbhz: float  # C/N0 of E6-C alone; −∞ is no signal, neither line of sight nor reflections
+    cn0_dbhz: float  # C/N0 of E6-C alone; −∞ means no line of sight and no reflections
     cn0_e1_dbhz: float  # C/N0 of E1-C alone
     front_end: FrontEnd  # front end of E6, with the sampling rate; E1 tracking has its own, in `BetzTrackingNoise`
-    time_uncertainty_s: float  # what the receiver believes of its clock
+    time_uncertainty_s: float  # uncertainty that the receiver assumes for its clock
     n_chips: int  # chips of a RECS
     key_delay: int  # KDI
-    cipher_mode: CipherMode = CipherMode.CBC  # in which the service encrypts the RECS
+    cipher_mode: CipherMode = CipherMode.CBC  # mode in which the service encrypts the RECS
     spoofer: Spoofer = NO_SPOOFER
-    # constant error of the receiver's clock, which it does not know, beside that of the oscillator; only drawn banks
+    # constant error of the receiver's clock in addition to the oscillator's, unknown to the receiver; only drawn banks
     clock_offset_s: float = 0.0
     svid: int = SVID
-    osnma: OsnmaService = SERVICE_WITHOUT_EVENTS  # what the OSNMA operator does and which keys it has
-    # what depends on its elevation, if it is one of a sky; then its random numbers are its own, by SVID
+    osnma: OsnmaService = SERVICE_WITHOUT_EVENTS  # events of the OSNMA operator and its keys
+    # effects of the elevation, for a satellite of a sky; the random numbers then depend on the SVID
     elevation: ElevationEffects | None = None
-    # time between the epochs of `truth`, if there are some between the RECS; None for those of the RECS alone
+    # time between the epochs of `truth` if it has epochs between the RECS; None if it has only those of the RECS
     truth_interval_s: float | None = None
-    # how long a receiver that lost E1, or was restarted, acquires before it has measurements again
+    # time that a receiver takes to acquire after it lost E1 or was restarted, until it has measurements again
     reacquisition_s: float = REACQUISITION_S
 
     def truth(self) -> TruthProcess:
-        """Return the truth at its beginning."""
+        """Return the truth process in its state at the start."""
         return TruthProcess(self)
 
     @property
@@ -115,12 +115,12 @@ class Simulation:
         return GalileoTime.normalized(self.start.week, self.start.second + deciseconds // 10, deciseconds % 10 / 10)
 
     def osnma_operator(self) -> OsnmaOperator:
-        """Return the OSNMA operator of the run as it is when it begins; it holds the key of every RECS."""
+        """Return the OSNMA operator of the run in its state at the start; the operator has the key of every RECS."""
         return osnma_operator(self.seed, self.start, self._subframes, self.osnma)
 
     @property
     def _labels(self) -> tuple[int, ...]:
-        """Labels of the random numbers; on a single line of sight those of the receiver."""
+        """Labels of the random numbers; a single line of sight has the labels of the receiver."""
         return () if self.elevation is None else (self.svid,)
 
     @property
@@ -139,13 +139,13 @@ class Simulation:
         return e1_multipath_error_m(truth.rays.delay_m, truth.rays.amplitude_e1)
 
     def seconds_late_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-        """Return by how much E1 is late on the receiver's clock, times c; 0 where a travel time can be as long."""
+        """Return the delay of E1 on the receiver's clock, times c; 0 if a travel time could be as long."""
         error_m = truth.e1.error_m + self.clock_offset_m
         return np.where(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS, error_m, 0.0)
 
     @property
     def spoofer_as_received(self) -> Spoofer:
-        """The attacker as E1 and the drawn correlators meet him; samples get the past of the sky by themselves."""
+        """The attacker at E1 and at the drawn correlators; samples get the past of the sky by themselves."""
         if self.elevation is None or not self.spoofer.attacks:
             return self.spoofer
         return SpooferUnderSky(
@@ -153,10 +153,10 @@ class Simulation:
         )
 
     def repeated_later_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-        """Return by how much later than the true RECS those arrive that E1 leads to, times c.
+        """Return the delay, times c, relative to the true RECS, of the RECS to which E1 leads.
 
-        It is the error of E1 as long as that is not seconds. Under a sky the error of seconds holds what the satellite
-        moved in them as well; the RECS itself is late by the delay alone.
+        The delay equals the E1 error, unless that error is seconds. Under a sky an error of seconds also contains the
+        motion of the satellite in these seconds, while the RECS itself has only the delay.
         """
         error_m = truth.e1.error_m
         rows = np.flatnonzero(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)
@@ -174,17 +174,18 @@ class Simulation:
 
     @property
     def integration_s(self) -> float:
-        """Length of a RECS in s."""
+        """Duration of a RECS in s."""
         return self.n_chips / E6C.chip_rate_hz
 
     def arrival(self, truth: TruthBlock) -> Arrival:
-        """Return how the RECS arrive in E6 that are sent at the epochs."""
+        """Return the arrival in E6 of the RECS that are sent at the epochs."""
         return arrival(self.line_of_sight, truth)
 
     def received_s(self, truth: TruthBlock, arrived: Arrival) -> Float[np.ndarray, " n"]:
-        """Return when the last sample of each RECS is taken, in s after the start, on a clock that no attacker moves.
+        """Return the time of the last sample of each RECS, in s after the start, on a clock that no attacker moves.
 
-        That clock may be wrong by `clock_offset_s`. Never before its time tag, which may be ahead of that clock.
+        The clock may have the error `clock_offset_s`. The time is never before the time tag of the RECS, which may be
+        ahead.
         """
         expected_s = arrived.dt_s + (self.repeated_later_m(truth) + self.clock_offset_m) / SPEED_OF_LIGHT_MPS
         received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
@@ -199,9 +200,9 @@ class Simulation:
         offsets_m: Float[np.ndarray, " n_taps"],
         other_signals: Float[np.ndarray, " n"] | None = None,
     ) -> tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]:
-        """Return taps and noise power of RECS, drawn; pure, and independent of the cut.
+        """Return drawn taps and noise power of RECS; a pure function, and the cut into blocks does not change it.
 
-        `other_signals` is the density over N0 of all else that is on air under a sky.
+        `other_signals` is the density over N0 of all other signals on air under a sky.
         """
         model = CorrelatorModel(offsets_m=tuple(offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end)
         n = truth.time_s.size
@@ -237,9 +238,9 @@ class Simulation:
         return taps, noise_power
 
     def samples(self, number: int, row: int, truth: TruthBlock) -> tuple[SampleBatch, FrontEndStatus]:
-        """Return the E6 samples around a RECS, labelled by a clock that no attacker moves, and what the front end says.
+        """Return the E6 samples around a RECS, on a clock that no attacker moves, and the status of the front end.
 
-        `row` is the place of the RECS in `truth`.
+        `row` is the row of the RECS in `truth`.
         """
         sent, secret = self.transmit_time(number), encryption_key(self.seed)
         strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz) * float(truth.geometry.amplitude[row])
@@ -269,7 +270,7 @@ class Simulation:
         )
 
     def segment(self, number: int, mode: CipherMode | None = None) -> tuple[EncryptedSegment, ValidatedKey]:
-        """Return a RECS by its number, and its key; `mode` takes the place of the service's own."""
+        """Return a RECS by its number, and its key; `mode` replaces the service's own mode."""
         chips = self._chips(self.transmit_time(number))
         key = self.key(chips.transmit_time)
         return encrypt(chips, key.data, key_delay=self.key_delay, mode=mode or self.cipher_mode), key
@@ -278,7 +279,7 @@ class Simulation:
         return _chips_sent(self.seed, self.svid, sent, self.n_chips)
 
     def withheld(self, subframe_s: float) -> bool:
-        """Return whether the attacker keeps the key of a subframe, in s after the start, from the receiver."""
+        """Return whether the attacker withholds the key of a subframe, in s after the start, from the receiver."""
         on_air = subframe_s + KEY_ON_AIR.disclosure_start_s, subframe_s + KEY_ON_AIR.disclosure_end_s
         return self.spoofer.withholds_osnma(*on_air)
 

@@ -1,6 +1,6 @@
 """The truth of a simulated line of sight, epoch after epoch: every term of every error, with what an attack adds.
 
-Everything here has memory and is cheap, so it is drawn in order; how the epochs are cut into calls makes no difference.
+The errors have memory and are cheap, so they are drawn in order; the cut of the epochs into calls makes no difference.
 """
 
 from __future__ import annotations
@@ -23,39 +23,40 @@ from vestige.spoofer.spoofer import NO_SPOOFER, BandEffects
 if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
-_WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over that of an undisturbed one
+_WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over that of an undisturbed loop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruthBlock:
     """The truth of a block of epochs of one satellite."""
 
-    time_s: Float[np.ndarray, " n"]  # after the scenario's start
-    range_m: Float[np.ndarray, " n"]  # geometric, and the troposphere if there is one
+    time_s: Float[np.ndarray, " n"]  # in s after the scenario's start
+    range_m: Float[np.ndarray, " n"]  # geometric range, with the troposphere if there is one
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
     clock_m: Float[np.ndarray, " n"]  # receiver clock times c
     clock_drift_mps: Float[np.ndarray, " n"]
-    iono_diff_m: Float[np.ndarray, " n"]  # by how much E6 is later than E1 in truth and not in the prediction
+    iono_diff_m: Float[np.ndarray, " n"]  # delay of E6 relative to E1 that the prediction does not contain
     ionosphere_e1_m: Float[np.ndarray, " n"]  # the ionosphere's residual on E1; 0 on a single line of sight
-    broadcast_ionosphere_e1_m: Float[np.ndarray, " n"]  # what the message says of it, on E1; both bands have it
-    iono_on_carrier: Float[np.ndarray, " n"]  # 1 where the ionosphere advances the carriers, 0 where it is code only
-    bias_m: Float[np.ndarray, " n"]  # by how much the code of E6 is later than that of E1 beyond iono_diff_m
+    # ionosphere on E1 that the message describes; both bands have it
+    broadcast_ionosphere_e1_m: Float[np.ndarray, " n"]
+    iono_on_carrier: Float[np.ndarray, " n"]  # 1 if the ionosphere advances the carriers, 0 if it delays the code only
+    bias_m: Float[np.ndarray, " n"]  # delay of the code of E6 relative to that of E1, in addition to iono_diff_m
     e1_noise_m: Float[np.ndarray, " n"]  # error of the pseudorange that E1 delivers
     e1_phase_noise_m: Float[np.ndarray, " n"]  # error of the carrier phase, times the wavelength
     e1_rate_noise_mps: Float[np.ndarray, " n"]  # error of the range rate
-    e1: E1Tracking  # what an attack does to E1 tracking
-    e1_attack: BandEffects  # what it adds to E1
-    e6: BandEffects  # what it adds to E6
+    e1: E1Tracking  # effect of an attack on E1 tracking
+    e1_attack: BandEffects  # spoofing signals, noise and jamming that an attack adds to E1
+    e6: BandEffects  # the same for E6
     rays: RayBlock
     geometry: SatelliteGeometry
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the ionosphere on a band in m, residual and broadcast model: the code is later by it."""
+        """Return the delay of the code by the ionosphere on a band in m, residual and broadcast model."""
         return self._residual_m(band) + self._modelled_m(band)
 
     def carrier_advance_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return by how much the ionosphere makes the carrier of a band earlier, in m."""
+        """Return the advance of the carrier of a band by the ionosphere, in m."""
         return self._residual_m(band) * self.iono_on_carrier + self._modelled_m(band)
 
     def _residual_m(self, band: Band) -> Float[np.ndarray, " n"]:
@@ -66,7 +67,7 @@ class TruthBlock:
 
 
 class TruthProcess:
-    """Runs through the epochs in order."""
+    """Process that steps through the epochs in order."""
 
     def __init__(self, of: Simulation) -> None:
         models = of.models
@@ -84,7 +85,7 @@ class TruthProcess:
         )
 
     def advance(self, first: int, count: int) -> TruthBlock:
-        """Return the truth of epochs first … first + count − 1, which are the next ones."""
+        """Return the truth of the next epochs, first … first + count − 1."""
         free = self._without_attack(first, count)
         times_s, geometry, rays = free.time_s, free.motion.geometry, free.rays
         models, elevation = self._of.models, self._of.elevation

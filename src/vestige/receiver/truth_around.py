@@ -1,8 +1,8 @@
-"""The truth of a block of epochs together with the epochs around them, which their samples still feel.
+"""The truth of a block of epochs together with the epochs around them, which also affect the block's samples.
 
-What a receiver samples between two epochs goes over from the truth of one to that of the next (`continuous`), and a
+Between two epochs the receiver's samples change from the truth of the first to that of the second (`continuous`). A
 spoofing signal brings the chips of an epoch later than the line of sight does. So the samples of a block depend on
-epochs before its first and after its last one.
+epochs before its first and after its last epoch.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from vestige.records import Band
 if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
-TAIL_S = 0.3  # after a RECS was sent: its reception and the 100 ms of E1 around it
-_REACH_S = 0.5  # more than from an epoch to the end of its true samples
+TAIL_S = 0.3  # time after a RECS was sent that covers its reception and the 100 ms of E1 around it
+_REACH_S = 0.5  # longer than the time from an epoch to the end of its true samples
 _SPARE_S = 0.2
 
 _T = TypeVar("_T")
 
 
 def epochs_around(interval_s: float, tail_s: float) -> tuple[int, int]:
-    """Return how many epochs before and after some epochs their samples feel.
+    """Return how many epochs before and after some epochs affect their samples.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ def epochs_around(interval_s: float, tail_s: float) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruthWithin(TruthBlock):
-    """The truth of a block of epochs, and of those around them."""
+    """The truth of a block of epochs and of the epochs around them."""
 
-    around: TruthBlock  # truth of the same epochs, of some before and of some after them
+    around: TruthBlock  # truth of these epochs, of some before and of some after them
 
     def part(self, rows: slice) -> TruthBlock:
         """Return the truth of some of the epochs alone."""
@@ -52,16 +52,16 @@ class TruthWithin(TruthBlock):
 
 
 class TruthAround:
-    """Runs through the epochs in order, as `TruthProcess` does, and looks ahead."""
+    """Process that steps through the epochs in order, as `TruthProcess` does, and looks ahead."""
 
     def __init__(self, of: Simulation, *, before: int, after: int) -> None:
         self._of, self._before, self._after = of, before, after
         self._process = TruthProcess(of)
         self._known: TruthBlock | None = None
-        self._first = self._end = 0  # epochs that are known
+        self._first = self._end = 0  # first and end of the known epochs
 
     def advance(self, first: int, count: int) -> TruthWithin:
-        """Return the truth of epochs first … first + count − 1, which are the next ones."""
+        """Return the truth of the next epochs, first … first + count − 1."""
         begin, end = max(first - self._before, 0), first + count + self._after
         fresh = self._process.advance(self._end, end - self._end) if end > self._end else None
         if self._known is None:
@@ -75,7 +75,7 @@ class TruthAround:
         return TruthWithin(around=around, **{one.name: getattr(own, one.name) for one in fields(TruthBlock)})
 
     def _joined(self, before: TruthBlock, after: TruthBlock) -> TruthBlock:
-        """Return two blocks as one; effects of attacks follow from the times, and are not joined."""
+        """Return two blocks as one; effects of attacks follow from the times, so they are not joined."""
         times_s = np.concatenate([before.time_s, after.time_s])
         spoofer, svid = self._of.spoofer_as_received, self._of.svid
         joined: dict[str, Any] = {
@@ -89,7 +89,7 @@ class TruthAround:
 
 
 def _end_to_end(before: _T, after: _T) -> _T:
-    """Return two arrays, or two records of arrays, one after the other."""
+    """Return two arrays, or two records of arrays, joined end to end."""
     if not is_dataclass(before):
         arrays: Any = (before, after)
         return np.concatenate(arrays)  # type: ignore[return-value]

@@ -1,7 +1,7 @@
 """The part of the truth of a line of sight that no attack changes: geometry, clock, ionosphere, multipath, noise, bias.
 
-Everything here has memory and is cheap, so it is drawn in order; how the epochs are cut into calls makes no difference.
-A model that is None is not there: its term is zero.
+The errors have memory and are cheap, so they are drawn in order; the cut of the epochs into calls makes no difference.
+A model that is None is absent: its term is zero.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _KEPT_BLOCKS = 128  # eight satellites, six seeds and two kinds of receiver
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorModels:
-    """The error models of a receiver; None where there is none [WFO, Sec. V]."""
+    """The error models of a receiver; None for an absent model [WFO, Sec. V]."""
 
     clock: ClockModel | None = None
     ionosphere: IonosphereModel | None = None
@@ -48,7 +48,7 @@ class ErrorModels:
 
     @property
     def n_rays(self) -> int:
-        """Places for reflections beside the line of sight; at least one, which then has no strength."""
+        """Number of reflections that a block has space for; at least 1, which may have amplitude 0."""
         return 1 if self.multipath is None else self.multipath.n_rays
 
 

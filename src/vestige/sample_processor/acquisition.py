@@ -2,23 +2,22 @@
 
 Theory of operation
 -------------------
-The samples are cut into stretches of two code periods (8 ms), one stretch
-every period (4 ms). Correlating a stretch with one period of code gives all code phases of 4 ms without wrap-around,
-so a secondary-code flip between two periods does not hurt. One FFT serves every Doppler bin: its bins are 1/(8 ms) =
-125 Hz = 1/(2T) apart, and a shift by one bin is the next Doppler. Only the bins around the carrier are kept, which
-mixes, filters and decimates in one step.
+The samples are cut into stretches of two code periods (8 ms). A stretch starts every period (4 ms). Correlating a
+stretch with one period of code gives all code phases of 4 ms without wrap-around, so a secondary-code flip between two
+periods does no harm. One FFT serves every Doppler bin: its bins are 1/(8 ms) = 125 Hz = 1/(2T) apart, and a shift by
+one bin is the next Doppler. Only the bins around the carrier are kept, which mixes, filters and decimates in one step.
 
 The powers of K stretches are added non-coherently, each shifted by the code Doppler. Against noise of variance 1 per
-dimension the sum is chi-squared with 2K degrees of freedom; the threshold follows from the overall false-alarm
+dimension the sum is chi-squared with 2K degrees of freedom. The threshold follows from the overall false-alarm
 probability over all cells (code phases × Doppler bins × satellites) [WFO, Sec. III-D].
 
-Cross-correlation with a much stronger satellite is not noise: it stands still for the whole 100 ms. Between two
-memory codes at a Doppler difference it reaches −20 dB; the rough C/N0 of the strong one is low by up to 3 dB (its own
-self-noise, half a bin off), and noise adds to the weak one. So a cell is only accepted within `CROSS_CORRELATION_DB`
-of the strongest.
+Cross-correlation with a much stronger satellite is not noise, because it is constant over the whole 100 ms. Between two
+memory codes at a Doppler difference it reaches −20 dB. The rough C/N0 of the strong satellite is low by up to 3 dB (its
+own self-noise, half a bin off), and noise adds to the weak satellite. So a cell is only accepted within
+`CROSS_CORRELATION_DB` of the strongest.
 
-`acquire` takes the strongest cell of each satellite on E1-C; `vestige.sample_processor.search.e1_search` takes every
-signal in the same powers.
+`acquire` takes the strongest cell of each satellite on E1-C. `vestige.sample_processor.search.e1_search` takes every
+signal from the same powers.
 
 The replica is BOC(1,1), the part of CBOC that a 2 to 4 MHz front end passes.
 """
@@ -39,8 +38,8 @@ from vestige.records import SampleBatch
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1C, SignalDefinition
 
-CROSS_CORRELATION_DB = 16.0  # below the strongest satellite; see above
-MAX_STRETCHES = 24  # 100 ms: one secondary-code period; longer batches are searched in their first 100 ms
+CROSS_CORRELATION_DB = 16.0  # dB below the strongest satellite; see above
+MAX_STRETCHES = 24  # 100 ms, one secondary-code period; of longer batches the first 100 ms are searched
 _SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), 86 % of its power; code phases 0.26 chip apart
 
 
@@ -69,10 +68,10 @@ def acquire(
 ) -> tuple[Acquisition, ...]:
     """Return the satellites of `svids` that are on E1-C in `batch`.
 
-    The batch has at least 8 ms; `max_stretches` code periods are used at most, up to 100 ms. Dopplers are looked at
-    within `doppler_span_hz` of `doppler_center_hz`, in every `bin_step`-th bin of 125 Hz. `overall_pfa` is the
-    probability that noise alone gives any acquisition, and `progress` is called with the number of satellites that are
-    done, and of all.
+    The batch has at least 8 ms. At most `max_stretches` code periods are used, up to 100 ms. The Dopplers lie within
+    `doppler_span_hz` of `doppler_center_hz`, in every `bin_step`-th bin of 125 Hz. `overall_pfa` is the probability
+    that noise alone gives any acquisition. `progress` is called with the number of finished satellites, and of all
+    satellites.
     """
 
     def strongest(powers: CellPowers) -> tuple[Acquisition, ...]:
@@ -101,9 +100,10 @@ class CellPowers:
     # non-coherent sums; noise alone is chi-squared with `2 · n_added` degrees of freedom
     powers: Float32[np.ndarray, "bins phases"]
     doppler_hz: Float64[np.ndarray, " bins"]
-    rate_hz: float  # code phases a second
+    rate_hz: float  # code phases per second
     n_added: int  # squared magnitudes in each sum
-    threshold: float  # what noise alone exceeds in any cell of the search with the overall false-alarm probability
+    # threshold that noise alone exceeds in any cell of the search with the overall false-alarm probability
+    threshold: float
 
     def acquisition(self, row: int, column: int) -> Acquisition:
         """Return the result of one cell."""
@@ -132,7 +132,7 @@ def search_cells(
     bin_step: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Acquisition, ...]:
-    """Return what `choose` takes from the cells of every satellite, less what may be cross-correlation.
+    """Return the results of `choose` for every satellite, without signals that may be cross-correlation.
 
     `choose` returns the signals in the powers of one satellite. The powers of the components `signals` are added, over
     `max_stretches` code periods at most. `overall_pfa` is the probability that noise alone exceeds the threshold in any
@@ -175,7 +175,7 @@ class _Stretches:
     spectra: Complex64[np.ndarray, "stretches bins"]
     starts_s: list[float]
     spacing_hz: float
-    carrier_rest_hz: float  # carrier minus the bin next to it
+    carrier_rest_hz: float  # carrier minus the nearest bin
     guard: int  # bins kept on each side for the Doppler shift
 
     @property
@@ -232,7 +232,7 @@ def _cell_powers(
             product = stretches.spectra[:, first : first + stretches.kept] * code
             y = fft.ifft(product, axis=1, overwrite_x=True)[:, : stretches.n_phases]
             _add_with_code_doppler(total, y, doppler_hz, stretches.starts_s, stretches.rate_hz)
-    noise = np.mean(powers, axis=1, keepdims=True) / (2 * n_added)  # a signal is a few of 12,000 cells
+    noise = np.mean(powers, axis=1, keepdims=True) / (2 * n_added)  # a signal fills only a few of 12,000 cells
     return powers / np.maximum(noise, np.finfo(np.float32).tiny)  # samples may all be zero
 
 

@@ -1,10 +1,10 @@
-"""C/N0 from prompt correlators: the estimators that receivers use, each with its own weakness.
+"""Estimators of C/N0 from prompt correlators that receivers use, with the weakness of each.
 
 Theory of operation
 -------------------
-Prompts P_k = I_k + jQ_k of coherent time T are a phasor of power S plus noise of power N (both dimensions together),
-and C/N0 = S/(N T). Blocks of prompts stand in rows; the phasor keeps its phase within a row, and its sign too where
-data bits are wiped off.
+Prompts P_k = I_k + jQ_k of coherent time T are a phasor of power S plus noise of power N (both dimensions together).
+C/N0 is S/(N T). Each row is a block of prompts. Within a row the phasor keeps its phase, and also its sign if data bits
+are wiped off.
 
 | estimator | from | weakness |
 |---|---|---|
@@ -14,8 +14,8 @@ data bits are wiped off.
 | Beaulieu | steps of the size of I [PINI08] | reads too much where S < 3 N |
 | real signal, complex noise | Q is noise alone [PINI08] | needs the phase locked |
 
-The narrow-to-wide ratio is the best of these: no bias beyond 0.2 dB from 25 to 45 dBHz and the least spread where it
-matters. An estimate that the noise drove beyond its definition is NaN, never a number.
+The narrow-to-wide ratio is the best of these: its bias is at most 0.2 dB from 25 to 45 dBHz, with the smallest spread
+at low C/N0. An estimate that noise drove beyond its definition is NaN.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def narrow_to_wide_dbhz(
 ) -> Float[np.ndarray, " n"]:
     """Return C/N0 = (μ − 1)/(M − μ)/T, μ the mean of |Σ_M P|² / Σ_M |P|², of each row.
 
-    M is `together`; what is left of a row after whole groups of M is not used.
+    M is `together`; prompts of a row after whole groups of M are not used.
 
     Raises `ValueError` if a row has fewer prompts.
     """

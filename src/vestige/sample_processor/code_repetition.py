@@ -2,11 +2,11 @@
 
 Theory of operation
 -------------------
-A satellite's samples repeat after one code period, but for a sign and a phase. So the samples are multiplied with
-themselves one lag later, blocks of them are summed coherently, and the squared magnitudes of the blocks are added. At
-the lag of a code period, and at its multiples, the sum stands above that of other lags, whatever the centre frequency,
-the sense of the spectrum and the satellites are. A rate is as likely as the sums at all multiples of its code period
-stand out together. An acquisition has to confirm it: all rates of which the true one is a multiple fit, too.
+A satellite's samples repeat after one code period, except for a sign and a phase. So the samples are multiplied with
+themselves one lag later, blocks of products are summed coherently, and the squared magnitudes of the blocks are added.
+At the lag of a code period, and at its multiples, the sum exceeds that of other lags, for any centre frequency, sense
+of the spectrum and set of satellites. The score of a rate tells how far the sums at all multiples of its code period
+exceed the others together. An acquisition has to confirm the rate, because divisors of the true rate fit, too.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Complex64, Float64
 from scipy import fft
 
-# Rates of recorders in Hz.
+# usual rates of recorders in Hz
 USUAL_RATES_HZ = tuple(
     1e6 * rate
     for rate in (
@@ -28,26 +28,26 @@ USUAL_RATES_HZ = tuple(
 )  # fmt: skip
 _LONGEST_LAG = 250_000  # samples: 4 ms at 62.5 MHz
 _USED = 1 << 20  # samples
-_BLOCKS = (1 << 15, 1 << 17)  # samples that are summed coherently: for low and for high rates
-_TOLERANCE = 20e-6  # share of the lag: an oscillator that is not disciplined
-_MULTIPLES = 8  # multiples of a lag that are looked at: as many at most for each rate
-_NARROW = 1 / 3  # share of the sampled band: the middle part, which has most of the signal where the rate is high
-_HIGHEST = 1e3  # standard deviations: a disturbance that repeats at some lag must not outweigh all others
+_BLOCKS = (1 << 15, 1 << 17)  # samples that are summed coherently, for low and for high rates
+_TOLERANCE = 20e-6  # share of the lag; allows for a free-running oscillator
+_MULTIPLES = 8  # largest number of multiples of a lag that are evaluated, the same for each rate
+_NARROW = 1 / 3  # share of the sampled band around the carrier that has most of the signal if the rate is high
+_HIGHEST = 1e3  # standard deviations; limits the weight of a disturbance that repeats at some lag
 
 
 def rates_by_repetition_hz(
     samples: Complex64[np.ndarray, " n_samples"], code_period_s: float, *, carrier: float = 0.0
 ) -> tuple[float, ...]:
-    """Return `USUAL_RATES_HZ`, those first that fit the repetition of the codes in `samples` best.
+    """Return `USUAL_RATES_HZ`, sorted by how well they fit the repetition of the codes in `samples`, the best first.
 
     Parameters
     ----------
     samples
-        Any samples; up to a million are used, which takes some 2 s.
+        Any samples; up to a million are used, which takes some 2 s of computing.
     code_period_s
-        Period of the codes that are looked for: 4 ms on E1, 1 ms on E6.
+        Period of the codes in s: 4 ms on E1, 1 ms on E6.
     carrier
-        Where the carrier is thought to stand in the sampled spectrum, as a share of the sampling rate, −½ to ½.
+        Assumed position of the carrier in the sampled spectrum, as a share of the sampling rate, −½ to ½.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def _profile(samples: Complex64[np.ndarray, " n_samples"], block: int) -> Iterat
 
 
 def _score(profile: Float64[np.ndarray, " lags"], lag: float) -> float:
-    """Return how far the sums at the multiples of a lag stand out together."""
+    """Return how far the sums at the multiples of a lag together exceed the others."""
     count = min(int((profile.size - 1) / (lag * (1 + _TOLERANCE))), _MULTIPLES)
     if count < 1:
         return 0.0
@@ -97,7 +97,7 @@ def _score(profile: Float64[np.ndarray, " lags"], lag: float) -> float:
 
 
 def _middle(samples: Complex64[np.ndarray, " n_samples"], carrier: float) -> Complex64[np.ndarray, " n_samples"]:
-    """Return the samples with a part of their spectrum around the carrier only."""
+    """Return the samples with only a part of their spectrum around the carrier."""
     spectrum = fft.fft(samples)
     n = samples.size
     away = (np.arange(n) - round(carrier * n) + n // 2) % n - n // 2

@@ -7,16 +7,15 @@ Sample n, taken t_n after the hand-over's start, has code phase and carrier phas
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
     φ_n = 2π (f_c − f_0 + f_d) t_n + π ḟ_d t_n²                 f_0: frequency at 0 Hz in the samples
 
-and tap k, delayed by d_k, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋], over the samples that meet a chip of the
-segment; M is the number of samples of the segment. So a path of amplitude a at delay d_k gives c_k = a.
+Tap k, delayed by d_k, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋], over the samples that meet a chip of the
+segment. M is the number of samples of the segment. So a path of amplitude a at delay d_k gives c_k = a.
 
-**Noise floor.** The threshold must come from the post-correlation noise, seen through a code that is not in the
-signal [WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w, random signs, gives
-Σ_j w_j y_j, and the mean of its power over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel.
-So one pass over the chips gives what an infinite number of wrong codes would: no reference cell is drawn, none is
-lucky. The estimate is also right for coloured noise and interference. The true signal adds its own E_c/N_0 (−32 dB at
-35 dBHz), as it does to any wrong code. Estimated from M chips its relative error is 1/√M, 0.35 % for 16 ms: the CFAR
-loss is 0.0005 dB.
+**Noise floor.** The threshold must come from the post-correlation noise, as seen by a code that is not in the signal
+[WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w of random signs gives Σ_j w_j
+y_j. The mean of its power over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel. So one pass
+over the chips gives the result of infinitely many wrong codes, and no reference cell is drawn at random. The estimate
+is also right for coloured noise and interference. The true signal adds its own E_c/N_0 (−32 dB at 35 dBHz), as with any
+wrong code. Estimated from M chips the floor has a relative error of 1/√M, 0.35 % for 16 ms: the CFAR loss is 0.0005 dB.
 """
 
 from __future__ import annotations
@@ -37,10 +36,10 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True)
 class CorrelatableSamples:
-    """Samples that answer `correlate`: what a snapshot of a recording or of a sample-level simulation holds as E6."""
+    """Samples that answer `correlate`: the E6 of a snapshot, from a recording or a sample-level simulation."""
 
     batch: SampleBatch  # the samples in which the RECS is expected
-    surroundings: SampleSource | None = None  # those in which a search may look for it; None for no others
+    surroundings: SampleSource | None = None  # samples in which a search may look for the RECS; None for no others
 
     @property
     def received_from(self) -> GalileoTime:
@@ -65,8 +64,7 @@ class CorrelatableSamples:
 def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
     """Return the correlators of `batch` with the chips of `handover`.
 
-    Samples may have any sampling rate. `offsets_m` count from the expected start;
-    positive is later.
+    Samples may have any sampling rate. `offsets_m` count from the expected start; positive is later.
 
     Raises `ValueError` if a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6).
 

@@ -1,18 +1,19 @@
 """The compiled inner loops of the correlator.
 
-**Taps.** Chip windows and the fixed-point code phase (`vestige.signals.chip_window_kernel`) serve the whole bank; a
-tap is then a shift and a multiplication by ±1. Two taps are summed in one loop, because loading a sample takes as long
+**Taps.** Chip windows and the fixed-point code phase (`vestige.signals.chip_window_kernel`) serve the whole bank. A tap
+then costs a shift and a multiplication by ±1. Two taps are summed in one loop, because loading a sample takes as long
 as multiplying it.
 
-**Carrier.** One rotator table for the whole bank, from float64; the phase at the middle of each block is applied to the
-block's sums in float64, and a Doppler rate enters there and as a first-order turn inside the block (1e-7 at 100 Hz/s).
+**Carrier.** One rotator table, from float64, serves the whole bank. The phase at the middle of each block is applied to
+the block's sums in float64. A Doppler rate enters there, and as a first-order rotation inside the block (1e-7 at 100
+Hz/s).
 
 **Noise floor.** Σ_j |y_j|² over chips is Σ_n |y_n|² plus twice the real part of y_n y*_(n−l) for each lag l at which
-both samples lie in the same chip. That needs no chip-by-chip loop. The last samples of a block are kept, turned to the
-phase of the next one.
+both samples lie in the same chip. So no loop over chips is needed. The last samples of a block are kept, rotated to the
+phase of the next block.
 
-Sums run in float32 inside a block of 1024 samples and in float64 over blocks. The few samples at both ends, where some
-taps meet a chip of the segment and others do not, are handled one by one.
+Sums are float32 inside a block of 1024 samples and float64 over blocks. At both ends of the segment, some taps meet a
+chip and others do not. The few samples there are processed one by one.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -34,7 +35,7 @@ from vestige.signals.chip_window_kernel import (
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 _SIGN, _ONE = 0x80000000, 0x3F800000  # bits of a float32: its sign, and 1.0
-REACH_CHIPS = WINDOW_REACH_CHIPS  # farthest tap from the middle of the bank
+REACH_CHIPS = WINDOW_REACH_CHIPS  # largest distance of a tap from the middle of the bank
 
 
 @njit(inline="always")
@@ -61,7 +62,7 @@ def _two_tap_sums(window, fraction, y_re, y_im, delay_1, delay_2):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _wipe(x, cos, sin, slope, curve, y_re, y_im):
-    """Turn samples by the conjugate rotator and the small angle slope · k + curve · k², k from the block's middle."""
+    """Rotate samples by the conjugate rotator and the small angle slope · k + curve · k², k from the block's middle."""
     for i in range(y_re.size):
         a, b = x[2 * i], x[2 * i + 1]
         re = a * cos[i] + b * sin[i]
@@ -84,9 +85,9 @@ def _products(chip, y_re, y_im, earlier_chip, earlier_re, earlier_im):
 
 @njit(cache=True, nogil=True)
 def _edge_sums(chips, u0, step, offsets, y_re, y_im, chip, turn, out):
-    """Add samples at an end of the segment, where each tap has its own first or last one; the taps' middle is u0.
+    """Add samples at an end of the segment, where each tap has its own first or last sample; the taps' middle is u0.
 
-    Samples whose own chip is not in the segment are silenced for the noise floor.
+    Samples whose own chip is not in the segment count as 0 for the noise floor.
     """
     for k in range(offsets.size):
         total = 0.0 + 0.0j
@@ -103,9 +104,9 @@ def _edge_sums(chips, u0, step, offsets, y_re, y_im, chip, turn, out):
 
 @njit(cache=True, nogil=True)
 def middle_chips(offsets):
-    """Return the middle of a bank in chips: whole chips if it is far from the prediction.
+    """Return the middle of a bank in chips: whole chips if the middle is far from the prediction.
 
-    The noise floor is the power of chips, which then coincide with those of the signal that is looked for.
+    The noise floor is the power of chips, which then coincide with those of the signal.
     """
     if offsets.size == 0:
         return 0.0
@@ -124,7 +125,7 @@ def correlate_block(x, chips, packed, offsets, t0, dt, code_rate, code_rate_rate
     chips, packed
         int8[n_chips] of ±1 and their `packed_chips`.
     offsets
-        float64[n_taps] in chips, later is positive, within REACH_CHIPS of `middle_chips`.
+        float64[n_taps] in chips, positive is later, within REACH_CHIPS of `middle_chips`.
     t0, dt
         Time of the first sample after the start of the code, and the sampling interval, in s.
     code_rate, code_rate_rate
@@ -140,7 +141,7 @@ def correlate_block(x, chips, packed, offsets, t0, dt, code_rate, code_rate_rate
     cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
     rotator_table(if_hz * dt, cos, sin)
 
-    # A chip holds at most lags + 1 samples; arrays of samples begin with `lags` samples of the block before.
+    # A chip has at most lags + 1 samples; arrays of samples begin with `lags` samples of the previous block.
     lags = np.int64(np.ceil(1.0 / (code_rate * dt) - 1.0 + 1e-3))
     window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
     chip = np.full(lags + BLOCK, -1, np.int32)
@@ -167,7 +168,7 @@ def correlate_block(x, chips, packed, offsets, t0, dt, code_rate, code_rate_rate
             fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
             fill_chip_numbers(u0 + i0 * step, step, c[i0:i1])
             for k in range(0, n_taps, 2):
-                other = min(k + 1, n_taps - 1)  # the last of an odd number of taps is summed alone
+                other = min(k + 1, n_taps - 1)  # the last tap of an odd number is summed alone
                 delays = window_delay(around[k]), window_delay(around[other])
                 re_1, im_1, re_2, im_2 = _two_tap_sums(w, f, yr[i0:i1], yi[i0:i1], *delays)
                 out[k] += (re_1 + 1j * im_1) * turn

@@ -1,21 +1,22 @@
-"""E1 measurements from a short stretch of samples, where no tracking loop has run.
+"""E1 measurements from a short stretch of samples, without a tracking loop.
 
 Theory of operation
 -------------------
-[WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has
-none, so this module measures in one batch what a loop would have settled to, from an `Acquisition`:
+[WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has none. So this module starts from an
+`Acquisition` and measures in one batch the values that a loop would have settled to:
 
 1. Every 4 ms code period is correlated at taps `_TAPS_CHIPS` around the acquired code phase, E1-C and E1-B, with
    BOC(1,1).
 2. E1-C secondary code: all 25 phases of CS25_1 are tried on the prompts; the phase with the highest peak of the Doppler
-   spectrum wins. That fixes transmission time modulo 100 ms and Doppler to a fraction of 1/T.
+   spectrum wins. This phase gives the transmission time modulo 100 ms and the Doppler to a fraction of 1/T.
 3. Doppler: straight line through the phases of the wiped prompts, weighted by their power.
-4. Code phase: E1-B and E1-C are added coherently over the whole batch, E1-B after wiping its symbols with the sign of
-   its own prompt against the pilot's phase. The root of early minus late magnitude is the code phase.
-5. C/N0 of E1-C from the coherent prompt against the noise of wrong codes, or from the prompts alone (`cn0.py`). Those
-   have 23 spare degrees of freedom to know the noise by, which alone scatter by 0.9 dB; the samples know it to 0.01 dB.
+4. Code phase: E1-B and E1-C are added coherently over the whole batch. The symbols of E1-B are first wiped by the sign
+   of its own prompt against the pilot's phase. The root of early minus late magnitude is the code phase.
+5. C/N0 of E1-C: from the coherent prompt against the noise of wrong codes, or from the prompts alone (`cn0.py`). The
+   prompts alone have 23 degrees of freedom for the noise, so their estimate scatters by 0.9 dB; the samples give the
+   noise to 0.01 dB.
 
-The measurement holds for the middle of the batch.
+All values refer to the middle of the batch.
 """
 
 from __future__ import annotations
@@ -36,19 +37,20 @@ from vestige.signals.definitions import E1B, E1C, SignalDefinition
 from vestige.time import GalileoTime
 
 E1_WINDOW_S = 0.1  # duration of samples for one measurement: a period of the secondary code
-# Below it the phase of the secondary code is not known: CS25's own second-best phase is 5.6 dB down.
+# Below it the phase of the secondary code is ambiguous: the second-best phase of CS25 itself is 5.6 dB lower.
 MIN_SECONDARY_MARGIN_DB = 1.0
-MIN_PERIODS = 12  # periods of 4 ms: fewer do not tell the 25 secondary phases apart at 33 dBHz
+MIN_PERIODS = 12  # periods of 4 ms; with fewer, the 25 secondary phases cannot be told apart at 33 dBHz
 NOISE_FLOOR = "noise-floor"
-# 25 prompts hold one group of the usual 20; two of as many as there are at least have less bias and no more spread
+# 25 prompts contain one group of the usual 20; two smaller groups have less bias and no more spread
 _PROMPT_ESTIMATORS: dict[str, Cn0Estimator] = {
     **CN0_ESTIMATORS,
     "narrow-to-wide": partial(narrow_to_wide_dbhz, together=MIN_PERIODS),
 }
 ESTIMATORS = (NOISE_FLOOR, *_PROMPT_ESTIMATORS)
 _TAPS_CHIPS = np.linspace(-0.6, 0.6, 25)  # 0.05 chip apart; BOC(1,1)'s main peak is ±1/3 chip wide
-_EARLY_LATE_TAPS = 3  # ±0.15 chip: on the flanks of the main peak
-_CODE_STEPS = 3  # the code phase is measured, the taps re-centred, and so on: acquisition is good to 0.17 chip
+_EARLY_LATE_TAPS = 3  # ±0.15 chip, on the flanks of the main peak
+# iterations of measuring the code phase and centring the taps; acquisition has an error of up to 0.17 chip
+_CODE_STEPS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,18 +58,18 @@ class E1Snapshot:
     """E1 measurements of one satellite in a batch of samples."""
 
     svid: int
-    time: GalileoTime  # receiver-clock time for which everything below holds
+    time: GalileoTime  # receiver-clock time to which all values refer
     # satellite time of transmission at `time`, modulo 100 ms (the period of the secondary code), in s
     transmit_phase_s: float
     doppler_hz: float
-    cn0_dbhz: float  # C/N0 of E1-C alone, NaN where noise drove the estimate beyond its definition
-    secondary_margin_db: float  # how far the chosen secondary-code phase stands above the next best
+    cn0_dbhz: float  # C/N0 of E1-C alone; NaN if noise drove the estimate beyond its definition
+    secondary_margin_db: float  # peak of the chosen secondary-code phase over the next highest
 
 
 def measure_e1(batch: SampleBatch, acquisition: Acquisition, *, cn0_estimator: str = NOISE_FLOOR) -> E1Snapshot | None:
-    """Return the E1 measurement of one acquired satellite, or None if the batch holds too few code periods.
+    """Return the E1 measurement of one acquired satellite, or None if the batch has too few code periods.
 
-    The batch holds at least `MIN_PERIODS` + 2 code periods.
+    The batch must have at least `MIN_PERIODS` + 2 code periods.
     """
     start_s, doppler_hz = acquisition.code_start_s, acquisition.doppler_hz
     for _ in range(_CODE_STEPS):
@@ -144,7 +146,7 @@ def _secondary_phase(prompts: Complex128[np.ndarray, " periods"]) -> tuple[int, 
 
 
 def _phase_line(prompts: Complex128[np.ndarray, " periods"]) -> tuple[float, float]:
-    """Return the rest frequency in Hz and the phase in rad at the middle of the batch."""
+    """Return the residual frequency in Hz and the phase in rad at the middle of the batch."""
     m = (np.arange(prompts.size) - (prompts.size - 1) / 2) * E1_CODE_PERIOD_S
     reference = np.angle(np.sum(prompts))
     angles = np.angle(prompts * np.exp(-1j * reference))  # small: Doppler is known to 1/(10 T)
@@ -158,7 +160,7 @@ def _phase_line(prompts: Complex128[np.ndarray, " periods"]) -> tuple[float, flo
 def _unturn(
     values: Complex128[np.ndarray, " periods"], rate_hz: float, turn: float
 ) -> Complex128[np.ndarray, " periods"]:
-    """Return the values with the phase line taken out."""
+    """Return the values with the phase line removed."""
     m = (np.arange(values.size) - (values.size - 1) / 2) * E1_CODE_PERIOD_S
     return values * np.exp(-1j * (turn + 2 * np.pi * rate_hz * m))
 
@@ -176,7 +178,7 @@ def _code_error_chips(
     rate_hz: float,
     turn: float,
 ) -> float:
-    """Return how much later the code is than the middle tap, in chips: the root of early minus late."""
+    """Return the code's delay after the middle tap in chips: the root of early minus late."""
     middle = _TAPS_CHIPS.size // 2
     periods = min(pilot.shape[0], data.shape[0])
     line = _unturn(np.ones(pilot.shape[0], np.complex128), rate_hz, turn)[:periods, None]

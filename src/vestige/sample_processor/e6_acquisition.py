@@ -1,15 +1,16 @@
-"""Acquisition of E6-B, and of E6-C where it is not encrypted: what a look at a recording needs to know of E6.
+"""Acquisition of E6-B, and of E6-C if it is not encrypted, for a look at a recording.
 
 Theory of operation
 -------------------
-As `vestige.sample_processor.acquisition` on E1: stretches of two code periods (2 ms), one every period (1 ms), each
-correlated with one period of code, so that a symbol that changes between two periods does not hurt. The bins are
-1/(2 ms) = 500 Hz apart. The powers of K stretches are added non-coherently, each shifted by the code Doppler, and
-compared with the threshold that noise exceeds with the stated probability (chi-squared with 2K degrees of freedom).
+The method is that of `vestige.sample_processor.acquisition` on E1. Stretches have two code periods (2 ms) and start
+every period (1 ms). Each stretch is correlated with one period of code, so a symbol change between two periods does no
+harm. The bins are 1/(2 ms) = 500 Hz apart. The powers of K stretches are added non-coherently, each shifted by the code
+Doppler, and compared with the threshold that noise exceeds with the stated probability (chi-squared with 2K degrees of
+freedom).
 
 E6-C without encryption repeats its primary code every millisecond, with the signs of the secondary code CS100. An
-encrypted E6-C repeats nothing. So the primary code of E6-C, found over several periods, says that it is open, and the
-secondary code on its periods says that no other signal was taken for it.
+encrypted E6-C has no repetition. So the primary code of E6-C, found over several periods, shows that E6-C is open. The
+secondary code on its periods shows that no other signal was mistaken for it.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ from vestige.sample_processor.correlator import correlate
 from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E6C, SignalDefinition
 
-OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has 0.1 at the most
-_MIN_PERIODS = 25  # periods of 1 ms: fewer do not tell the 100 phases of the secondary code apart
-_TRANSFORM = 1024  # points over the periods, for the rest of the Doppler
+OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has at most 0.1
+_MIN_PERIODS = 25  # periods of 1 ms; with fewer, the 100 phases of the secondary code cannot be told apart
+_TRANSFORM = 1024  # points over the periods, for the residual Doppler
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,9 +60,9 @@ def acquire_e6(
     batch
         E6 samples of at least 2 ms.
     doppler_hz, doppler_span_hz
-        Middle and half width of the Dopplers on E6 that are searched.
+        Middle and half width of the searched Dopplers on E6.
     max_stretches
-        K, code periods that are added at most.
+        K, largest number of code periods that are added.
     pfa
         Probability that noise alone gives an acquisition.
     """
@@ -97,17 +98,17 @@ def acquire_e6(
 
 
 def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> tuple[float, int] | None:
-    """Return how much of the power of E6-C's periods its secondary code explains, and the index of the first period.
+    """Return the share of E6-C's power that its secondary code explains, and the index of the first period.
 
-    The share is 1 for a signal without noise and below 0.1 for another code; `OPEN_SHARE` tells them apart. None if the
-    batch has too few periods.
+    The share is 1 for a signal without noise and below 0.1 for another code; `OPEN_SHARE` separates the two. The result
+    is None if the batch has too few periods.
 
     Parameters
     ----------
     found
         E6-C as acquired in `batch`.
     doppler_hz
-        Its Doppler on E6, to ±250 Hz.
+        Doppler of the signal on E6, to ±250 Hz.
     """
     prompts = _prompts(batch, found, doppler_hz)
     if prompts.size < _MIN_PERIODS:

@@ -1,13 +1,13 @@
-"""E6-C as it is encrypted in the simulation: a keystream that never repeats and can be entered at any chip.
+"""Encrypted E6-C in the simulation: a keystream that never repeats and can be entered at any chip.
 
-How Galileo encrypts E6-C is not published, and ACAS does not depend on it: the receiver gets the chips themselves, in
-its RECS. What counts is that nobody without the key can foretell a chip, and that no two stretches are alike. So chip
-number n since the start of Galileo time is bit n of the AES-256-CTR keystream of its satellite, most significant bit
-first, 0 as +1 and 1 as −1:
+Galileo's encryption of E6-C is not published. ACAS does not depend on it, because the receiver gets the chips
+themselves in the RECS. A simulation needs chips that nobody can predict without the key, and no two equal stretches. So
+chip number n since the start of Galileo time is bit n of the satellite's AES-256-CTR keystream. The most significant
+bit comes first; bit 0 is chip +1 and bit 1 is chip −1:
 
     K_svid = SHA-256("vestige E6-C" || svid || key)        counter block = ⌊n / 128⌋, big-endian
 
-The chips replace primary and secondary code together: a random code times a public one is a random code.
+The chips replace primary and secondary code together, because a random code times a public code is a random code.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from vestige.time import GalileoTime
 
 _CHIPS_PER_SECOND = round(E6C.chip_rate_hz)
 _BLOCK_CHIPS = 128  # one AES block
-_GRID_CHIPS = 1e-3  # a float64 fraction of a second is good to 1e-9 chip
+_GRID_CHIPS = 1e-3  # in a float64, the chips after a whole second are exact to 1e-9 chip
 
 
 def encryption_key(seed: int) -> bytes:
-    """Return the secret of the simulated service, from which every satellite's key follows."""
+    """Return the secret of the simulated service, from which the key of every satellite follows."""
     return stream_key(seed, "E6-C encryption")
 
 
@@ -58,7 +58,7 @@ def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: 
 def encrypted_component(key: bytes, svid: int, reference: GalileoTime) -> Component:
     """Return encrypted E6-C as a component for waveforms, with chips counted from the whole second `reference`.
 
-    The chips between the first and the last number of a call are made, so a call should ask for one stretch.
+    Each call makes all chips between its first and last number, so a call should ask for a single stretch.
     """
     if reference.fraction:
         raise ValueError(f"the reference must be a whole second, not {reference}")
@@ -83,4 +83,4 @@ def _keystream(key: bytes, svid: int, first: int, n: int) -> Int8[np.ndarray, " 
     encryptor = Cipher(AES(satellite_key), CTR(block.to_bytes(16, "big"))).encryptor()
     stream = encryptor.update(bytes((skip + n + 7) // 8))
     bits = np.unpackbits(np.frombuffer(stream, np.uint8), count=skip + n)[skip:].view(np.int8)
-    return np.int8(1) - bits - bits  # numpy shifts int8 ten times as slowly as it subtracts
+    return np.int8(1) - bits - bits  # numpy subtracts int8 ten times as fast as it shifts them

@@ -1,7 +1,8 @@
-"""The sum of a satellite's components in one band, sub-chip by sub-chip, as the table that a recording is sampled from.
+"""The sum of a satellite's components in one band, sub-chip by sub-chip: the table from which a recording is sampled.
 
-A component with a primary code is a pattern that repeats, each period with one sign: secondary chip times symbol, for
-a symbol lasts one period of the code on E1-B and on E6-B [OS-ICD, 2.3]. An encrypted one is given chip by chip.
+A component with a primary code is a repeated pattern with a sign for each period: secondary chip times symbol. A period
+has a single sign because a symbol lasts one code period on E1-B and on E6-B [OS-ICD, 2.3]. Encrypted components are
+given chip by chip.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ class BandModulation:
 
     @cached_property
     def per_chip(self) -> int:
-        """Sub-chips of a chip, enough for all components."""
+        """Number of sub-chips in a chip, enough for all components."""
         return max(len(one.signal.pulse.levels) for one in self.components)
 
     @property
     def chip_rate_hz(self) -> float:
-        """Chips/s, the same for all components of a band."""
+        """Chip rate in chips/s, the same for all components of a band."""
         return self.components[0].signal.chip_rate_hz
 
     @property
     def rate_hz(self) -> float:
-        """Sub-chips/s."""
+        """Sub-chip rate in 1/s."""
         return self.chip_rate_hz * self.per_chip
 
     @cached_property
@@ -47,7 +48,7 @@ class BandModulation:
 
     @cached_property
     def _patterns(self) -> tuple[Float32[np.ndarray, " n"], ...]:
-        """One period of each component with a primary code; empty for one without."""
+        """One period of each component; empty if the component has no primary code."""
         nothing = np.zeros(0, np.float32)
         return tuple(
             nothing if one.primary is None else np.multiply.outer(one.primary.astype(np.float32), pulse).reshape(-1)
@@ -63,9 +64,9 @@ class BandModulation:
         return one.chip(number) * (np.int8(1) if one.symbol is None else one.symbol(number // symbol))
 
     def levels(self, first_chip: int, n_chips: int) -> Float32[np.ndarray, " n"]:
-        """Return the sum of the components over some chips, counted from the reference second, in sub-chips.
+        """Return the sum of the components over some chips, in sub-chips; each component has unit power.
 
-        A component has unit power.
+        The chips are counted from the reference second.
         """
         levels = np.zeros(n_chips * self.per_chip, np.float32)
         for one, pattern, pulse in zip(self.components, self._patterns, self._pulses, strict=True):

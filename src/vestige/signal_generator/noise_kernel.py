@@ -2,15 +2,15 @@
 
 Theory of operation
 -------------------
-One 64-bit hash of the sample number gives one pair of normal numbers by Box and Muller: 31 bits make the radius
-r = √(−2 ln U), 30 bits an angle within ±π/4, and three bits swap sine and cosine and set two signs, which unfolds the
-angle to the full circle. Nothing is looked up and nothing branches, so the compiler turns the loops into vector
-instructions; logarithm, sine and cosine are polynomials for the same reason. Because a pair depends on nothing but its
-key and number, any worker may make any part of an epoch and all get the same bits.
+One 64-bit hash of the sample number gives one pair of normal numbers by Box and Muller. 31 bits make the radius r =
+√(−2 ln U) and 30 bits an angle within ±π/4. Three bits swap sine and cosine and set two signs, which unfolds the angle
+to the full circle. The loops have no look-ups and no branches, so the compiler turns them into vector instructions.
+Logarithm, sine and cosine are polynomials for the same reason. Because a pair depends only on its key and number, any
+worker may make any part of an epoch, and all workers get the same bits.
 
-The steps run one after the other over a piece of 512 pairs. In a single loop each pair is a chain of some 120 cycles,
-and a processor's registers hold only one or two vectors of pairs in flight; short loops hold many, and take 0.6 of the
-time.
+The steps run one after the other over a piece of 512 pairs. In a single loop each pair would be a chain of some 120
+cycles, with only one or two vectors of pairs in the processor's registers. Short loops process many pairs at once and
+take 0.6 of the time.
 
     z = mix(key + i · GOLD)                     splitmix64 [STEELE14]
     x = (31 bits of z) + ½                      ½ … 2³¹: the largest number is 6.66 σ
@@ -18,7 +18,8 @@ time.
 
 Polynomials: Cephes, single precision [CEPHES]. Errors against float64: radius 1.1e-7 relative, sine and cosine 6e-8.
 
-Two keys that differ by a multiple of GOLD would give one sequence, shifted. So a key is itself a hash (`noise_key`).
+Two keys that differ by a multiple of GOLD would give one sequence, shifted. A hash as the key prevents this
+(`noise_key`).
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -34,7 +35,7 @@ from vestige.signals.chip_window_kernel import bits_of, float_of
 GOLD = 0x9E3779B97F4A7C15  # 2^64 / golden ratio, odd: the counter's step [STEELE14]
 _MULTIPLIERS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)  # splitmix64's finaliser [STEELE14]
 _MASK = (1 << 64) - 1
-_PIECE = 512  # pairs: what is between the steps stays in the first-level cache
+_PIECE = 512  # pairs; the intermediate arrays stay in the first-level cache
 
 _GOLD, _M1, _M2 = np.uint64(GOLD), np.uint64(_MULTIPLIERS[0]), np.uint64(_MULTIPLIERS[1])
 _SQRT_HALF = np.int32(0x3F3504F3)  # bits of the float32 √½
@@ -55,7 +56,7 @@ _C = tuple(np.float32(c) for c in (4.166664568298827e-2, -1.388731625493765e-3, 
 def noise_key(seed: int, epoch: int, stream: int) -> np.uint64:
     """Return the key of the noise of one epoch.
 
-    `stream` says what the numbers are for: one constant for each band and purpose.
+    `stream` is a constant for each band and purpose, so that their noise differs.
     """
     return np.uint64(_mix_int(_mix_int(seed + epoch * GOLD) + stream))
 
@@ -85,7 +86,7 @@ def _hash(z, hi, lo):
 
 @njit(cache=True, nogil=True)
 def _reduce(hi, m, ln):
-    """Divide x, 31 bits of `hi` and ½, by 2³¹; fill float32[n] `m` with its m and `ln` with (e − 31) ln 2."""
+    """Divide x, 31 bits of `hi` and ½, by 2³¹: fill float32[n] `m` with the m of x, and `ln` with (e − 31) ln 2."""
     for i in range(hi.size):
         b = bits_of(np.float32(np.int32(np.uint32(hi[i] >> np.uint32(1)))) + np.float32(0.5))
         e = np.int32(np.int32(b - _SQRT_HALF) >> np.int32(23))
@@ -128,7 +129,7 @@ def _turn(scale, hi, lo, ln, x):
 
 @njit(cache=True, nogil=True)
 def fill_normals(key, first, scale, x):
-    """Fill float32[2 n] `x` with scale × the pairs number first, first + 1, …: real and imaginary parts in turn."""
+    """Fill float32[2 n] `x` with scale × the pairs from number `first` on: real and imaginary parts in turn."""
     hi, lo = np.empty(_PIECE, np.uint32), np.empty(_PIECE, np.uint32)
     m, ln = np.empty(_PIECE, np.float32), np.empty(_PIECE, np.float32)
     n_pairs = x.size // 2

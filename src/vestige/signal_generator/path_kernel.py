@@ -2,17 +2,17 @@
 
 Theory of operation
 -------------------
-All components of a satellite in a band share code phase and carrier, so they are summed *before* they are sampled: the
-table holds their sum on the finest sub-chip grid of the band, 12.276 MHz on E1 and 5.115 MHz on E6. A path then costs
-one look-up and one rotation a sample, however many components there are:
+All components of a satellite in a band share code phase and carrier, so they are added *before* sampling. The table
+holds their sum on the finest sub-chip grid of the band, 12.276 MHz on E1 and 5.115 MHz on E6. A path then costs one
+look-up and one rotation per sample for any number of components:
 
     x_i += level[⌊u_0 + i u_1⌋] · (a e^{jφ_i})          u_0, u_1 in float64, new for each block
 
-Code phase and carrier are parabolas in time. A block of 1024 samples takes the code's rate and the carrier's phase at
-its own middle, in float64. The carrier's frequency comes from a table that holds for several blocks; how many follows
-from the Doppler rate, so that the phase is nowhere wrong by more than `_MAX_TURN_RAD`.
+Code phase and carrier phase are parabolas in time. For each block of 1024 samples, the code's rate and the carrier's
+phase are computed in float64 at the middle of the block. One table of the carrier serves several blocks. The number of
+blocks follows from the Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
 
-No sum depends on the order of vector lanes and nothing is contracted: a block has the same bits on every machine.
+No sum depends on the order of vector lanes and no operations are fused: a block has the same bits on every machine.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -29,7 +29,7 @@ _MAX_TURN_RAD = 5e-6
 
 @njit(cache=True, nogil=True)
 def fill_periodic(levels, first, pattern, signs, first_period):
-    """Add a component that repeats its primary code, each period with a sign of its own.
+    """Add a component that repeats its primary code, with a sign for each period.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def fill_periodic(levels, first, pattern, signs, first_period):
     pattern
         float32[m]: levels of one period of the code.
     signs
-        float32[k]: secondary chip times symbol of the periods from number `first_period` on.
+        float32[k]: secondary chip times symbol of each period, from number `first_period` on.
     """
     size = pattern.size
     place = 0
@@ -58,7 +58,7 @@ def fill_periodic(levels, first, pattern, signs, first_period):
 
 @njit(cache=True, nogil=True)
 def fill_chips(levels, chips, pulse):
-    """Add a component given chip by chip, each chip times its pulse."""
+    """Add a component that is given chip by chip, each chip times its pulse."""
     per_chip = pulse.size
     for k in range(per_chip):
         for i in range(chips.size):
@@ -78,7 +78,7 @@ def _add_block(x, levels, u, step, cos, sin, re, im, index):
 
 @njit(cache=True, nogil=True)
 def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler_hz, doppler_rate):
-    """Add what arrives by one path to samples.
+    """Add the signal that arrives by one path to samples.
 
     Parameters
     ----------
@@ -87,19 +87,19 @@ def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler
     levels
         float32[m]: the table, long enough for every sample.
     middle
-        Number of the sample for which all that follows holds.
+        Number of the sample to which code, amplitude and Doppler refer.
     dt
         Sampling interval in s.
     code, rate, acceleration
-        Place in the table in sub-chips, and its derivatives in sub-chips/s and sub-chips/s².
+        Code phase as a position in the table in sub-chips, and its derivatives in sub-chips/s and sub-chips/s².
     amplitude
-        With the phase of the carrier, complex128.
+        Amplitude with the phase of the carrier, complex128.
     doppler_hz, doppler_rate
         Frequency of the carrier in the samples in Hz, and its rate of change in Hz/s.
     """
     n_samples = x.size // 2
     n_blocks = -(-n_samples // BLOCK)
-    # a table's frequency is right at its middle; BLOCK / 2 samples off the block's own middle it is wrong by this
+    # a table's frequency is exact at its middle; BLOCK / 2 samples from the block's own middle it has an error of
     turn = np.pi * abs(doppler_rate) * dt * dt * BLOCK / 2 * BLOCK
     held = n_blocks if turn * n_blocks <= _MAX_TURN_RAD else max(1, int(_MAX_TURN_RAD / turn))
     cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)

@@ -1,4 +1,4 @@
-"""The line-of-sight range model [WFO, Eq. 3]: s(t) = s0 + v t + a t²/2 + A sin ωt; what any line of sight answers."""
+"""The range model [WFO, Eq. 3], s(t) = s0 + v t + a t²/2 + A sin ωt, and the protocol of all range models."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from jaxtyping import Float
 
 @runtime_checkable
 class RangeHistory(Protocol):
-    """Range against time, by whatever geometry."""
+    """Range against time, with any geometry."""
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the range at times in s after the scenario's start, in m."""
         ...
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return its rate in m/s."""
+        """Return the range rate in m/s."""
         ...
 
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return its second derivative in m/s²."""
+        """Return the second derivative of the range in m/s²."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RangeModel:
-    """Range against time with its derivatives; here the pseudorange that a receiver's clock would see.
+    """Range against time with its derivatives; here the range is the pseudorange with the receiver's clock.
 
     Attributes
     ----------

@@ -1,23 +1,22 @@
-"""Samples of spread signals with paths, Doppler and noise, at any sampling rate: the fast sibling of `waveform`.
+"""Samples of spread signals with paths, Doppler and noise at any sampling rate, faster than `waveform` makes them.
 
 Theory of operation
 -------------------
-Sample n is taken t_n after the start of the segment, the moment at which chip number L would arrive by a path without
-delay; L chips are on air before it. A signal with Doppler f_d and Doppler rate ḟ_d on its carrier f_c adds, over its
-paths r,
+Sample n is taken t_n after the start of the segment. At the start, chip number L would arrive by a path without delay;
+L earlier chips are on air. A signal has Doppler f_d and Doppler rate ḟ_d on its carrier f_c. Over its paths r it adds
 
     x_n = Σ_r a_r · chip[L + ⌊u_n − d_r⌋] · exp j2π[(f_c − f_0 + f_d + f_r) t_n + ½ ḟ_d t_n²]
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
 
-so the Doppler is on code and carrier alike, and the correlator at delay d_r of a hand-over with the same start and
-Doppler gives a_r. A path's own Doppler f_r turns its phase only: a fading rate of 1 Hz moves its delay by 4 mm in 16
-ms. What has another range rate, a spoofer for example, is another `ReceivedSignal`.
+The Doppler is thus on code and carrier alike. The correlator at delay d_r of a hand-over with the same start and
+Doppler gives a_r. A path's own Doppler f_r rotates only its phase: a fading rate of 1 Hz would move its delay by only 4
+mm in 16 ms. A signal with another range rate, such as a spoofing signal, is another `ReceivedSignal`.
 
 **Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 = 1/f_s and a component of C/N0 has
 amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.
 
-**Band.** Nothing is filtered. Chips are rectangular, so the sampling rate must not be a small multiple of the chip rate
-(`vestige.receiver.samples.staircase`).
+**Band.** No filter is applied. Chips are rectangular, so the sampling rate must not be a small multiple of the chip
+rate (`vestige.receiver.samples.staircase`).
 """
 
 from __future__ import annotations
@@ -40,16 +39,16 @@ SIGMA = np.float32(np.sqrt(0.5))  # per dimension, for variance 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedSignal:
-    """One signal as it arrives: its chips, when they start, and the paths by which they come."""
+    """One received signal: its chips, their start, and the paths by which they arrive."""
 
-    chips: ChipSequence  # rectangular (BPSK) chips; before the first and after the last there is nothing
+    chips: ChipSequence  # rectangular (BPSK) chips; there is no signal before the first and after the last chip
     # time from sample 0, or the `origin_sample` of `synthesize`, to chip number `lead_chips` by a path without
     # delay, in s; may be negative
     start_s: float
-    doppler_hz: float  # at that moment, on the carrier
-    doppler_rate_hz_per_s: float  # its rate of change
-    delay_m: Float[np.ndarray, " n_rays"]  # positive is later
-    amplitude: Complex128[np.ndarray, " n_rays"]  # with the phase at that moment
+    doppler_hz: float  # on the carrier, at `start_s`
+    doppler_rate_hz_per_s: float  # rate of change of the Doppler
+    delay_m: Float[np.ndarray, " n_rays"]  # delay of each path, positive is later
+    amplitude: Complex128[np.ndarray, " n_rays"]  # amplitude of each path with its phase at `start_s`
     ray_doppler_hz: Float[np.ndarray, " n_rays"]  # Doppler of each path over `doppler_hz`
     lead_chips: int = 0  # chips before the segment, for the samples there and for late paths
 
@@ -71,24 +70,25 @@ def synthesize(
     carrier_hz: float = E6C.carrier_hz,
     center_frequency_hz: float = E6C.carrier_hz,
 ) -> Complex64[np.ndarray, " n_samples"]:
-    """Return samples number `first_sample` to `first_sample + n_samples − 1`; the same bits however a stretch is cut.
+    """Return samples number `first_sample` to `first_sample + n_samples − 1`; cutting the range does not change bits.
 
     Parameters
     ----------
     signals
-        All that is in the band.
+        All signals in the band.
     sample_rate_hz
         Complex sampling rate in Hz.
     noise_key
         Key of the noise (`noise_kernel.noise_key`); None for no noise.
     origin_sample
-        Sample from which the signals count `start_s`; near to them in a long recording, where float64 would round.
+        Sample from which `start_s` of the signals counts. The sample lies near the signals, because float64 rounds in a
+        long recording.
     noise_power
-        Variance of the noise; strengths refer to 1, so more than 1 is interference as white as noise.
+        Variance of the noise. Amplitudes refer to variance 1, so a larger variance means additional white interference.
     carrier_hz
         Carrier of all signals.
     center_frequency_hz
-        Radio frequency that stands at 0 Hz in the samples.
+        Radio frequency that lies at 0 Hz in the samples.
     """
     skip = first_sample % BLOCK  # blocks are counted from sample 0, so that rounding does not depend on the cut
     first = first_sample - skip

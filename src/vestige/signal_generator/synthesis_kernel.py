@@ -1,12 +1,12 @@
 """The compiled inner loops of sample synthesis: the paths of one signal, added to stored samples.
 
-All paths of a group share the chip windows (`vestige.signals.chip_window_kernel`); a path is then a
-rotator, the XOR of its chip into the sign bits, and an addition. Each path has a rotator table of its own; its phase at
-the middle of every block comes from float64. The Doppler rate turns the sum of all paths inside the block, to second
-order of an angle that stays below 1e-3 rad at 100 Hz/s.
+All paths of a group share the chip windows (`vestige.signals.chip_window_kernel`). A path then costs a rotation, the
+XOR of its chip into the sign bits, and an addition. Each path has its own rotator table; its phase at the middle of
+every block comes from float64. The Doppler rate rotates the sum of all paths inside the block, to second order of an
+angle that stays below 1e-3 rad at 100 Hz/s.
 
-No sum here depends on the order of vector lanes and nothing is contracted, so that a block has the same bits on every
-machine and wherever the samples are cut between blocks.
+No sum depends on the order of vector lanes and no operations are fused. So a block has the same bits on every machine,
+however the samples are cut between blocks.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -39,7 +39,7 @@ def _add_ray(window, fraction, delay, cos, sin, a_re, a_im, s_re, s_im):
 
 @njit(cache=True, nogil=True)
 def _add_edge_ray(chips, u0, step, delay, cos, sin, a_re, a_im, s_re, s_im):
-    """Add a multipath component of which some samples lie outside the chips."""
+    """Add a path with some samples outside the chips."""
     for i in range(s_re.size):
         j = np.int64(np.floor(u0 + i * step - delay))
         if 0 <= j < chips.size:
@@ -49,7 +49,7 @@ def _add_edge_ray(chips, u0, step, delay, cos, sin, a_re, a_im, s_re, s_im):
 
 @njit(cache=True, nogil=True)
 def _add_turned(s_re, s_im, slope, curve, x):
-    """Add the paths, turned by the small angle slope · k + curve · k², to the interleaved samples."""
+    """Add the paths, rotated by the small angle slope · k + curve · k², to the interleaved samples."""
     for i in range(s_re.size):
         k = from_middle(i)
         turn = k * (slope + curve * k)
@@ -67,11 +67,11 @@ def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, co
     x
         float32[2 · n_samples], real and imaginary parts in turn.
     chips, packed
-        int8[n_chips] of ±1 and their `packed_chips`; there is no signal before and after.
+        int8[n_chips] of ±1 and their `packed_chips`; there is no signal before and after them.
     delays
-        float64[n_rays] in chips, later is positive, within 2 · WINDOW_REACH_CHIPS of each other.
+        float64[n_rays] in chips, positive is later; they differ by 2 · WINDOW_REACH_CHIPS at most.
     amplitudes, ray_hz
-        complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each path over that of the group.
+        complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each path relative to the group.
     t0, dt
         Time of the first sample after the start of the code, and the sampling interval, in s.
     code_rate, code_rate_rate

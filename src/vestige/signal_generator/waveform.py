@@ -1,14 +1,15 @@
 """Galileo components as continuous complex functions of time, to be sampled at any rate [WFO, Sec. V].
 
-The satellite sends, at its time t_s, the real function d(t_s) · c(t_s): symbol times secondary chip times primary
-chip times pulse level, with a minus sign on a pilot, for a band is (e_B − e_C)/√2 [OS-ICD, 2.3.3]. All codes and
-symbols start with the Galileo second, so t_s is counted from a whole second.
-The receiver sees, at its time t, what left at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}; mixed down from f_0
-that is
+The satellite sends, at its time t_s, the real function d(t_s) · c(t_s): symbol times secondary chip times primary chip
+times pulse level. A pilot has a minus sign, because a band is (e_B − e_C)/√2 [OS-ICD, 2.3.3]. All codes and symbols
+start with the Galileo second, so t_s is counted from a whole second.
+
+At its time t the receiver sees the signal sent at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}. Mixed down from
+f_0, the signal is
 
     x(t) = a · d(t_s) · c(t_s) · exp j2π[ (f_c − f_0) t − f_c P(t)/c ]
 
-So one function P(t) puts Doppler on code, symbols and carrier alike.
+A single function P(t) thus puts Doppler on code, symbols and carrier.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ class Component:
     """One signal component of one satellite."""
 
     signal: SignalDefinition
-    chip: Chips  # chip for a chip number counted from the reference second: ±1, int8, or any amplitude, float32
-    symbol: Sequence | None = None  # symbol ±1 for a symbol number counted from the reference second; None for a pilot
-    # chips number `first` to `first + n - 1`, where it is quicker to ask for a stretch
+    chip: Chips  # chip by its number, counted from the reference second: ±1, int8, or any amplitude, float32
+    symbol: Sequence | None = None  # symbol ±1 by its number, counted from the reference second; None for a pilot
+    # chips number `first` to `first + n - 1`, where a stretch is faster to make than single chips
     stretch: Callable[[int, int], Int8[np.ndarray, " n"]] | None = None
-    # the codes that make `chip` where it is primary code times secondary code, else None
+    # the codes of which `chip` is the product, primary times secondary; else None
     primary: Int8[np.ndarray, " n"] | None = None
     secondary: Int8[np.ndarray, " k"] | None = None
 
@@ -67,7 +68,7 @@ class Component:
 def open_component(signal: SignalDefinition, svid: int, *, seed: int = 0) -> Component:
     """Return a component with its published codes, and with random symbols on a data channel.
 
-    The symbols of every satellite and signal differ.
+    The symbols of any two satellites or signals differ.
     """
     symbols = random_signs(stream_key(seed, "symbols", signal.name, svid)) if signal.symbol_rate_hz else None
     return coded_component(signal, svid, symbols)

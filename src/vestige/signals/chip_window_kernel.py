@@ -1,20 +1,20 @@
-"""Chip of every sample by chip windows and fixed-point code phase, to make and to correlate samples.
+"""The chip of every sample by chip windows and fixed-point code phase, to make and to correlate samples.
 
 Theory of operation
 -------------------
-**Packed chips.** A code is packed into one bit a chip, 32 to a word; a set bit means −1. A window is 32 consecutive
-chips. Shifting it left by s brings its chip s into the sign bit; that bit, XORed into a float32, multiplies it by the
-chip.
+**Packed chips.** A code is packed into one bit per chip, 32 chips to a word; a set bit means −1. A window is 32
+consecutive chips. A left shift by s brings chip s of the window into the sign bit. The sign bit, XORed into a float32,
+multiplies the float32 by the chip.
 
-**One window for eight samples.** Eight samples at half the chip rate or more meet at most 15 chips, so that one window
-holds the chips of all eight at every delay within `WINDOW_REACH_CHIPS` of a common middle. A window stays in the order
-of its words: chip c stands at place c mod 32, and the shift is the code phase modulo 32 chips. So nothing is looked up
-sample by sample, unless the sampling rate is less than half the chip rate: then each sample has a window of its own.
+**One window for eight samples.** At half the chip rate or more, eight samples meet at most 15 chips. One window then
+has the chips of all eight at every delay within `WINDOW_REACH_CHIPS` of a common middle. A window stays in the order of
+its words: chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. No look-up is needed for single
+samples, unless the sampling rate is less than half the chip rate: then each sample has its own window.
 
-**Fixed-point code phase.** A block of samples starts from float64; inside it the phase is an integer with 40 fraction
-bits, so that 1000 steps add up to an error below 1e-9 chip. Modulo 32 chips and cut to 27 fraction bits, it is added to
-the delay's (`window_delay`), and its five upper bits are the shift. A chip edge is met within 2^-27 chip (0.4 µm): a
-plain double loop in float64 finds the same chip at every sample.
+**Fixed-point code phase.** The phase at the start of a block is a float64. Inside the block the phase is an integer
+with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. The phase, modulo 32 chips and cut to 27
+fraction bits, is added to the phase of the delay (`window_delay`); the five upper bits of the sum are the shift. A chip
+edge is exact to 2^-27 chip (0.4 µm): a plain double loop in float64 finds the same chip at every sample.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -27,10 +27,11 @@ from jaxtyping import Int8, UInt32
 from vestige.kernel_cache import njit
 
 GROUP = 8  # samples that share a window
-PAD = 32  # places before the first chip in packed chips; there are as many behind the last
-WINDOW_REACH_CHIPS = 8.0  # farthest delay from the middle: with 15 chips of a group, 31 of a window's 32
+PAD = 32  # bits before the first chip in packed chips; as many follow the last chip
+# largest delay from the middle: with the 15 chips of a group, 31 of a window's 32 chips are used
+WINDOW_REACH_CHIPS = 8.0
 FRACTION_BITS = 27  # bits of a delay; five bits are left for 32 chips
-_LEAD = 8  # chips in a window before that of a group's first sample
+_LEAD = 8  # chips in a window before the chip of a group's first sample
 _PHASE_BITS = 40  # fraction bits of the code phase
 
 
@@ -47,7 +48,7 @@ def float_of(bits):
 
 
 def packed_chips(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_words"]:
-    """Return chips as bits: chip i is bit 31 − i mod 32 of word 1 + ⌊i / 32⌋, +1 where there is no chip."""
+    """Return chips as bits: chip i is bit 31 − i mod 32 of word 1 + ⌊i / 32⌋; bits without a chip mean +1."""
     packed = np.packbits(chips < 0)
     words = np.zeros((chips.size + 2 * PAD) // 32 + 3, ">u4")
     words.view(np.uint8)[PAD // 8 : PAD // 8 + packed.size] = packed
@@ -55,7 +56,7 @@ def packed_chips(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_words"
 
 
 def chip_windows(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_windows"]:
-    """Return n + 64 windows at least: window i + PAD holds chips i … i + 31, the first in its sign bit."""
+    """Return at least n + 64 windows: window i + PAD has chips i … i + 31, with chip i in the sign bit."""
     return _windows(packed_chips(chips))
 
 
@@ -78,9 +79,10 @@ def window_delay(delay):
 
 @njit(cache=True, nogil=True)
 def interior(u0, step, reach, n_chips, n):
-    """Return (i0, i1): of n samples with code phase u0 + i · step, those that meet a chip at all delays within ±reach.
+    """Return (i0, i1), the range of samples that meet a chip at all delays within ±reach.
 
-    The range may be a sample short at either end; then the plain loops at the edges take it.
+    Sample i of n has the code phase u0 + i · step. The range may be a sample short at either end; the plain loops at
+    the edges then process that sample.
     """
     i0 = max(0, min(n, np.int64(np.ceil((reach - u0) / step)) + 1)) if u0 < reach else np.int64(0)
     i1 = n
@@ -117,12 +119,11 @@ def fill_windows(packed, u0, step, n, window, fraction):
     ----------
     packed
         `packed_chips` of the code.
-    u0, step
+    Code phase of the first sample and its step, in chips; the phases of all samples lie in the code.
         Code phase of the first sample and its step, in chips; all phases lie in the code.
     window, fraction
-        uint32[m], m a multiple of GROUP that is not less than n:
-        `window[i] << ((fraction[i] + window_delay(d)) >> FRACTION_BITS)` has in its sign bit the chip of sample i at a
-        delay of d chips.
+        uint32[m]; m is a multiple of GROUP and not less than n. The sign bit of `window[i] << ((fraction[i] +
+        window_delay(d)) >> FRACTION_BITS)` is the chip of sample i at a delay of d chips.
     """
     p0, dp, base = _fixed(u0, step)
     p0 += (base + PAD) << _PHASE_BITS
@@ -140,7 +141,7 @@ def fill_windows(packed, u0, step, n, window, fraction):
 
 @njit(cache=True, nogil=True)
 def fill_chip_numbers(u0, step, chip):
-    """Fill int32[n] with the chip that each of consecutive samples meets at no delay."""
+    """Fill int32[n] with the chip that each of n consecutive samples meets without delay."""
     p0, dp, base = _fixed(u0, step)
-    for i in range(chip.size):  # AVX2 shifts signed 64-bit numbers only one by one
+    for i in range(chip.size):  # unsigned, because AVX2 has no vector shift for signed 64-bit numbers
         chip[i] = np.int32(np.int32(np.uint64(p0 + i * dp) >> np.uint64(_PHASE_BITS)) + np.int32(base))

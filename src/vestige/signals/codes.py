@@ -1,7 +1,8 @@
 """Spreading codes: primary memory codes and secondary codes of E1-B, E1-C, E6-B, E6-C, from a packaged table.
 
 The tables are published facts of the Galileo OS SIS ICD and the Galileo E6-B/C Codes Technical Note (© European Union,
-used with acknowledgement); `data/README.md` says how they are packed. Each section's SHA-256 is checked when read.
+used with acknowledgement). `data/README.md` describes their packed form. The SHA-256 of each section is checked on
+reading.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from vestige.signals.definitions import SignalDefinition
 
 N_CODES = 50  # [OS-ICD, Annex C], [E6-CODES]
 
-# section: codes in it, chips of each, SHA-256 of the section [OS-ICD, Annex C], [E6-CODES]
+# section: number of its codes, chips of each code, SHA-256 of the section [OS-ICD, Annex C], [E6-CODES]
 _SECTIONS = {
     "E1-B": (N_CODES, 4092, "384ec87e76ecbf81c84f6766e7064afb603acbe6ca7ae171bf7b8e14261c5854"),
     "E1-C": (N_CODES, 4092, "56721f302855a730260d53e3801e64896eef2e6369154a04fabb2a04f846390c"),
@@ -45,7 +46,7 @@ def _section(name: str) -> UInt8[np.ndarray, "codes chips"]:
 
 
 def _chips(bits: UInt8[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
-    """Return bits as chips: logic 0 is +1, logic 1 is −1 [OS-ICD, 2.3]; read-only, because callers share it."""
+    """Return bits as read-only chips, which callers share: logic 0 is +1, logic 1 is −1 [OS-ICD, 2.3]."""
     chips = (1 - 2 * bits.astype(np.int8)).astype(np.int8)
     chips.flags.writeable = False
     return chips
@@ -65,7 +66,7 @@ def primary_code(signal: SignalDefinition, svid: int) -> Int8[np.ndarray, " n_ch
 
 @cache
 def secondary_code(signal: SignalDefinition, svid: int) -> Int8[np.ndarray, " n_periods"]:
-    """Return the secondary code of `signal` for one satellite as int8 ±1, one chip a primary period; [1] if none."""
+    """Return the secondary code of `signal` for one satellite as int8 ±1, one chip per primary period, or [1]."""
     row = _row(svid)
     if signal.secondary_length == 1:
         return _chips(np.zeros(1, np.uint8))

@@ -7,10 +7,10 @@
 | E6-B | 125 f0 | 5.115 M | 5115 chips, 1 ms | none | 1000 (C/NAV, HAS) |
 | E6-C | 125 f0 | 5.115 M | 5115 chips, 1 ms | CS100_svid, 100 ms | pilot; encrypted under ACAS |
 
-All codes start with the Galileo second. A satellite sends (e_B − e_C)/√2 in either band, so pilots have a minus sign
+All codes start with the Galileo second. In each band a satellite sends (e_B − e_C)/√2, so pilots have a minus sign
 (`SignalDefinition.polarity`). Sources: [OS-ICD, 2.3], [E6-CODES].
 
-Left out, with the reason: E1-A and E6-A (PRS: not public), E5 (not part of ACAS).
+The table leaves out E1-A and E6-A, whose PRS is not public, and E5, which is not part of ACAS.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from vestige.signals.pulse import BPSK, CBOC_MINUS, CBOC_PLUS, Pulse
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalDefinition:
-    """Everything that defines one signal component.
+    """Definition of one signal component.
 
     Attributes
     ----------
     name
-        Name in the ICD, as `E6-C`.
+        Name in the ICD, such as `E6-C`.
     code_length
         Chips of the primary code.
     secondary_length
         Chips of the secondary code, each as long as a primary code period; 1 if there is none.
     symbol_rate_hz
-        Navigation symbols a second; 0 for a pilot.
+        Navigation symbols per second; 0 for a pilot.
     """
 
     name: str
@@ -49,15 +49,15 @@ class SignalDefinition:
 
     @property
     def period_s(self) -> float:
-        """Length of the primary code in s."""
+        """Duration of one period of the primary code in s."""
         return self.code_length / self.chip_rate_hz
 
     @property
     def polarity(self) -> int:
         """Sign with which a satellite adds the component to its band: −1 for a pilot [OS-ICD, 2.3.3].
 
-        No receiver needs it: the phase of a pilot is taken as it comes, and the sign of a message follows from its
-        synchronisation pattern.
+        A receiver does not need the sign: it measures the phase of a pilot, and the synchronisation pattern gives the
+        sign of a message.
         """
         return 1 if self.symbol_rate_hz else -1
 

@@ -1,8 +1,8 @@
-"""Whether the chips of a RECS are those of the open E6-C code, which anybody knows and which repeats each millisecond.
+"""Whether the chips of a RECS are those of the open E6-C code, which is public and repeats each millisecond.
 
 E6-C was not encrypted before the service began. RECS made from such a recording (`vestige recs make`) exercise the
-whole chain. A search for the earliest arrival means nothing with them: the same chips arrive again one code period
-later, and those of 100 ms earlier, a period of the secondary code, are as good as those of the RECS.
+whole chain, but a search for the earliest arrival is meaningless with them. The same chips arrive again one code period
+later, and the chips 100 ms earlier, a period of the secondary code, match the RECS too.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from vestige.signals.definitions import E6C
 
 
 def is_open_e6c(chips: Int8[np.ndarray, " n_chips"], svid: int) -> bool:
-    """Return whether chips of one satellite repeat, but for the sign, with the period of the primary code.
+    """Return whether the chips of one satellite repeat, except for the sign, with the period of the primary code.
 
     Parameters
     ----------
     chips
-        int8[n_chips] of ±1 in order of transmission. If they last one code period only, they are compared with the
-        public primary code.
+        int8[n_chips] of ±1 in order of transmission. Chips of a single code period are compared with the public primary
+        code.
     svid
-        The satellite.
+        SVID of the satellite.
 
     Examples
     --------
@@ -45,5 +45,5 @@ def is_open_e6c(chips: Int8[np.ndarray, " n_chips"], svid: int) -> bool:
 
 
 def repeated_after_s(chips: Int8[np.ndarray, " n_chips"], svid: int) -> float | None:
-    """Return the time in s after which a satellite sends the same chips again; None if it never does."""
+    """Return the time in s after which a satellite sends the same chips again; None if the chips never repeat."""
     return SECONDARY_PERIOD_S if is_open_e6c(chips, svid) else None

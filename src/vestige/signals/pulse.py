@@ -1,7 +1,7 @@
-"""Chip pulses: shape, spectrum, autocorrelation, and what a band limit makes of them.
+"""Chip pulses: shape, spectrum, autocorrelation, and the effect of a band limit.
 
 Every Galileo pulse used here is piecewise constant over a chip: n equal sub-chips with levels a_0 … a_{n-1} and mean
-square 1. So everything follows exactly from the levels, with w = T_c/n the width of a sub-chip:
+square 1. All functions follow exactly from the levels, with w = T_c/n the width of a sub-chip:
 
     spectrum          S(f) = (w sinc(f w))² |Σ_k a_k e^{-j2πf(k+½)w}|² / T_c        unit area over all f
     autocorrelation   R(τ): linear between R(m w) = (1/n) Σ_k a_k a_{k+m}           random code, |τ| < T_c
@@ -30,9 +30,9 @@ class Pulse:
     Parameters
     ----------
     name
-        Usual name, as `BPSK` or `BOC(1,1)`.
+        Usual name, such as `BPSK` or `BOC(1,1)`.
     levels
-        Amplitude on each of the equal sub-chips, mean square 1.
+        Amplitude on each of the equal sub-chips; the mean square is 1.
     """
 
     name: str
@@ -99,16 +99,17 @@ def autocorrelation(pulse: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float
 
 
 def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the correlation of an unfiltered signal with the replica of another pulse, with the same random code.
+    """Return the correlation of an unfiltered signal with the replica of another pulse and the same random code.
 
-    Both pulses have the same symmetry about the middle of the chip, so it is even; it is zero beyond one chip.
+    Both pulses have the same symmetry about the middle of the chip, so the correlation is even. Beyond one chip it is
+    zero.
 
     Parameters
     ----------
     received, replica
-        Their pulses.
+        Pulses of the received signal and of the replica.
     delay_chips
-        How much later the received pulse is than the replica, in chips.
+        Delay of the received pulse relative to the replica in chips, positive if later.
 
     Examples
     --------
@@ -124,7 +125,7 @@ def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.nda
 
 @lru_cache(maxsize=16)
 def _corners(received: Pulse, replica: Pulse) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return delays in chips and values where the correlation bends; it is straight between them."""
+    """Return the delays at which the correlation bends, in chips, and its values there; between them it is straight."""
     n = math.lcm(len(received.levels), len(replica.levels))
     first, second = (np.repeat(one.levels, n // len(one.levels)) for one in (received, replica))
     values = np.pad(np.correlate(first, second, mode="full") / n, 1)
@@ -160,13 +161,13 @@ def band_limited_correlation(
 ) -> Float[np.ndarray, " n"]:
     """Return the correlation of a received pulse behind an ideal filter with the replica of another pulse.
 
-    R(τ) = ∫ S_rp(f) e^{j2πfτ} df over ±B/2, with S_rp the cross spectrum for a random code. With both pulses equal it
-    is `band_limited_autocorrelation`. Both pulses have the same symmetry about the middle of the chip, so it is real.
+    R(τ) = ∫ S_rp(f) e^{j2πfτ} df over ±B/2, with S_rp the cross spectrum for a random code. For two equal pulses R is
+    `band_limited_autocorrelation`. Both pulses have the same symmetry about the middle of the chip, so R is real.
 
     Parameters
     ----------
     delay_chips
-        How much later the received pulse is than the replica, in chips.
+        Delay of the received pulse relative to the replica in chips, positive if later.
     chip_rate_hz
         Chip rate in chips/s.
     bandwidth_hz

@@ -1,8 +1,8 @@
 """The carrier over one block of samples, as a table.
 
-A block is turned by one table for its constant frequency; what belongs to the block, its phase and the frequency's
-rate of change, is worked out in float64 at the block's middle. The table is the product of a few coarse and fine steps,
-so that it costs 64 sines instead of 1024.
+One table for the constant frequency rotates all samples of a block. The phase of the block and the rate of change of
+the frequency are computed in float64 at the block's middle. The table is the product of a few coarse and fine steps, so
+that it costs 64 sines instead of 1024.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -13,14 +13,14 @@ import numpy as np
 
 from vestige.kernel_cache import njit
 
-BLOCK = 1024  # samples: a block's arrays stay in the first-level cache
+BLOCK = 1024  # samples; the arrays of a block stay in the first-level cache
 MIDDLE = BLOCK // 2
 _FINE = 32
 
 
 @njit(cache=True, nogil=True)
 def rotator_table(cycles_per_sample, cos, sin):
-    """Fill float32[BLOCK] cosine and sine of the angle from the block's middle, each right to float32's rounding."""
+    """Fill float32[BLOCK] cosine and sine of the angle from the block's middle, exact to the rounding of float32."""
     fine = np.empty(_FINE, np.complex128)
     for b in range(_FINE):
         angle = 2 * np.pi * cycles_per_sample * b
@@ -37,14 +37,14 @@ def rotator_table(cycles_per_sample, cos, sin):
 def from_middle(i):
     """Return how many samples lie between sample i of a block and its middle, as float32.
 
-    The 32-bit integer matters: AVX2 has no vector instruction that makes a float of a 64-bit one.
+    The integer must have 32 bits: AVX2 has no vector instruction that converts a 64-bit integer to float.
     """
     return np.float32(np.int32(i - MIDDLE))
 
 
 @njit(cache=True, nogil=True)
 def turn_at(frequency_hz, rate_hz_per_s, t):
-    """Return exp(j2π(f t + ½ ḟ t²)); whole cycles are taken off first."""
+    """Return exp(j2π(f t + ½ ḟ t²)); whole cycles are removed first."""
     cycles, more = frequency_hz * t, 0.5 * rate_hz_per_s * t * t
     phase = 2 * np.pi * ((cycles - np.floor(cycles)) + (more - np.floor(more)))
     return complex(np.cos(phase), np.sin(phase))

@@ -3,13 +3,13 @@
 Theory of operation
 -------------------
 Reflections of many phases add a complex Gaussian g of mean power P to a direct signal of amplitude 1. In units of the
-noise per dimension a correlator then holds z = A (1 + g) + w, with A² = 2 (C/N0) T_I and w as in `thresholds`. A g and
+noise per dimension, a correlator output is z = A (1 + g) + w, with A² = 2 (C/N0) T_I and w as in `thresholds`. A g and
 w are both complex Gaussian, so |z| is Rician with A and the variance s² = 1 + A² P/2 per dimension:
 
     miss = P(|z| < γ) = 1 − Q₁(A/s, γ/s)
 
-The C/N0 is that of the direct signal. A real reflection is delayed, so it adds less to the correlator of the direct
-signal than its power says: the average is an upper limit. P = 0 gives `miss_probability` of `thresholds`.
+The C/N0 is that of the direct signal. A real reflection is delayed, so its contribution to the correlator of the direct
+signal is less than its power: the average is an upper limit. P = 0 gives `miss_probability` of `thresholds`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Number of hypotheses of a search: the N between the false alarm of one test and of the whole search.
+"""Number of hypotheses of a search: N relates the false alarm of a single test to that of the whole search.
 
 Theory of operation
 -------------------
@@ -7,12 +7,12 @@ Both vestigial searches look for a signal within the time uncertainty ΔT [WFO, 
     exhaustive   N = (ΔT / code step) · (Doppler span / Doppler step)      half a chip, 1/(2 T_I)
     hand-over    N = (ΔT / E1 code period) · taps                          one Doppler bin, known from E1
 
-The hand-over count of the paper, 30 s / 4 ms = 7500, takes one code offset at each position; with a bank of taps there
-it is as many times larger. The hand-over saves tests on E6 because a detection on E1 comes first. That detection has
-its own count: `exhaustive_hypotheses` over one E1 period with the E1 chip.
+The paper's count for the hand-over, 30 s / 4 ms = 7500, has one code offset at each position; with a bank of taps the
+count is multiplied by their number. The hand-over saves tests on E6 because a detection on E1 comes first. The
+detection on E1 has its own count: `exhaustive_hypotheses` over one E1 period with the E1 chip.
 
-The counts are not rounded to whole steps. Hypotheses less than a chip apart see partly the same noise, so N of them
-give fewer false alarms than N independent ones: `effective_taps` says how many fewer in a bank of taps.
+The counts are not rounded to whole steps. Hypotheses less than a chip apart share part of their noise, so N of them
+give fewer false alarms than N independent hypotheses. `effective_taps` gives this reduction for a bank of taps.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def exhaustive_hypotheses(
     chip_s: float = 1 / E6C.chip_rate_hz,
     per_chip: float = 2.0,
 ) -> float:
-    """Return N of a search over all code offsets and Doppler bins; parameters as above [WFO, Sec. III-D]."""
+    """Return N of a search over all code offsets and Doppler bins [WFO, Sec. III-D]."""
     return code_offsets(time_uncertainty_s, chip_s, per_chip) * doppler_bins(doppler_span_hz, integration_s)
 
 
@@ -68,10 +68,10 @@ def effective_taps(pfa: Reals, taps: int, correlation: float) -> Reals:
 
         P₁₂/P_fa = ∫_0^∞ e^{-t} Q₁(ρ√(g²+2t)/s, g/s) dt,    s = √(1−ρ²),  g the threshold
 
-    An upper limit, which counts only coincidences of neighbours: exact for small P_fa, 1 % high at 1e-3 (11 taps, ρ
-    0.74).
+    N_eff is an upper limit, because it counts only coincidences of neighbours: exact for small P_fa, 1 % high at 1e-3
+    (11 taps, ρ 0.74).
 
-    `pfa` is that of each tap; ρ is the autocorrelation at the distance of neighbouring taps, from 0 to below 1.
+    `pfa` is that of each tap; ρ is the autocorrelation at the distance of neighbouring taps, at least 0 and below 1.
     """
     if not 0 <= correlation < 1:
         raise ValueError(f"the correlation of neighbours must be in [0, 1), found {correlation}")

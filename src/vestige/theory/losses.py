@@ -3,9 +3,9 @@
 Theory of operation
 -------------------
 A coherent correlator scales the amplitude by R(τ) in code offset (triangle, τ in chips) and by sinc(f T_I) in
-frequency. On a grid of step Δ the error is at worst Δ/2, and on average over a uniform error the *power* is that of
-the mean square. Over T_I an uncompensated acceleration bends the phase to a parabola, and an uncompensated code
-Doppler slides the replica by D chips, ±D/2 around the middle, where the triangle loses D/4 of its height on average.
+frequency. On a grid of step Δ the error is at worst Δ/2. The average over a uniform error is that of the *power*, the
+mean square. Over T_I an uncompensated acceleration bends the phase to a parabola. An uncompensated code Doppler slides
+the replica by D chips, ±D/2 around the middle, so the triangle loses D/4 of its height on average.
 
 A positive number is a loss. [WFO] leaves these effects out.
 """
@@ -25,7 +25,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 class GridLoss(NamedTuple):
-    """Loss in dB half a step off the grid, and of the mean power over all places between the grid points."""
+    """Loss in dB half a step off the grid, and of the mean power over all offsets between the grid points."""
 
     worst_db: float
     mean_db: float
@@ -50,7 +50,7 @@ def doppler_grid_loss(step_hz: float, integration_s: float) -> GridLoss:
 
 
 def acceleration_loss_db(acceleration_mps2: float, integration_s: float, signal: SignalDefinition = E6C) -> float:
-    """Return the loss of an acceleration along the line of sight, frequency right in the middle of the integration."""
+    """Return the loss by an acceleration along the line of sight, with the right frequency in the middle."""
     time_s = integration_s / 2 * _NODES
     phase = np.pi * acceleration_mps2 / SPEED_OF_LIGHT_MPS * signal.carrier_hz * time_s**2
     return -20 * float(np.log10(np.abs(np.exp(1j * phase) @ _WEIGHTS) / 2))
@@ -80,7 +80,7 @@ def quantisation_loss_db(bits: int) -> float:
     Φ)); a single bit leaves 2/π.
     """
     if bits not in {1, 2}:
-        raise ValueError(f"the loss is known here for 1 and 2 bits, asked for {bits}")
+        raise ValueError(f"the loss is known for 1 and 2 bits, found {bits}")
     step = np.linspace(0.5, 1.5, 1001) if bits == 2 else np.array([np.inf])
     inner = erf(step / np.sqrt(2))
     efficiency = 2 / np.pi * (1 + 2 * np.exp(-(step**2) / 2)) ** 2 / (inner + 9 * (1 - inner))

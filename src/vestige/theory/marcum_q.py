@@ -2,16 +2,17 @@
 
 Theory of operation
 -------------------
-Let K magnitudes |a_k + noise| be squared and added, noise of unit variance per dimension, Σ a_k² = a². The root of the
-sum has the density
+K magnitudes |a_k + noise| are squared and added; the noise has unit variance per dimension, and Σ a_k² = a². The root
+of the sum has the density
 
     f(x) = x (x/a)^{K-1} e^{-(x²+a²)/2} I_{K-1}(a x)
     Q_K(a, b) = ∫_b^∞ f(x) dx          P_K(a, b) = ∫_0^b f(x) dx = 1 − Q_K(a, b)
 
-Authentication lives in the tails: a false alarm of 1e-14, a miss of 1e-12. `1 − cdf` has nothing left there, and
-`scipy.special` has the lower tail only. The integrand is positive and smooth with one hump of about unit width near
-μ = √(a² + 2K − 1), and falls at least like a Gaussian around μ. So the smaller tail is a Gauss-Legendre sum of positive
-terms over the stretch next to b that holds all but e^{-45} of it, nothing cancels, and the other is 1 minus it.
+Authentication needs the tails: a false alarm of 1e-14, a miss of 1e-12. `1 − cdf` has no digits left there, and
+`scipy.special` has the lower tail only. The integrand is positive and smooth with one hump of about unit width near μ =
+√(a² + 2K − 1), and falls at least like a Gaussian around μ. So the smaller tail is a Gauss-Legendre sum of positive
+terms over the stretch next to b that contains all but e^{-45} of the tail. No terms cancel, and the other tail is 1
+minus the smaller tail.
 
 Accuracy: relative error of either tail below 1e-12 (K = 1) and 1e-11 (K ≤ 100) while the tail is above 1e-250.
 """
@@ -25,12 +26,12 @@ from jaxtyping import Float
 from scipy.special import gammaln, hyp0f1, i0e, ive, xlogy
 
 Real = float | Float[np.ndarray, "..."]
-Reals = TypeVar("Reals", float, Float[np.ndarray, "..."])  # a number gives a number, an array an array
+Reals = TypeVar("Reals", float, Float[np.ndarray, "..."])  # a number gives a number, an array gives an array
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
-_DEPTH = 45.0  # what lies below e^-45 of the largest value is left out
-_CERTAIN = 60.0  # so far above the threshold the miss is below e^-1800, 0 in floating point, whatever a is
-_MAX_ORDER = 1000  # beyond, ive underflows where the series is left
+_DEPTH = 45.0  # values below e^-45 of the largest value are neglected
+_CERTAIN = 60.0  # at this distance above the threshold the miss is below e^-1800, 0 in floating point, for any a
+_MAX_ORDER = 1000  # at higher orders ive underflows where the series ends
 
 
 def marcum_q(a: Reals, b: Real, order: int = 1) -> Reals:

@@ -1,9 +1,9 @@
-"""Every number of [WFO] that theory determines, computed from its inputs and set beside what is printed.
+"""Every number of [WFO] that theory determines, computed from its inputs and compared with the printed value.
 
-Nothing is typed in but the paper's own inputs and the digits that it prints. A number agrees if it rounds to the
-printed digits; where it does not, a remark says why, with the number of the erratum (E1, E2, …; docs/paper_map.md).
-Rows 1 to 37 follow the paper, rows E… hold numbers that belong to an erratum, the row `omitted` the sizes of effects
-that the paper's theory leaves out. What theory cannot give is in `NOT_COMPUTED`, each with its reason.
+Only the paper's own inputs and its printed digits are typed in. A number agrees if it rounds to the printed digits.
+Otherwise a remark gives the reason, with the number of the erratum (E1, E2, …; docs/paper_map.md). Rows 1 to 37 follow
+the paper. Rows E… have numbers that belong to an erratum. The row `omitted` has the sizes of effects that the paper's
+theory leaves out. `NOT_COMPUTED` lists the numbers that theory cannot give, with reasons.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ CHIP_M = C * CHIP_S
 STANDARD_GRAVITY_MPS2 = 9.80665  # exact, CGPM 1901
 IONOSPHERE_M3_PER_S2 = 40.3  # first-order delay 40.3 TEC / f² [OS-ICD, 5.1.6]
 
-# Inputs as [WFO] gives them
+# inputs of [WFO]
 CHIP_PRINTED_S = 60.0 / C  # T_c = 60 m, III-D
 OVERALL_PFA = 1e-3  # III-D
 UNCERTAINTY_S = 30.0  # III-D
@@ -65,7 +65,7 @@ NOT_COMPUTED = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperQuantity:
-    """One recomputed value."""
+    """One recomputed value of a row."""
 
     name: str
     value: float
@@ -89,7 +89,7 @@ class PaperQuantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperNumber:
-    """One row: what the paper prints, where, and the same recomputed."""
+    """One row: the value that the paper prints, its section, and the recomputed values."""
 
     row: str
     where: str
@@ -99,7 +99,7 @@ class PaperNumber:
 
     @property
     def verdict(self) -> str:
-        """`ok` if every printed value agrees, `differs` if one does not, nothing if none is printed; and the remark."""
+        """`ok` if every printed value agrees, `differs` if any does not, empty if none is printed; then the remark."""
         word = "ok" if any(quantity.printed for quantity in self.quantities) else ""
         if not all(quantity.agrees for quantity in self.quantities):
             word = "differs"
@@ -107,7 +107,7 @@ class PaperNumber:
 
 
 def paper_numbers() -> tuple[PaperNumber, ...]:
-    """Return all rows, computed now."""
+    """Return all rows; each call computes them."""
     return (*_errors(), *_exhaustive(), *_handover(), *_models(), *_results(), *_errata(), *_omitted())
 
 

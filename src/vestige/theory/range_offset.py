@@ -2,22 +2,23 @@
 
 Theory of operation
 -------------------
-c_e, c_p, c_l are the early, punctual and late magnitudes, Δ apart. The punctual tap and the lower of the outer ones
-lie on the same flank and give its slope α. A line with that slope through c_p and one with the opposite slope through
-the higher outer tap meet at the peak:
+c_e, c_p, c_l are the early, punctual and late magnitudes, Δ apart. The punctual tap and the lower outer tap lie on the
+same flank and give its slope α. Two lines meet at the peak: the line with that slope through c_p, and the line with the
+opposite slope through the higher outer tap.
 
     τ = τ_p + sgn(c_l − c_e) · ½ · (c_max − c_min)/(c_p − c_min) · Δ        c_max, c_min: of c_e and c_l
 
-On a triangle with all three taps on it, peak δ late of the punctual tap and flanks of slope a per metre: c_p = 1 − aδ,
-c_l = 1 − a(Δ−δ), c_e = 1 − a(Δ+δ). So c_l − c_e = 2aδ, c_p − c_e = aΔ, and δ = ½ Δ (c_l − c_e)/(c_p − c_e).
+Let all three taps lie on a triangle with its peak δ late of the punctual tap and flanks of slope a per metre: c_p = 1 −
+aδ, c_l = 1 − a(Δ−δ), c_e = 1 − a(Δ+δ). So c_l − c_e = 2aδ, c_p − c_e = aΔ, and δ = ½ Δ (c_l − c_e)/(c_p − c_e).
 
-It is exact for an unfiltered signal while Δ + |δ| is at most one chip: for every |δ| ≤ Δ/2 if Δ ≤ 2/3 chip.
+The formula is exact for an unfiltered signal while Δ + |δ| is at most one chip: for every |δ| ≤ Δ/2 if Δ ≤ 2/3 chip.
 
-[WFO] prints the formula without the ½ and the sign, which gives |2δ|. Its results were made with both: the cluster of
-early detections lies at −30 m + ½·15 m = −22.5 m.
+[WFO] prints the formula without the ½ and the sign, which gives |2δ|. The results of [WFO] were computed with both: the
+cluster of early detections lies at −30 m + ½·15 m = −22.5 m.
 
-|τ − τ_p| never exceeds Δ/2. If an outer tap is higher than the punctual one, which the maximum detector allows for n
-> 1 and at the ends of its range, the peak is taken to be halfway to it. Three equal taps give τ_p.
+|τ − τ_p| never exceeds Δ/2. An outer tap may be higher than the punctual tap, since the maximum detector allows this
+for n > 1 and at the ends of its range. The peak is then taken to be halfway to that outer tap. Three equal taps give
+τ_p.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def range_offset_m(
     spacing: int,
     offsets_m: Float[np.ndarray, " n_taps"],
 ) -> Float[np.ndarray, " n_epochs"]:
-    """Return measured minus predicted E6 range of each epoch in m, positive if later; NaN where nothing was detected.
+    """Return measured minus predicted E6 range of each epoch in m, positive if later; NaN without a detection.
 
     Magnitudes |c| go from early to late. `tap` is the index of the punctual tap from a detector, n … N−1−n, or −1;
     `spacing` is n; `offsets_m` are the taps' offsets from the prediction, ascending and equidistant.
@@ -53,7 +54,7 @@ def range_offset_m(
     columns = punctual[:, None] + np.array([-spacing, 0, spacing])
     outer = np.take_along_axis(magnitudes, columns, axis=1)
     early, late = outer[:, 0], outer[:, 2]
-    # The highest of the three in place of c_p: the same for a peak, and a ratio of ±1 where an outer tap is higher.
+    # The highest of the three replaces c_p: the same for a peak, and a ratio of ±1 if an outer tap is higher.
     height = outer.max(axis=1) - np.minimum(early, late)
     ratio = np.divide(late - early, height, out=np.zeros_like(height), where=height != 0)
     offset_m = offsets_m[punctual] + 0.5 * ratio * spacing * step_m[0]

@@ -1,20 +1,21 @@
-"""The price of a screen: how many detections a search loses that looks at half of the chips first.
+"""The price of a screen that first looks at half of the chips: the share of detections that a search loses.
 
 Theory of operation
 -------------------
-A correlator holds z = A e^{jφ} + w over all of its chips, and z₁ = √f A e^{jφ} + w₁ over a share f of them, both in
-units of their own noise per dimension. z₁ is kept if |z₁| > t, and z is compared with the threshold g only there. The
+A correlator output is z = A e^{jφ} + w over all of its chips, and z₁ = √f A e^{jφ} + w₁ over a share f of them. Both
+are in units of their own noise per dimension. If |z₁| > t, the cell is kept and z is compared with the threshold g. The
 correlation of the two is √f, so for a given z
 
     z₁ = √f z + √(1−f) v,    v complex Gaussian of unit variance per dimension, whatever A is:
     P(miss | |z| = S) = P₁(√(f/(1−f)) S, t/√(1−f))
 
-A cell far above the threshold is thus lost hardly ever, and nothing but S counts, not the C/N0. With
-t = √f g − k √(1−f), a cell just at the threshold is k standard deviations above t. k and f weigh the loss against the
-time: noise passes e^{−t²/2} of the cells. Here f = ½ and k = 1.5.
+A cell far above the threshold is thus almost never lost, and the loss depends only on S, not on the C/N0. With t = √f g
+− k √(1−f), a cell just at the threshold is k standard deviations above t. The choice of k and f balances the loss
+against the time: noise passes e^{−t²/2} of the cells. Here f = ½ and k = 1.5.
 
-The loss at a C/N0 is the mean of that over all S > g. It is computed for the strongest cell, with the signal anywhere
-between the points of the grid; the screen's bin, 1/T_I from the next, may be 1/(2 T_I) off the frequency of that cell.
+The loss at a C/N0 is the mean of this probability over all S > g. The mean is computed for the strongest cell, with the
+signal anywhere between the points of the grid. The screen's bins are 1/T_I apart, so a bin may be 1/(2 T_I) off the
+frequency of that cell.
 """
 
 from __future__ import annotations
@@ -25,18 +26,18 @@ from scipy.special import i0e
 from vestige.theory.marcum_q import Reals, marcum_p
 from vestige.theory.thresholds import threshold
 
-SCREEN_SHARE = 0.5  # f, of the chips
+SCREEN_SHARE = 0.5  # f, share of the chips
 _SCREEN_SIGMAS = 1.5  # k
-_STRONGEST = 9.0  # above the larger of amplitude and threshold there is nothing left
+_STRONGEST = 9.0  # integration limit above the larger of amplitude and threshold; the rest is negligible
 
 
 def pass_threshold(threshold: Reals) -> Reals:
-    """Return t, on the magnitude of the screen's sum in its own σ per dimension; 0 if everything must pass.
+    """Return t, the threshold on the magnitude of the screen's sum in σ per dimension; 0 if every cell must pass.
 
     Parameters
     ----------
     threshold
-        g, on the magnitude of the whole sum, in standard deviations of its noise per dimension.
+        g, threshold on the magnitude of the whole sum, in standard deviations of its noise per dimension.
 
     Examples
     --------
@@ -54,9 +55,9 @@ def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float) -> float:
     ----------
     cn0_dbhz
         C/N0 of E6-C.
-    integration_s
+    C/N0 of E6-C in dBHz.
         T_I in s.
-    pfa
+    T_I, integration time in s.
         Single-event false-alarm probability of the search.
 
     Examples
@@ -68,7 +69,8 @@ def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float) -> float:
     nodes, weights = np.polynomial.legendre.leggauss(24)
     share, weights = (nodes + 1) / 2, weights / 2
     amplitude = np.sqrt(2 * 10 ** (cn0_dbhz / 10) * integration_s)
-    # code ¼ chip and Doppler ¼ cycle at the most; in half of the cases the screen has no bin at the cell's frequency
+    # code at most ¼ chip and Doppler at most ¼ cycle off; in half of the cases the screen has no bin at the cell's
+    # frequency
     between = (1 - 0.25 * share)[:, None, None] * np.sinc(share / 4)[:, None]
     apart = np.sinc((0.5 - share / 4) / 2) / np.sinc(share / 8)
     same = np.stack([np.ones_like(apart), apart], axis=1)

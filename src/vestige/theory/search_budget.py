@@ -1,8 +1,8 @@
 """Detection budget of a search of many hypotheses: threshold, required C/N0, P_d on a grid, ROC.
 
-The paper's theory has the signal on a grid point. On a real grid it lies anywhere between the points: half a chip costs
-up to 2.5 dB and 1.1 dB in the mean, bins 1/(2 T_I) apart up to 0.9 dB and 0.3 dB in the mean (`losses`). So P_d at one
-C/N0 is an average over both, below the paper's at high P_d.
+In the paper's theory the signal is on a grid point. On a real grid it lies anywhere between the points. Half a chip
+costs up to 2.5 dB and 1.1 dB in the mean, bins 1/(2 T_I) apart up to 0.9 dB and 0.3 dB in the mean (`losses`). So P_d
+at one C/N0 is an average over both, and at high P_d below that of the paper.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from vestige.theory.hypotheses import effective_taps
 from vestige.theory.losses import code_grid_loss, doppler_grid_loss
 from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz, single_event_pfa, threshold
 
-# Of one search of one satellite: below the share of one search with each RECS, which suspicion may ask for.
+# overall P_fa for one search of one satellite, less than the share of a search with each RECS that suspicion may
+# request
 SEARCH_P_FA = 1e-6
 _DOPPLER_CORRELATION = 2 / np.pi  # correlation of the noise of two bins 1/(2 T) apart: sinc(1/2)
 
@@ -26,13 +27,13 @@ class SearchBudget:
     """Detection budget of a search, printed before the search starts."""
 
     hypotheses: float
-    independent: float  # independent tests that give as many false alarms; N itself unless neighbours were asked for
+    independent: float  # independent tests with as many false alarms; equal to N if neighbours are not counted
     # overall and single-event false-alarm probability
     pfa_overall: float
     pfa: float
     threshold: float  # on the magnitude, in standard deviations of the noise per dimension
     required_cn0_dbhz: float  # C/N0 of E6-C that is found with probability 0.9 on the grid
-    grid_loss_db: float  # what a signal between the grid points loses in the mean: code and Doppler
+    grid_loss_db: float  # mean loss of a signal between the grid points, in code and Doppler
 
 
 def search_budget(
@@ -45,10 +46,10 @@ def search_budget(
 ) -> SearchBudget:
     """Return the budget of a search of N hypotheses half a chip apart.
 
-    `overall_pfa` is the probability that noise alone gives any peak. With `correlated_neighbours` as many independent
-    tests are counted as give the false alarms of N that are correlated with their neighbours (code ½, Doppler 2/π);
-    without it the threshold is on the safe side, by 0.01 dB at the N of 30 s. Bins are `doppler_step_hz` apart, 0 for a
-    Doppler that is known, 1/(2 T_I) if it is not given.
+    `overall_pfa` is the probability that noise alone gives any peak. `correlated_neighbours` reduces N to the number of
+    independent tests that give the same false alarms as N tests with correlated neighbours (code ½, Doppler 2/π).
+    Without it the threshold is on the safe side, by 0.01 dB at the N of 30 s. Bins are `doppler_step_hz` apart: 0 for a
+    known Doppler, 1/(2 T_I) by default.
     """
     pfa = float(single_event_pfa(overall_pfa, max(hypotheses, 1.0)))
     independent = max(hypotheses, 1.0)
@@ -74,9 +75,9 @@ def search_budget(
 def grid_probability_of_detection(
     cn0_dbhz: float, integration_s: float, pfa: float, *, bins: bool = True, half_step_chips: float = 0.25
 ) -> float:
-    """Return P_d of the strongest cell, averaged over all places of a signal between the points of the grid.
+    """Return P_d of the strongest cell, averaged over all positions of a signal between the points of the grid.
 
-    `pfa` is that of a cell. Doppler, too, is on a grid of 1/(2 T_I) if `bins`; else it is known.
+    `pfa` is that of a cell. With `bins` Doppler, too, is on a grid of 1/(2 T_I); otherwise it is known.
     """
     nodes, weights = np.polynomial.legendre.leggauss(24)
     share = (nodes + 1) / 2
@@ -101,7 +102,7 @@ def roc(
 ) -> tuple[RocPoint, ...]:
     """Return the receiver operating characteristic of a search of N hypotheses, grid losses included.
 
-    Doppler is on a grid (exhaustive) if `bins`, else known (hand-over).
+    With `bins` Doppler is on a grid (exhaustive search); otherwise it is known (hand-over search).
     """
     return tuple(
         RocPoint(

@@ -1,17 +1,17 @@
-"""Thermal noise of the two ranges that are compared: E1 tracked by a delay lock loop, E6 from one snapshot.
+"""Thermal noise of the two compared ranges: E1 tracked by a delay lock loop, E6 from one snapshot.
 
 Theory of operation
 -------------------
-S(f) is the spectrum of unit area over all frequencies, I{·} an integral over the front-end bandwidth, d the early-late
-spacing in s, B_L the one-sided loop bandwidth, T the integration time [BETZ09]:
+S(f) is the spectrum of unit area over all frequencies, and I{·} an integral over the front-end bandwidth. d is the
+early-late spacing in s, B_L the one-sided loop bandwidth, and T the integration time [BETZ09]:
 
     non-coherent DLL    σ² = B_L (1 − ½ B_L T) I{S sin²(πfd)} / ((2π)² (C/N0) I{f S sin(πfd)}²)
                              · (1 + I{S cos²(πfd)} / (T (C/N0) I{S cos(πfd)}²))
     the same with Re((L − E) P*) in place of |L|² − |E|²: the last factor is 1 + 1 / (T (C/N0) I{S})
     one snapshot        σ² ≥ 1 / (8π² (C/N0) T I{f²S})              Cramér-Rao bound
 
-The snapshot is far noisier: at 35 dBHz a loop of 1 Hz gives 0.4 to 1 m, 16 ms of E6 at best 2.1 m within 20.46 MHz, and
-three taps 15 m apart 2.5 m.
+The snapshot has far more noise. At 35 dBHz a loop of 1 Hz gives 0.4 to 1 m; 16 ms of E6 give at best 2.1 m within 20.46
+MHz, and three taps 15 m apart give 2.5 m.
 """
 
 from __future__ import annotations
@@ -47,8 +47,9 @@ def dll_noise_m(
 
     With `dot_product` the loop multiplies early minus late with the prompt.
 
-    C/N0 is that of what the loop tracks, the bandwidth of the front end two-sided, the spacing that of the early from
-    the late correlator, `shares` the power shares of the pulses of signal and replica, and B_L one-sided.
+    C/N0 is that of the tracked signal, and the bandwidth of the front end is two-sided. The spacing is the distance
+    between the early and the late correlator. `shares` are the power shares of the pulses of signal and replica. B_L is
+    one-sided.
     """
     cn0 = 10.0 ** (cn0_dbhz / 10.0)
     of = _dll_integrals(tuple(shares.items()), bandwidth_hz, spacing_chips, chip_rate_hz)
@@ -111,6 +112,6 @@ def pll_variance_rad2(
 def fll_variance_hz2(
     cn0_hz: Float[np.ndarray, "*n"], *, bandwidth_hz: float, integration_s: float
 ) -> Float[np.ndarray, "*n"]:
-    """Return the variance of a frequency lock loop's Doppler in Hz² [KAPLAN06, 5.6.2]; arguments as of the phase."""
+    """Return the variance of a frequency lock loop's Doppler in Hz² [KAPLAN06, 5.6.2]; C/N0 in Hz, one-sided B."""
     spread = 4 * bandwidth_hz / cn0_hz * (1 + 1 / (integration_s * cn0_hz))
     return spread / (2 * np.pi * integration_s) ** 2

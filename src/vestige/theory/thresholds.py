@@ -1,9 +1,9 @@
-"""Detection thresholds, the probabilities on both sides of them, and the C/N0 that they need.
+"""Detection thresholds, the probabilities of false alarm and detection, and the C/N0 that these require.
 
 Theory of operation
 -------------------
-A correlator that integrates for T_I holds, in units of the noise per dimension, z = A e^{jφ} + w with A² = 2 (C/N0) T_I
-and w complex Gaussian of unit variance per dimension. Its magnitude is compared with a threshold g [WFO, Sec. III-A]:
+The output of a correlator over T_I is, in units of the noise per dimension, z = A e^{jφ} + w. A² is 2 (C/N0) T_I, and w
+is complex Gaussian of unit variance per dimension. The magnitude of z is compared with a threshold g [WFO, Sec. III-A]:
 
     no signal    P_fa = e^{-g²/2}             so  g = √(−2 ln P_fa)
     signal       P_d  = Q₁(A, g)              miss = 1 − P_d = P₁(A, g)
@@ -11,14 +11,13 @@ and w complex Gaussian of unit variance per dimension. Its magnitude is compared
     K squared magnitudes added (non-coherent sum), A² = 2 K (C/N0) T_I:
                  P_fa = Γ(K, g²/2) / Γ(K)     P_d = Q_K(A, g)
 
-One dwell, aligned in time and frequency, an amplitude that does not fluctuate, known noise power: the paper's numbers
-rest on these. `losses` says what misalignment costs, `swerling1_probability_of_detection` what a fluctuating amplitude
-does.
+The paper's numbers assume one dwell, aligned in time and frequency, a constant amplitude, and known noise power.
+`losses` gives the cost of misalignment, `swerling1_probability_of_detection` that of a fluctuating amplitude.
 
-P_FA ↔ P_fa goes through log1p and expm1: as printed, 1 − (1 − P_FA)^{1/N} loses digits in floating point and gives the
-paper's 4.16e-14 in place of 4.17e-14.
+P_FA ↔ P_fa uses log1p and expm1. As printed, 1 − (1 − P_FA)^{1/N} loses digits in floating point and gives the paper's
+4.16e-14 instead of 4.17e-14.
 
-Every function takes a number or an array as its first argument and returns the same; the other arguments are numbers.
+Every function takes a number or an array as its first argument and returns the same type. Other arguments are numbers.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from scipy.special import chdtri
 
 from vestige.theory.marcum_q import Real, Reals, marcum_p, marcum_q
 
-_BISECTIONS = 60  # halves a bracket of some 20 to less than its rounding error
+_BISECTIONS = 60  # bisections that reduce a bracket of some 20 to less than its rounding error
 _SURE = 9.0  # amplitude above the threshold at which the miss, below 1e-18, is less than any 1 − P_d in floating point
 
 
@@ -58,7 +57,7 @@ def threshold(pfa: Reals, n_noncoherent: int = 1) -> Reals:
     pfa
         P_fa of a single test.
     n_noncoherent
-        K, number of squared magnitudes added; the threshold is on the root of their sum.
+        K, number of squared magnitudes in the sum; the threshold is on the root of the sum.
 
     Returns
     -------
@@ -135,7 +134,7 @@ def miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoh
 def swerling1_probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float) -> Reals:
     """Return P_d = P_fa^{1/(1 + A²/2)} for an amplitude that is Rayleigh distributed from dwell to dwell.
 
-    For comparison: it is the pessimistic end, a signal without a direct path. Parameters are those of
+    This P_d is the pessimistic end for comparison, a signal without a direct path. Parameters are those of
     `probability_of_detection`; `cn0_dbhz` is the mean.
     """
     _check(pfa)
@@ -145,12 +144,12 @@ def swerling1_probability_of_detection(cn0_dbhz: Reals, integration_s: float, pf
 def required_cn0_dbhz(pd: Reals, integration_s: float, pfa: float, n_noncoherent: int = 1) -> Reals:
     """Return the C/N0 in dBHz at which the signal is detected with probability P_d.
 
-    The inverse of `probability_of_detection`.
+    The function is the inverse of `probability_of_detection`.
 
     Parameters
     ----------
     pd
-        Wanted P_d; above P_fa, below 1.
+        Requested P_d; above P_fa, below 1.
     integration_s
         Coherent integration time T_I in s.
     pfa
@@ -166,7 +165,7 @@ def required_cn0_dbhz(pd: Reals, integration_s: float, pfa: float, n_noncoherent
     Raises
     ------
     ValueError
-        If P_d does not exceed P_fa: then no signal is needed at all.
+        If P_d does not exceed P_fa, which even noise alone reaches.
 
     Examples
     --------

@@ -1,13 +1,14 @@
-"""Threshold of a test of variance, where some degrees of freedom may scatter more than the others.
+"""Threshold of a test of variance in which some degrees of freedom have a larger variance than the others.
 
 Theory of operation
 -------------------
 n residuals of variance 1 have a sum of squares T ~ χ²(n). If d of the n degrees of freedom have the variance k ≥ 1,
+then
 
     T = χ²(n − d) + k χ²(d)        P(T > t) = ∫₀^∞ e^{−v} P(χ²(n − d) > t − k q(v)) dv,    P(χ²(d) > q(v)) = e^{−v}
 
-which is k χ²(n) for d = n. The integral is a sum over `_TAILS`. k is rounded up to a step of 2 %, so the threshold is
-an upper limit, by at most 2 % of the part that k makes.
+For d = n the sum is k χ²(n). The integral is a sum over `_TAILS`. k is rounded up to a step of 2 %, so the threshold is
+an upper limit, high by at most 2 % of the part that k makes.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def variance_threshold(
     freedom
         n, all degrees of freedom.
     wide
-        d of each test, from 0 to n: those with the larger variance.
+        d of each test, from 0 to n: the number of degrees of freedom with the larger variance.
     ratio
         k of each test, 1 or more; NaN gives NaN.
     p_fa

@@ -117,7 +117,7 @@ def test_what_cannot_be_sent_is_one_line() -> None:
         SatelliteWords(issued(31.0), SYSTEM).word(START + 31.0)
     same = [EphemerisIssue(start=START + 60.0 * k, ephemeris=NOW) for k in range(2)]
     with pytest.raises(
-        VestigeError, match=rf"^E04: the ephemeris issued at .* has the IODnav {NOW.iod_nav} of the one"
+        VestigeError, match=rf"^E04: the ephemeris issued at .* has the IODnav {NOW.iod_nav} of the issue"
     ):
         SatelliteWords(same, SYSTEM)
     with pytest.raises(ValueError, match="several satellites"):

@@ -1,22 +1,23 @@
 """The `correlators` fidelity: banks of correlators drawn from their exact distribution, without samples.
 
-Given the chips, a correlator output is a sum of the paths' correlation functions and of Gaussian noise whose
-covariance over the taps is that of the replicas. With N_c chips, T the integration time, d_k the tap's offset, and
-path r of amplitude a_r, delay τ_r after the hand-over's prediction and residual Doppler f_r:
+For known chips, a correlator output is the sum of the paths' correlation functions and of Gaussian noise. The
+covariance of the noise over the taps is that of the replicas. N_c is the number of chips, T the integration time and
+d_k the offset of tap k. Path r has the amplitude a_r, the delay τ_r after the hand-over's prediction and the residual
+Doppler f_r:
 
     c_k = Σ_r a_r e^{jπ f_r T} sinc(f_r T) R_e(τ_r − d_k) + (L z)_k,     z ~ CN(0, 1)
     L L^H = σ² [R(d_i − d_k)]_ik,   σ² = 1/(C/N0 · T)
-    R_e(x) = (1 − f) A_d + f A_{d+1},   d = ⌊|x|⌋, f = |x| − d chips,   A_0 = 1,  A_d ~ N(0, 1/N_c), drawn an epoch
+    R_e(x) = (1 − f) A_d + f A_{d+1},   d = ⌊|x|⌋, f = |x| − d chips,   A_0 = 1,  A_d ~ N(0, 1/N_c), drawn per epoch
 
 A_d is the self-noise of a random code: linear interpolation between whole chips is exact for rectangular chips. The
-outputs are normalised so that the line of sight alone, on a tap, gives 1. It is the limit of continuous time without a
-front end: a sampled correlation at an incommensurate rate has the same distribution, and the tests hold that. Behind a
-filter or a quantiser R_n of `front_end_correlation` is in the place of R, and R_e(x) = Σ_d A_|d| R_h(x − d).
+outputs are normalised: the line of sight alone, on a tap, gives 1. The model is the limit of continuous time without a
+front end. A sampled correlation at an incommensurate rate has the same distribution, as the tests show. Behind a filter
+or a quantiser R_n of `front_end_correlation` replaces R, and R_e(x) = Σ_d A_|d| R_h(x − d).
 
-Under a sky all other signals are white noise (`other_signals`).
-Under attack, spoofing signals are further paths; noise, jamming, and paths too far off for A_d come from `disturbance`.
+Under a sky all other signals are white noise (`other_signals`). Under attack, spoofing signals are further paths.
+Noise, jamming, and paths too far from the tap for A_d come from `disturbance`.
 
-The measured noise floor comes from N_c chips, so it scatters by 1/√N_c, and it holds the signal's own share.
+The noise floor is measured with N_c chips, so it scatters by 1/√N_c. The floor includes the signal's own share.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ from vestige.receiver.samples.front_end_correlation import noise_correlation, si
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 
-_SELF_NOISE_LAGS = 16  # chips: paths may be as far as this from a tap
-_STEPS_PER_CHIP = 64  # table behind a front end: linear interpolation is good to 3e-4 of the peak at 20 MHz
+_SELF_NOISE_LAGS = 16  # chips, the largest distance of a path from a tap
+_STEPS_PER_CHIP = 64  # table behind a front end: linear interpolation has an error of 3e-4 of the peak at 20 MHz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draws:
-    """Random draws of a block of banks: R_e with its self-noise, noise of σ = 1 in the taps, scatter of the floor."""
+    """Random draws for a block of banks: R_e with its self-noise, noise of σ = 1 in the taps, scatter of the floor."""
 
     correlation: Float[np.ndarray, "n_epochs n_lags"]
     noise: Complex128[np.ndarray, "n_epochs n_taps"]
@@ -47,11 +48,11 @@ class Draws:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatorModel:
-    """Draws banks of correlators."""
+    """Model that draws banks of correlators."""
 
     offsets_m: tuple[float, ...]  # offsets of the taps
     n_chips: int  # chips of a RECS
-    # what the samples went through; without filter and quantiser it makes no difference
+    # front end of the samples; None is equivalent to a front end without filter and quantiser
     front_end: FrontEnd | None = None
 
     @property
@@ -61,7 +62,7 @@ class CorrelatorModel:
 
     @property
     def _shaping(self) -> FrontEnd | None:
-        """The front end if it changes anything."""
+        """The front end if it changes the samples, else None."""
         return None if self.front_end is None or self.front_end.transparent else self.front_end
 
     def noise_factor(self) -> Float[np.ndarray, "n_taps n_taps"]:
@@ -76,11 +77,11 @@ class CorrelatorModel:
         if self._shaping is None:
             return np.linalg.cholesky(autocorrelation(BPSK, lags.ravel()).reshape(lags.shape))
         covariance = noise_correlation(self._shaping, lags.ravel()).reshape(lags.shape)
-        power, vectors = np.linalg.eigh(covariance)  # behind a narrow filter close taps are as good as dependent
+        power, vectors = np.linalg.eigh(covariance)  # behind a narrow filter, neighbouring taps are nearly dependent
         return vectors * np.sqrt(np.maximum(power, 0.0))
 
     def draws(self, rng: np.random.Generator, n_epochs: int) -> Draws:
-        """Return everything random of `n_epochs` banks."""
+        """Return all random numbers of `n_epochs` banks."""
         shape = (n_epochs, len(self.offsets_m))
         self_noise = rng.standard_normal((n_epochs, _SELF_NOISE_LAGS + 2)) / np.sqrt(self.n_chips)
         self_noise[:, 0] = 1.0
@@ -103,9 +104,10 @@ class CorrelatorModel:
     ) -> tuple[Complex128[np.ndarray, "n_epochs n_taps"], Float[np.ndarray, " n_epochs"]]:
         """Return taps and measured noise power of a block of epochs.
 
-        C/N0 is that of E6-C's line of sight; −∞ is no signal at all, and noise of variance 1. Paths have delays after
-        the hand-over's prediction, amplitudes over the line of sight's magnitude, and residual Dopplers; the line of
-        sight is the first path. `other_signals` is the density over N0 of what else is on air (`other_signals`).
+        C/N0 is that of E6-C's line of sight; −∞ means no signal and noise of variance 1. The first path is the line of
+        sight. Delays of paths count from the hand-over's prediction; amplitudes are relative to the line of sight;
+        Dopplers are residual. `other_signals` is the density over N0 of all other signals on air (module
+        `other_signals`).
         """
         absent = np.isneginf(cn0_dbhz)
         variance = 1.0 if absent else 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)
@@ -130,7 +132,7 @@ class CorrelatorModel:
                 correlation = np.where(far, stranger, correlation)
             taps += strength[:, ray, None] * correlation
         peak, noise = self._levels()
-        between = delay_m * CHIPS_A_METRE % 1.0  # a chip of the signal falls on two of the replica
+        between = delay_m * CHIPS_A_METRE % 1.0  # each chip of the signal overlaps two chips of the replica
         own_share = np.sum(np.abs(amplitude) ** 2 * ((1 - between) ** 2 + between**2), axis=1) / self.n_chips
         noise_power = variance * noise * draws.floor + peak**2 * own_share
         if other_signals is not None:

@@ -2,14 +2,14 @@
 
 Theory of operation
 -------------------
-**Chips that do not match.** Against a signal that carries other chips than the replica (made up by an attacker, or the
-same keystream many chips away), the correlator at distance x gives
+**Chips that do not match.** An attacker made up the chips of such a signal, or the chips lie far away in the replica's
+keystream. The correlator at distance x then gives
 
     R_u(x) = (1 − f) B_d + f B_{d+1}       d = ⌊x⌋, f = x − d chips       B_d ~ N(0, 1/N_c), independent
 
-the self-noise of the code without its peak. Each signal has its own B.
+R_u is the self-noise of the code without its peak. Each signal has its own B.
 
-**White noise** (repeated by a meaconer, or of a wideband jammer) of density w N0 scales the noise by √(1 + w).
+**White noise** of density w N0, from a meaconer's repeater or a wideband jammer, scales the noise by √(1 + w).
 
 **Waveforms** are Gaussian with the covariance of `vestige.spoofer.jammers`.
 """
@@ -36,8 +36,9 @@ class Disturbance:
     """The part of an attack on E6 that is not a path with a delay, over epochs."""
 
     white: Float[np.ndarray, " n"]  # density of white noise over N0
-    waveforms: Complex128[np.ndarray, "n n_taps"]  # what jamming waveforms leave in the taps, for noise of σ = 1 there
-    rise: Float[np.ndarray, " n"]  # by how much they raise the noise power, in the same unit
+    # jamming waveforms as they appear in the taps, for noise of σ = 1 there
+    waveforms: Complex128[np.ndarray, "n n_taps"]
+    rise: Float[np.ndarray, " n"]  # rise of the noise power by these waveforms, in the same unit
     unrelated: Float[np.ndarray, "n n_rays n_lags"]  # B of every path, of variance 1
     forged_chips: Bool[np.ndarray, " n_rays"]  # paths whose chips never match
 
@@ -51,9 +52,9 @@ def drawn_disturbance(
     first: int,
     labels: tuple[int, ...] = (),
 ) -> Disturbance:
-    """Return the disturbance of the epochs from `first` on; independent of the cut.
+    """Return the disturbance of the epochs from `first` on; the cut into blocks does not change it.
 
-    `labels` say whose streams of draws they are, beside the block's number.
+    `labels` name the owner of the draws, in addition to the block's number.
     """
     n, chips = effects.white.size, offsets_m * CHIPS_A_METRE
     n_lags = int(np.ceil(np.ptp(chips))) + 2
@@ -78,7 +79,7 @@ def drawn_disturbance(
 def unrelated_correlation(
     noise: Float[np.ndarray, "n n_lags"], distance_chips: Float[np.ndarray, "n n_taps"]
 ) -> Float[np.ndarray, "n n_taps"]:
-    """Return R_u at each tap, B counted from the tap with the smallest distance."""
+    """Return R_u at each tap; B is counted from the tap with the smallest distance."""
     lag = np.floor(distance_chips).astype(np.int64)
     part = distance_chips - lag
     lag -= lag.min(axis=1, keepdims=True)

@@ -1,41 +1,41 @@
-"""E1 tracking loop under attack: the signal that it follows, and its capture by a spoofing signal.
+"""E1 tracking loop under attack: which signal it follows, and when a spoofing signal captures it.
 
 Theory of operation
 -------------------
-With R the autocorrelation and signals of complex amplitude a_i, delay τ_i and Doppler f_i, the true one first (a = 1,
-τ = 0), the correlator at x has the mean power
+R is the autocorrelation. Signal i has the complex amplitude a_i, the delay τ_i and the Doppler f_i; the true signal
+comes first (a = 1, τ = 0). The correlator at x has the mean power
 
     P(x) = Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)         H_ij = 1/(1 + j 2π(f_i − f_j)/4B)
 
-H is the part of a beat that remains in a loop of noise bandwidth B (its pole at 4B rad/s): signals that slip slowly add
-with their phases, signals that slip fast add their powers. The loop settles at a stable zero of P(x − d/2) − P(x +
+H is the part of a beat that remains in a loop of noise bandwidth B, with its pole at 4B rad/s. Signals that slip slowly
+add with their phases; signals that slip fast add their powers. The loop settles at a stable zero of P(x − d/2) − P(x +
 d/2). When the signals change, the loop moves to the nearest zero in the direction of its discriminator. So the loop has
 a memory: it stays on one of two peaks. Steps of 0.1 s are small enough for all pull-off rates up to 100 m/s.
 
-**Capture.** From an aligned start (spoofing signal on top, then leaving) a spoofing signal of more power takes the loop
-along, whatever its phase, and one of equal or less power never does [JWCN18, Eq. 4-6]. One that starts more than a chip
-away never captures a loop in lock.
+**Capture.** A spoofing signal may start aligned with the true signal and then leave. With more power it takes the loop
+along at any phase; with equal or less power it never does [JWCN18, Eq. 4-6]. A spoofing signal that starts more than a
+chip away never captures a locked loop.
 
 **Lock.** A receiver acquires the strongest signal if its prompt correlator falls below 20 dBHz, or if an attack
-restarts it (`acquired`). That takes `reacquisition_s`, in which a signal above 20 dBHz has to be there; until then E1
-has no measurements. So a spoofing signal that ends leaves the receiver to the true signal. Before its first
-epoch the receiver has acquired whatever is on air then.
+restarts it (`acquired`). Acquisition takes `reacquisition_s`, during which a signal above 20 dBHz must be present;
+until its end E1 has no measurements. So the receiver returns to the true signal when a spoofing signal ends. Before its
+first epoch the receiver has acquired the strongest signal on air.
 
-`REACQUISITION_S` is that of the tracking receiver on samples (`sample_processor.tracking`): it looks for a lost
-satellite every second, takes 0.1 s of samples to find it, pulls the carrier in for 0.2 s, and needs 0.2 s more until
-C/N0 and phase lock are good. So observations come 0.5 to 1.5 s after the signal (`test_reacquisition.py`).
+`REACQUISITION_S` is that of the tracking receiver on samples (`sample_processor.tracking`). The tracking receiver looks
+for a lost satellite every second. The search takes 0.1 s of samples and the pull-in of the carrier 0.2 s; C/N0 and
+phase lock are good after 0.2 s more. So observations come 0.5 to 1.5 s after the signal (`test_reacquisition.py`).
 
-**Side peaks.** R² of BOC(1,1) has peaks half a chip beside the main one, 6 dB lower. A loop keeps the one that is next
-to it: if the true signal vanishes and a signal 170 m later stays, the loop settles 16 m later, not 170 m. The tracking
-loops on samples do the same, since they do not look for side peaks either. Both stand a quarter of their early-late
-spacing before the side peak: 16 m here, where d is 0.1 chip; 11 m on samples of 12.3 MHz, where it is 0.166.
+**Side peaks.** R² of BOC(1,1) has peaks half a chip from the main peak, 6 dB lower. A loop stays on the nearest peak:
+if the true signal vanishes and a signal 170 m later stays, the loop settles 16 m later, not 170 m. The tracking loops
+on samples do the same, since they do not look for side peaks either. Both settle a quarter of their early-late spacing
+before the side peak: 16 m here, where d is 0.1 chip, and 11 m on samples of 12.3 MHz, where d is 0.166 chip.
 
-Not modelled: the carrier loop (Doppler is that of the strongest signal in the prompt correlator), the loop's own
-dynamics, and reflections, whose error is added (`e1_multipath`) as if they were alone. The tracking loops on samples
-(`sample_processor.tracking`) agree on who captures the code as long as the spoofing signal has the carrier frequency of
-the true signal. One whose Doppler fits its pull-off, and steps by more than the carrier loop's bandwidth, does not
-capture them: they stay with the true signal (210 Hz), or lose both in the beat and acquire the stronger one (26 Hz).
-There the model errs to the attacker's advantage.
+The model leaves out the carrier loop, the loop's own dynamics, and reflections. The Doppler of the model is that of the
+strongest signal in the prompt correlator; the error of reflections is added separately (`e1_multipath`). The tracking
+loops on samples (`sample_processor.tracking`) agree on who captures the code if the spoofing signal has the carrier
+frequency of the true signal. The results differ if the spoofing signal's Doppler fits its pull-off and steps by more
+than the carrier loop's bandwidth. The loops on samples then stay with the true signal (210 Hz), or lose both signals in
+the beat and acquire the stronger signal (26 Hz). In this case the model favours the attacker.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ from vestige.spoofer.spoofer import Spoofer
 
 LOCK_DBHZ = 20.0  # C/N0 below which E1-C is no longer tracked
 REACQUISITION_S = 1.0  # from a signal that can be acquired to the first measurement
-_LOCK_RANGE_DB = 6.0  # a receiver that tracks a signal as weak as this above LOCK_DBHZ also tracks it a little weaker
+_LOCK_RANGE_DB = 6.0  # a weak signal stays locked down to this much below its undisturbed C/N0
 _SPACING_CHIPS = 0.1  # d
 _STEP_S = 0.1
-_MAX_STEPS = 300  # an epoch
-_PIECE_STEPS = 60_000  # at once, so that memory does not grow
+_MAX_STEPS = 300  # steps per epoch
+_PIECE_STEPS = 60_000  # steps computed at a time, which limits the memory
 _METRES_A_CHIP = SPEED_OF_LIGHT_MPS / E1C.chip_rate_hz
 _NO_POWER = 1e-12
 
@@ -73,20 +73,22 @@ class E1Tracking:
     """
 
     error_m: Float[np.ndarray, " n"]  # error of the pseudorange
-    worst_error_m: Float[np.ndarray, " n"]  # error of largest magnitude since the epoch before
-    rate_error_mps: Float[np.ndarray, " n"]  # error of the range rate, from the Doppler of what is tracked
-    gain: Float[np.ndarray, " n"]  # C/N0 of what is tracked over that of the undisturbed true signal
-    # whether the receiver acquires: it has no measurements; place and gain are those of the signal that it will find
+    worst_error_m: Float[np.ndarray, " n"]  # error of largest magnitude since the previous epoch
+    rate_error_mps: Float[np.ndarray, " n"]  # error of the range rate, from the Doppler of the tracked signal
+    gain: Float[np.ndarray, " n"]  # C/N0 of the tracked signal over that of the undisturbed true signal
+    # whether the receiver acquires: it has no measurements, and error and gain are those of the signal that it will
+    # find
     acquiring: Bool[np.ndarray, " n"]
     captured: Bool[np.ndarray, " n"]  # whether a spoofing signal is the strongest signal in the prompt correlator
-    # whether it is one with navigation data of the attacker's own, and those are what is demodulated
+    # whether the strongest signal has the attacker's own navigation data, which are then demodulated
     forged_nav_data: Bool[np.ndarray, " n"]
 
 
 class E1Loop:
-    """Tracks one satellite through an attack, epoch after epoch.
+    """Model of one satellite's E1 loop through an attack, epoch after epoch.
 
-    `cn0_dbhz` is that of undisturbed E1-C, `loop_bandwidth_hz` B; `reacquisition_s` is how long it takes to acquire.
+    `cn0_dbhz` is that of undisturbed E1-C and `loop_bandwidth_hz` is B; `reacquisition_s` is the duration of an
+    acquisition.
     """
 
     def __init__(
@@ -109,7 +111,7 @@ class E1Loop:
         self._place, self._wait = 0.0, 0
 
     def advance(self, first: int, count: int) -> E1Tracking:
-        """Return what epochs first … first + count − 1, which are the next ones, see."""
+        """Return the tracking at the next epochs, first … first + count − 1."""
         if not self._spoofer.attacks:
             zero, never = np.zeros(count), np.zeros(count, bool)
             return E1Tracking(
@@ -154,7 +156,8 @@ class E1Loop:
             self._place, self._wait = float(place[-1]), int(wait[-1])
         epoch = slice(self._steps - 1, None, self._steps)
         error_m = place.reshape(count, self._steps) * _METRES_A_CHIP
-        measured_m = np.where(wait.reshape(error_m.shape) > 0, 0.0, error_m)  # without a measurement there is no error
+        # an epoch without a measurement has no error
+        measured_m = np.where(wait.reshape(error_m.shape) > 0, 0.0, error_m)
         worst = np.argmax(np.abs(measured_m), axis=1) if count else np.zeros(0, np.int64)
         acquiring = wait[epoch] > 0
         tracked_hz = doppler_hz[np.arange(times_s.size), dominant][epoch]

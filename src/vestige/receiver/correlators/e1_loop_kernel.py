@@ -1,4 +1,4 @@
-"""The compiled E1 loop: follows the stable zero of early minus late, step by step, in chips after the true signal."""
+"""The compiled E1 loop, which follows the stable zero of early minus late in chips after the true signal."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 
@@ -9,15 +9,15 @@ import numpy as np
 from vestige.kernel_cache import njit
 
 _STEPS_PER_SPACING = 8
-_REACH_CHIPS = 1.0  # a walk that finds no zero so far stays where it was
+_REACH_CHIPS = 1.0  # without a zero within this distance, the loop stays at its position
 _HALVINGS = 40
-_NEAR = 1e-6  # chips: where a zero is looked at for its stability
-_TIE = 1e-9  # share of the power: early and late are equal
+_NEAR = 1e-6  # chips; distance from a zero at which its stability is tested
+_TIE = 1e-9  # share of the power below which early and late count as equal
 
 
 @njit(cache=True, nogil=True)
 def correlation(levels, x):
-    """Return R(x) by straight lines between its values at equal distances over −1 … 1 chip; 0 beyond."""
+    """Return R(x) by linear interpolation of its values, which are equidistant over −1 … 1 chip; 0 beyond."""
     half = (levels.size - 1) // 2
     at = abs(x) * half
     k = int(at)
@@ -41,7 +41,7 @@ def power(levels, x, delay, product):
 
 @njit(cache=True, nogil=True)
 def _early_side(levels, x, delay, product, half_spacing):
-    """Return whether the loop at x moves earlier, or has nothing that moves it later."""
+    """Return whether the loop at x moves earlier; it also does if nothing moves it later."""
     early = power(levels, x - half_spacing, delay, product)
     late = power(levels, x + half_spacing, delay, product)
     return early - late > -_TIE * (early + late)
@@ -49,7 +49,7 @@ def _early_side(levels, x, delay, product, half_spacing):
 
 @njit(cache=True, nogil=True)
 def _next(n_levels, x, delay, half_spacing, direction):
-    """Return where to look next: D is quadratic between the kinks of its correlation functions, so at every kink."""
+    """Return the next kink of the correlation functions as the x to test; D is quadratic between kinks."""
     half = (n_levels - 1) // 2
     best = 2.0 * half_spacing / _STEPS_PER_SPACING
     for tau in delay:
@@ -63,9 +63,9 @@ def _next(n_levels, x, delay, half_spacing, direction):
 
 @njit(cache=True, nogil=True)
 def settle(levels, x, delay, product, half_spacing):
-    """Return the stable zero of D = early − late that a loop at x comes to; x if there is none within reach.
+    """Return the stable zero of D = early − late that a loop at x reaches; x if there is none within reach.
 
-    D > 0 moves it earlier. Where D does not decide, it moves earlier, so that of two equal signals it keeps the first.
+    D > 0 moves the loop earlier. With D = 0 the loop also moves earlier, so of two equal signals it keeps the first.
     """
     after = _early_side(levels, x + _NEAR, delay, product, half_spacing)
     before = _early_side(levels, x - _NEAR, delay, product, half_spacing)
@@ -89,7 +89,7 @@ def settle(levels, x, delay, product, half_spacing):
 
 @njit(cache=True, nogil=True)
 def strongest(levels, delay, product):
-    """Return the delay of the signal at which the power is largest; of equal ones the first."""
+    """Return the delay of the signal at which the power is largest; of equal signals the first."""
     best, at = -1.0, 0.0
     for i in range(delay.size):
         here = power(levels, delay[i], delay, product)
@@ -100,28 +100,28 @@ def strongest(levels, delay, product):
 
 @njit(cache=True, nogil=True)
 def follow_peak(levels, x, wait, delay, amplitude, doppler_hz, anew, lock_power, acquisition, half_spacing, pole_hz):
-    """Return the loop's place, the power of its prompt correlator, the signal that is strongest in it, and the wait.
+    """Return the loop's delay, the power of its prompt correlator, the strongest signal in it, and the wait.
 
     The wait is the number of steps until a receiver that acquires tracks again; 0 while it tracks.
 
     Parameters
     ----------
     levels
-        R over −1 … 1 chip at equal distances.
+        R over −1 … 1 chip in equal steps.
     x
-        Where the loop is before the first step, in chips after the true signal.
+        Position of the loop before the first step, in chips after the true signal.
     wait
-        The wait before the first step.
+        Wait before the first step.
     delay, amplitude, doppler_hz
-        [n_steps, n_signals] in chips, complex, Hz; the true signal is the first.
+        [n_steps, n_signals] in chips, complex, and Hz; the true signal is the first.
     anew
         Steps at which the receiver is restarted.
     lock_power
         Power of the prompt correlator below which lock is lost.
     acquisition
-        Steps that an acquisition takes which begins at each step; 0 for one that is over at once.
+        Duration in steps of an acquisition that begins at each step; 0 for an immediate acquisition.
     half_spacing, pole_hz
-        Half the early-late spacing in chips; the loop's pole, over which beats are averaged.
+        Half the early-late spacing in chips, and the loop's pole, over which beats are averaged.
     """
     n, k = delay.shape
     place, prompt, dominant, waits = np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64)

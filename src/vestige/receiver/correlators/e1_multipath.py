@@ -2,17 +2,20 @@
 
 Theory of operation
 -------------------
-With R the autocorrelation and reflections of complex amplitude a_i and excess delay τ_i, a correlator x later than the
-line of sight gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where early and late have the same power:
+R is the autocorrelation. Reflections have the complex amplitudes a_i and excess delays τ_i. A correlator x later than
+the line of sight then gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where early and late have the same
+power:
 
     D(x) = |S(x − d/2)|² − |S(x + d/2)|² = 0,    D rising through 0
 
-It starts on the line of sight. D(0) < 0 means that the late correlator is stronger, and the loop moves later until D
-changes its sign; otherwise earlier. That first change of sign is searched in steps of d/8 and then located by the
-Illinois variant of false position. R is piecewise linear, so D is piecewise quadratic and a few steps are enough.
+The loop starts on the line of sight. D(0) < 0 means that the late correlator is stronger, and the loop moves later
+until D changes its sign; otherwise it moves earlier. The first change of sign is searched in steps of d/8 and then
+located by the Illinois variant of false position. R is piecewise linear, so D is piecewise quadratic and a few steps
+are enough.
 
-The result is that of a loop which follows the reflections at once: right for reflections that turn slowly against its
-bandwidth. Front-end filtering is left out, as in the calibration of the multipath model.
+The result assumes a loop that follows the reflections at once. The assumption is right for reflections whose phase
+changes slowly against the loop bandwidth. Front-end filtering is left out, as in the calibration of the multipath
+model.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, Pulse, autocorrelation
 
-LOOP_REACH_CHIPS = 0.5  # a loop that went further would have lost the peak
+LOOP_REACH_CHIPS = 0.5  # beyond this distance a loop would have lost the peak
 _STEPS_PER_SPACING = 8
 _FALSE_POSITIONS = 40
 _TOLERANCE_CHIPS = 1e-10  # 30 nm
@@ -44,10 +47,10 @@ def e1_multipath_error_m(
 ) -> Float[np.ndarray, " n"]:
     """Return the error of the pseudorange in m, positive if it is too long; 0 without reflections.
 
-    `amplitude` is that on this carrier relative to the line of sight; `spacing_chips` is d.
+    `amplitude` is relative to the line of sight on this carrier; `spacing_chips` is d.
     """
     if not 0 < spacing_chips < 1:
-        raise ValueError(f"a spacing lies between 0 and 1 chip, found {spacing_chips}")
+        raise ValueError(f"a spacing must lie between 0 and 1 chip, found {spacing_chips}")
     settings = (spacing_chips, pulse, chip_rate_hz)
     if delay_m.shape[0] > _KEPT_EPOCHS:
         return _settled_m(delay_m, amplitude, *settings)
@@ -81,7 +84,7 @@ def _settled_m(
 
 @dataclass(frozen=True, slots=True)
 class _Rays:
-    """Reflections of some epochs as a loop sees them, in chips; reflections along the first axis."""
+    """Reflections of some epochs at a loop, in chips; the reflections are the first axis."""
 
     delay: Float[np.ndarray, "n_rays n"]
     amplitude: Complex128[np.ndarray, "n_rays n"]
@@ -97,7 +100,7 @@ class _Rays:
         return self._power(x - self.half_spacing) - self._power(x + self.half_spacing)
 
     def _power(self, x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return |S(x)|²; R is even, so it is taken of |x|, to the same last bit on both sides."""
+        """Return |S(x)|²; R is evaluated at |x|, so that both sides agree to the last bit."""
         total = autocorrelation(self.pulse, np.abs(x)) + 0j
         for delay, amplitude in zip(self.delay, self.amplitude, strict=True):
             total += amplitude * autocorrelation(self.pulse, np.abs(x - delay))
@@ -105,7 +108,7 @@ class _Rays:
 
 
 def _settle(rays: _Rays, at_zero: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return where the loop settles in chips, for epochs with D(0) ≠ 0."""
+    """Return the delay at which the loop settles in chips, for epochs with D(0) ≠ 0."""
     direction = -np.sign(at_zero)
     step = 2 * rays.half_spacing / _STEPS_PER_SPACING
     settled = direction * LOOP_REACH_CHIPS
@@ -128,7 +131,7 @@ _Point = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
 def _false_position(rays: _Rays, before: _Point, after: _Point) -> Float[np.ndarray, " n"]:
     """Return the roots of D between two points (x, D) of opposite sign, by the Illinois method.
 
-    Each epoch stops when its own estimate stands still, so that its root does not depend on its neighbours.
+    Each epoch stops when its own estimate no longer changes, so its root does not depend on other epochs.
     """
     (a, value_a), (b, value_b) = before, after
     root, open_ = b.copy(), np.arange(b.size)

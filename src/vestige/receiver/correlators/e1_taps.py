@@ -1,26 +1,26 @@
-"""E1 correlators of each satellite and power of the band, at every epoch, with RECS or without.
+"""E1 correlators of each satellite and power of the band, at every epoch, with or without RECS.
 
 Theory of operation
 -------------------
-The correlators stand at offsets d from where the loop has settled, x₀ (by noise, reflections and spoofing signals).
-With R the autocorrelation of BOC(1,1), signals of complex amplitude a_i relative to the true one, delay τ_i and Doppler
-f_i relative to what the carrier loop follows, T the integration time and s = √(2 C/N0 T),
+The correlators have offsets d from the position x₀ where noise, reflections and spoofing signals let the loop settle. R
+is the autocorrelation of BOC(1,1), T the integration time and s = √(2 C/N0 T). Signal i has the complex amplitude a_i
+relative to the true signal, the delay τ_i, and the Doppler f_i relative to the carrier loop. The correlators are
 
     ξ(d) = g [ s Σ_i a_i e^{jπ f_i T} sinc(f_i T) R(x₀ + d − τ_i) + √(1 + ρ) (L z)_d ]
     z ~ CN(0, 2),   L Lᵀ = [R(dᵢ − dₖ)]ᵢₖ
 
-so without interference the noise has σ = 1 per dimension. ρ is the noise that an attack adds behind the correlator, and
-g the gain control, which holds the power of the band W,
+Without interference the noise has σ = 1 per dimension. ρ is the noise that an attack adds behind the correlator. g is
+the gain control, which keeps the power of the band W constant,
 
     g^{−2} = (1 + Σ r_i η_i + w + J/N) / (1 + Σ r_i),    r_i = C/N0_i / W
     η_i = Σ_jk a_j a_k* e^{jπ Δf T_P} sinc(Δf T_P) R(τ_j − τ_k)
 
-so a spoofing signal beats with the true signal while they overlap. The power is read over T_P with the scatter of
-noise, 4.343 dB/√(W T_P). The front end itself does not drift here.
+A spoofing signal beats with the true signal while they overlap. The power is averaged over T_P and has the scatter of
+noise, 4.343 dB/√(W T_P). The model has no drift of the front end.
 
-This is the limit of continuous time without a front end. On a single line of sight the signal is BOC(1,1), as it is in
-`e1_samples`. Under a sky it is CBOC(6,1,1/11), as on air: its correlation with BOC(1,1) takes the place of R in ξ,
-0.4 dB less at the peak, and all other signals add noise and power (`sky_e1_model`), as in `snapshots.sky_e1`.
+The model is the limit of continuous time without a front end. On a single line of sight the signal is BOC(1,1), as it
+is in `e1_samples`. Under a sky it is CBOC(6,1,1/11), as on air. The correlation of CBOC with BOC(1,1) replaces R in ξ,
+0.4 dB less at the peak. All other signals add noise and power (`sky_e1_model`), as in `snapshots.sky_e1`.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _RAY_DOPPLER = E1_CARRIER_HZ / E6_CARRIER_HZ  # reflections have their Doppler o
 
 
 class Arriving(NamedTuple):
-    """All signals of one satellite: relative to the line of sight, and where its loops have settled."""
+    """All signals of one satellite relative to the line of sight, and the state that its loops have settled in."""
 
     amplitude: Complex128[np.ndarray, "n k"]
     delay_m: Float[np.ndarray, "n k"]
@@ -73,7 +73,7 @@ def arriving(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, with_ra
 
 
 def apart_chips(arrived: Arriving) -> Float[np.ndarray, "n k"]:
-    """Return by how much the loops have settled later than each signal arrives, in chips."""
+    """Return the delay of the settled loop relative to each signal in chips, positive if the loop is later."""
     return (arrived.settled_m[:, None] - arrived.delay_m) * _CHIPS_A_METRE
 
 
@@ -85,7 +85,7 @@ def e1_signals(
     with_rays: bool,
     pulse: Pulse,
 ) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return ξ without noise of a signal of some pulse; the other parameters are those of `e1_taps`."""
+    """Return ξ without noise for a signal of the given pulse; the other parameters are those of `e1_taps`."""
     arrived = arriving(truth, multipath_m, with_rays=with_rays)
     turns = (arrived.doppler_hz - arrived.followed_hz[:, None]) * INTEGRATION_S
     strength = arrived.amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
@@ -116,7 +116,7 @@ def e1_taps(
 
 
 def receiver_noise(truth: TruthBlock, *, seed: int, svid: int, first: int) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return the noise of ξ: that of the receiver and what an attack adds."""
+    """Return the noise of ξ, from the receiver and from an attack."""
     noise = _noise(seed, svid, first, truth.time_s.size)
     return noise * np.sqrt(1 + truth.e1_attack.rise(Band.E1))[:, None]
 
@@ -124,10 +124,10 @@ def receiver_noise(truth: TruthBlock, *, seed: int, svid: int, first: int) -> Co
 def power_with_rays(
     truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, averaging_s: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the mean power of the prompt correlator with reflections over that without them, both without noise.
+    """Return the mean power of the prompt correlator with reflections over the power without them, both without noise.
 
-    The line of sight and its reflections beat with each other; what turns fast against `averaging_s` is averaged out.
-    Reflections are those of the true signal: once the loop has gone with a spoofing signal, they lie outside its
+    The line of sight and its reflections beat with each other; beats that are fast against `averaging_s` are averaged
+    out. Reflections are those of the true signal: when the loop follows a spoofing signal, they lie outside its
     correlator.
 
     Parameters
@@ -160,9 +160,9 @@ def _beating_power(
 
 
 def band_power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
-    """Return by how much the power of E1 in BOC(1,1) is above that without attack, −20 log₁₀ g, in dB.
+    """Return the rise of the power of E1 in BOC(1,1) over the power without attack, −20 log₁₀ g, in dB.
 
-    `cn0_dbhz` is that of the true signals, NaN out of view.
+    `cn0_dbhz` is that of the true signals; NaN means out of view.
     """
     relative_power = np.stack(
         [power_with_beat(one, partial(autocorrelation, BOC11), with_rays=False) for one in truth], axis=1
@@ -173,7 +173,7 @@ def band_power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, 
 def e6_power_rise_db(
     truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"], *, bandwidth_hz: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the same of E6, where signals that overlap are far below the noise: without their beat."""
+    """Return the rise of the power of E6 in dB, without beats: signals that overlap on E6 are far below the noise."""
     relative_power = np.stack([1 + np.sum(10 ** (one.e6.power_db / 10), axis=1) for one in truth], axis=1)
     return rise_over_nominal_db(truth[0].e6, cn0_dbhz, relative_power, bandwidth_hz)
 
@@ -207,16 +207,16 @@ def rise_over_nominal_db(
 def power_with_beat(
     truth: TruthBlock, overlap: Callable[[Float[np.ndarray, " k"]], Float[np.ndarray, " k"]], *, with_rays: bool
 ) -> Float[np.ndarray, " n"]:
-    """Return η: the power of a satellite's signals over that of its line of sight, beating while they overlap.
+    """Return η, the power of a satellite's signals over that of its line of sight, with beats while signals overlap.
 
     Parameters
     ----------
     truth
         True state of the satellite's signals.
     overlap
-        Correlation of two signals that are so many chips apart.
+        Function that returns the correlation of two signals from their distance in chips.
     with_rays
-        Whether reflections are among them.
+        Whether reflections are included.
     """
     one, attack, rays = np.ones((truth.time_s.size, 1)), truth.e1_attack, truth.rays
     first = (one + 0j, 0 * one, 0 * one)
@@ -254,6 +254,6 @@ def _noise(seed: int, svid: int, first: int, n: int) -> Complex128[np.ndarray, "
 
     def draw(block: int) -> Complex128[np.ndarray, "n n_taps"]:
         real, imaginary = stream(seed, "E1 taps", block, svid).standard_normal((2, DRAW_BLOCK, len(TAP_CHIPS)))
-        return (real + 1j * imaginary) @ factor.T  # its last bits depend on the number of rows
+        return (real + 1j * imaginary) @ factor.T  # the last bits of a product depend on the number of rows
 
     return drawn_rows(first, n, draw)

@@ -1,8 +1,9 @@
 """Noise of all other signals of a sky behind an E6-C correlator, for banks that are drawn.
 
 Each satellite sends E6-B and E6-C, of C/N0 c_j each, both BPSK(5) with codes that the replica does not have. Behind the
-correlator a code is noise of the density κ C over N0 (`code_noise_density_s`: 0.13 µs in continuous time). The chips of
-a satellite's own E6-B are aligned with those of its E6-C, so their noise is 1/R_c, 3/2 times as much. For satellite i
+correlator a code is noise of the density κ C over N0 (`code_noise_density_s`: 0.13 µs in continuous time). A
+satellite's own E6-B is aligned with its E6-C chip by chip, so its noise density is 1/R_c, 3/2 times as much. For
+satellite i
 
     w_i = 2 κ Σ_{j≠i} c_j p_j + c_i p_i / R_c,    p = 1 + power of multipath and spoofing signals over the line of sight
 
@@ -25,12 +26,12 @@ _COMPONENTS = 2  # E6-B and E6-C, of equal power
 def other_signals_density(
     cn0_dbhz: Float[np.ndarray, "n m"], relative_power: Float[np.ndarray, "n m"], front_end: FrontEnd
 ) -> Float[np.ndarray, "n m"]:
-    """Return the density over N0 of all that is on air on E6 beside the E6-C of each satellite.
+    """Return the density over N0 of all signals on E6 other than the E6-C of each satellite.
 
     Parameters
     ----------
     cn0_dbhz
-        C/N0 of one component of the line of sight; −∞ where there is no signal.
+        C/N0 of one component of the line of sight; −∞ if there is no signal.
     relative_power
         Power of line of sight, multipath and spoofing signals together, over that of the line of sight.
     front_end

@@ -3,31 +3,34 @@
 Theory of operation
 -------------------
 On air are the true signal and all spoofing signals, with amplitudes a_i, delays τ_i and Dopplers f_i. At the delay and
-Doppler of one of them a correlator over T receives all of them,
+Doppler of signal i, a correlator over T receives the sum of all signals,
 
     h_i = Σ_j a_j R(τ_i − τ_j) sinc((f_j − f_i) T),      s_i² = 2 (C/N0) T |h_i|² L_i / (1 + ρ)
 
-so only the remainder of a nulled signal counts. ρ is the noise that an attack adds, and L_i the loss to the next cell
-of the grid, drawn for every signal: uniform over a step of code and of Doppler. The strongest cell is tested,
+So a nulled signal counts only with its remainder. ρ is the noise that an attack adds. L_i is the loss to the nearest
+cell of the grid, drawn for every signal: uniform over a step of code and of Doppler. The strongest cell is tested,
 
     E1          K = 48 squared magnitudes (24 periods, two components), χ²(2K) about the mean Σ s² + 2K
-    hand-over   |s + z|,  z ~ CN(0, 2), at the tap that is next; only at the places of signals that E1 has
-    exhaustive  |s + z|,  the same samples, so the same z; anywhere
+    hand-over   |s + z|,  z ~ CN(0, 2), at the nearest tap; only at the delays of signals found on E1
+    exhaustive  |s + z|,  the same samples, so the same z; at any delay
 
 against the threshold of all cells at `p_fa`. The model leaves out that neighbouring cells may win, so P_d is too low by
-some 0.02 where it is one half (docs/vestigial_search.md). Signals closer than the separation rule are one, the
-stronger: on E1 two chips modulo 4 ms, in E6 one chip, or as far as the fine place of the weaker, looked for within 1¼
-chips of its cell, is on the flank of the stronger: 2¼ − s/s' chips. On E1 a signal that is 16 dB below the strongest
-does not count. Every signal that is found on E1 counts as a second one, in E6 only a signal with the chips of the RECS.
-A false alarm comes with p_fa, anywhere in the window.
+some 0.02 near P_d = ½ (docs/vestigial_search.md).
 
-The earliest in E6 is the true one, and its place less the predicted E6 − E1 delay is the range that a receiver then
-uses: wrong by its delay, by ionosphere and group delay as every hand-over, and by the noise of one snapshot. It is used
-where every signal of E1 was found in E6 or could not have been missed (P_d ≥ 0.9999 at E1's C/N0, a quarter chip off),
-and of the exhaustive search where there are two: one alone may be the spoofing signal's, the true one lost in noise.
+Signals closer than the separation rule count as a single signal, the stronger. On E1 the rule is two chips modulo 4 ms.
+In E6 the rule is one chip, or 2¼ − s/s' chips if the fine search of the weaker signal, within 1¼ chips of its cell,
+can end on the flank of the stronger. On E1 a signal that is 16 dB below the strongest does not count. On E1 every found
+signal counts as an additional signal; in E6 only a signal with the chips of the RECS counts. A false alarm has
+probability p_fa and lies anywhere in the window.
 
-Multipath components do not count as signals of their own here, and a satellite 16 dB below the strongest of the others
-is not left out.
+The earliest signal in E6 is the true signal. A receiver then uses the delay of this signal less the predicted E6 − E1
+delay as a range. The errors of this range are its delay, ionosphere and group delay as in every hand-over, and the
+noise of one snapshot. After a hand-over search the range is used if every signal of E1 was found in E6 or could not
+have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip off. After an exhaustive search the range is used if there
+are two signals. A single signal may be the spoofing signal, with the true signal lost in noise.
+
+In this model multipath components do not count as signals of their own. A satellite 16 dB below the strongest of the
+others is not left out.
 """
 
 from __future__ import annotations
@@ -52,10 +55,10 @@ from vestige.theory.search_budget import SEARCH_P_FA
 from vestige.theory.thermal_noise import MBOC, snapshot_noise_bound_m
 from vestige.theory.thresholds import correlator_amplitude, probability_of_detection, threshold
 
-SURE_PD = 0.9999  # below this P_d of a signal on E1, a hand-over that misses it proves nothing
+SURE_PD = 0.9999  # a hand-over that misses a signal of lower P_d proves nothing
 _WORST_CODE_LOSS_DB = 2.5  # a quarter chip off
-WINDOW_S = 15.0  # either way: a receiver that searches does not trust its clock
-HANDOVER_TAPS = 5  # correlators of the hand-over search, half a chip apart
+WINDOW_S = 15.0  # on either side; a receiver that searches does not trust its clock
+HANDOVER_TAPS = 5  # correlators of the hand-over search, at half-chip intervals
 FINE_REACH_CHIPS = 1.25  # reach of `peak_at` about a cell
 _E1_BAND_HZ = 4.096e6  # bandwidth of the E1 search: 86 % of BOC(1,1)
 _E1_PHASES = 16384  # code phases of a period in that band, ¼ chip apart
@@ -63,36 +66,36 @@ _E1_BINS, _E1_BIN_HZ = 81, 125.0
 _E6_BINS = 321  # ±5 kHz, 1/(2 T) apart at 16 ms
 _MEASURE_SIGMA_M = 3.0  # error of a code phase out of 100 ms of E1
 _E6_BANDWIDTH_HZ = 2 * E6C.chip_rate_hz
-_range_noise_m = cache(snapshot_noise_bound_m)  # at 0 dBHz; the root of C/N0 divides it
+_range_noise_m = cache(snapshot_noise_bound_m)  # at 0 dBHz; the result is divided by the root of C/N0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchOutcome:
     """Outcome of the searches for one satellite, over epochs."""
 
-    e1_signals: Float[np.ndarray, " n"]  # signals on E1; 0 if there is none, and then no hand-over
-    # signals among them that carry the encrypted chips in E6; 0 where the hand-over was not run
+    e1_signals: Float[np.ndarray, " n"]  # number of signals on E1; 0 means none, and no hand-over
+    # number of these signals with the encrypted chips in E6; 0 if the hand-over was not run
     handover_carrying: Float[np.ndarray, " n"]
-    # error of the range to the earliest signal in E6, as an E1 range; NaN where it found nothing or was not run
+    # error of the range to the earliest signal in E6, as an E1 range; NaN if no signal was found or no search was run
     handover_error_m: Float[np.ndarray, " n"]
-    exhaustive_signals: Float[np.ndarray, " n"]  # the same of the exhaustive search
+    exhaustive_signals: Float[np.ndarray, " n"]  # number of signals in the exhaustive search
     exhaustive_error_m: Float[np.ndarray, " n"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandSignals:
-    """The signals of one satellite in one band over epochs; the true one is the first."""
+    """The signals of one satellite in one band over epochs; the true signal is the first."""
 
-    amplitude: Complex128[np.ndarray, "n k"]  # relative to the true signal, as delay and Doppler; 0 is none
+    amplitude: Complex128[np.ndarray, "n k"]  # relative to the true signal, as delay and Doppler; 0 means no signal
     delay_m: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    cn0_dbhz: Float[np.ndarray, " n"]  # C/N0 of the true signal, over the noise that there is
+    cn0_dbhz: Float[np.ndarray, " n"]  # C/N0 of the true signal, over all noise that is present
 
 
 def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
     """Return the signals of a band that carry its chips.
 
-    `cn0_dbhz` is that of the true signal without attack; −∞ or NaN is no signal.
+    `cn0_dbhz` is that of the true signal without attack; −∞ or NaN means no signal.
     """
     n = cn0_dbhz.size
     present = np.where(np.isfinite(cn0_dbhz), 1.0, 0.0)[:, None]
@@ -108,20 +111,20 @@ def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchDraws:
-    """Random draws for the searches of a block of epochs, a column for each signal."""
+    """Random draws for the searches of a block of epochs, with a column for each signal."""
 
-    e1_cell: Float[np.ndarray, "n k 2"]  # place between the cells of code and Doppler, in steps, −½ … ½
+    e1_cell: Float[np.ndarray, "n k 2"]  # offset from the nearest cell of code and Doppler, in steps, −½ … ½
     e6_cell: Float[np.ndarray, "n k 2"]
     e1_z: Complex128[np.ndarray, "n k"]  # noise of unit variance per dimension in the tested cell
     e6_z: Complex128[np.ndarray, "n k"]
     e1_rest: Float[np.ndarray, "n k"]  # the other K − 1 squared magnitudes of E1, χ²(2K − 2)
     measured: Float[np.ndarray, "n k 2"]  # errors of E1's code phase and of the range in E6, σ = 1
-    # uniform; below `p_fa` noise alone is a signal: on E1, at the hand-over, in the exhaustive search, and where
+    # uniform draws; below `p_fa` noise is a false signal on E1, at the hand-over, in the exhaustive search; its delay
     alarm: Float[np.ndarray, "n 4"]
 
 
 def search_draws(rng: np.random.Generator, n: int, signals: int, *, periods: int = MAX_STRETCHES) -> SearchDraws:
-    """Return the draws of n searches of so many signals, of so many code periods on E1."""
+    """Return the draws of n searches with the given numbers of signals and of code periods on E1."""
     shape = (n, signals)
     normal = rng.standard_normal((6, *shape))
     return SearchDraws(
@@ -147,10 +150,10 @@ def search_outcome(
     p_fa: float = SEARCH_P_FA,
     clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
-    """Return the results of the searches in the epochs from `first` on; independent of the cut.
+    """Return the results of the searches in the epochs from `first` on; the cut into blocks does not change them.
 
-    C/N0 are those of undisturbed pilots, before what the elevation makes of them; `p_fa` is of each search (`outcome`).
-    `clock_offset_s` is the error of the receiver's clock.
+    C/N0 are those of undisturbed pilots at nominal strength, before the effect of elevation. `p_fa` holds for each
+    search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
     """
     seen_db = np.where(truth.geometry.in_view, 20 * np.log10(truth.geometry.amplitude), -np.inf)
     e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
@@ -184,9 +187,9 @@ def outcome(
 ) -> SearchOutcome:
     """Return the results of the searches.
 
-    `shift_m` is by how much E6 is later than E1 in truth and not in the prediction. `e1_p_fa` is of one search of one
-    satellite on E1 and at the hand-over each, `exhaustive_p_fa` of all E6, `window_s` the time uncertainty either way
-    of where a clock that is wrong by `clock_offset_s` has the time of transmission.
+    `shift_m` is the delay of E6 after E1 that the prediction does not contain. `e1_p_fa` is the false-alarm probability
+    of each search of one satellite, on E1 and at the hand-over; `exhaustive_p_fa` is that of all E6. `window_s` is the
+    time uncertainty on either side of the time of transmission that a clock with the error `clock_offset_s` gives.
     """
     on_e1 = _found_on_e1(e1, draws, e1_p_fa, periods)
     e1_count = on_e1.sum(axis=1) + (draws.alarm[:, 0] < e1_p_fa)
@@ -231,7 +234,7 @@ def _counted(
     false: Bool[np.ndarray, " n"],
     anywhere_m: Float[np.ndarray, " n"],
 ) -> tuple[Int64[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return how many signals there are, with a false one, and where the earliest is; NaN if there is none."""
+    """Return the number of signals, false alarms included, and the earliest range; NaN if there is no signal."""
     earliest_m = np.min(np.where(found, range_m, np.inf), axis=1)
     earliest_m = np.where(false, np.minimum(earliest_m, anywhere_m), earliest_m)
     return found.sum(axis=1) + false, np.where(np.isfinite(earliest_m), earliest_m, np.nan)
@@ -243,7 +246,7 @@ def _off_tap_chips(
     places_m: Float[np.ndarray, "n l"],
     shift_m: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n l"]:
-    """Return how far each signal in E6 is from the next tap at a place that a signal on E1 allows; 1 at the most."""
+    """Return the distance in E6, at most 1 chip, of each signal from the nearest tap around the signals found on E1."""
     apart_m = _wrapped(
         places_m[:, :, None] + shift_m[:, None, None] - lines_m[:, None, :], E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS
     )
@@ -253,7 +256,7 @@ def _off_tap_chips(
 
 
 def _found_on_e1(air: BandSignals, draws: SearchDraws, p_fa: float, periods: int) -> Bool[np.ndarray, "n k"]:
-    """Return which signals the search of E1 takes for one."""
+    """Return which signals the search of E1 detects."""
     correlator_power = _correlator_power(air, Band.E1, E1_CODE_PERIOD_S)
     step_chips = E1_CODE_PERIOD_S * E1C.chip_rate_hz / _E1_PHASES
     shape, passed = _e1_shape()
@@ -262,7 +265,7 @@ def _found_on_e1(air: BandSignals, draws: SearchDraws, p_fa: float, periods: int
     added = 2 * periods
     mean = 2 * added * 10 ** (air.cn0_dbhz[:, None] / 10) * E1_CODE_PERIOD_S * correlator_power * loss
     statistic = np.abs(np.sqrt(mean) + draws.e1_z) ** 2 + draws.e1_rest
-    snr = np.maximum(statistic / (2 * added) - 1, 1e-3)  # as `CellPowers.acquisition` has it
+    snr = np.maximum(statistic / (2 * added) - 1, 1e-3)  # as in `CellPowers.acquisition`
     loud = snr > np.max(np.where(correlator_power > 0, snr, 0), axis=1, keepdims=True) * 10 ** (
         -CROSS_CORRELATION_DB / 10
     )
@@ -273,7 +276,7 @@ def _found_on_e1(air: BandSignals, draws: SearchDraws, p_fa: float, periods: int
 
 
 def _correlator_power(air: BandSignals, band: Band, integration_s: float) -> Float[np.ndarray, "n k"]:
-    """Return |h|² at the place of each signal; 0 where there is none."""
+    """Return |h|² at the delay of each signal; 0 if there is no signal."""
     apart_m = air.delay_m[:, :, None] - air.delay_m[:, None, :]
     pulse = BOC11 if band is Band.E1 else BPSK
     if band is Band.E1:
@@ -293,10 +296,10 @@ def _separate(
     fine_m: float = 0.0,
     period_m: float = np.inf,
 ) -> Bool[np.ndarray, "n k"]:
-    """Return the signals that are further than the separation rule says from every stronger one that is kept.
+    """Return the signals that are separate from every stronger signal that is kept.
 
-    The rule is `blind_m`, or, if that is more, `fine_m` + `blind_m` (1 − amplitude over that of the stronger); places
-    count modulo `period_m`.
+    The smallest distance is `blind_m`, or, if larger, `fine_m` + `blind_m` (1 − amplitude over that of the stronger
+    signal). Distances count modulo `period_m`.
     """
     order = np.argsort(np.where(found, -strength, np.inf), axis=1)
     rows = np.arange(found.shape[0])
@@ -321,7 +324,7 @@ def _metres_a_chip(band: Band) -> float:
 
 @cache
 def _e1_shape() -> tuple[tuple[np.ndarray, np.ndarray], float]:
-    """Return R over chips behind the search's filter, R(0) = 1, and the share of CBOC's power that it leaves."""
+    """Return R over chips behind the search's filter, with R(0) = 1, and the share of CBOC's power that passes."""
     chips = np.linspace(0.0, 0.5, 51)
     shape = band_limited_autocorrelation(BOC11, chips, chip_rate_hz=E1C.chip_rate_hz, bandwidth_hz=_E1_BAND_HZ)
     return (chips, shape / shape[0]), float(shape[0]) * MBOC[BOC11]

@@ -4,27 +4,29 @@ Theory of operation
 -------------------
 Each satellite sends E1-B and E1-C, of C/N0 c_j each, CBOC(6,1,1/11) with + and −. A correlator takes E1-C as BOC(1,1).
 
-**Strangers** are all signals that are not aligned with the replica: those of other satellites, and the own ones that
-are a chip or more away. Their power u = Σ c_j p_j is that of one component over N0, in Hz, with p the power of a
-satellite's signals over that of its line of sight. Sampled at f_s, their noise in two correlators δ apart has the
-covariance u A(δ) in each dimension, where the receiver's own noise has that of the replicas,
+**Strangers** are all signals that are not aligned with the replica: those of other satellites, and the satellite's own
+that are a chip or more away. The power u = Σ c_j p_j of the strangers is that of one component over N0, in Hz; p is the
+power of a satellite's signals over that of its line of sight. Sampled at f_s, their noise in two correlators δ apart
+has the covariance u A(δ) in each dimension. The receiver's own noise has the covariance of the replicas instead.
 
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 
-R_B and R_C are the autocorrelations of both components and R that of BOC(1,1). A(0) is 0.59 µs in continuous time,
-and 18 % more at 6.2 MHz, as sampling folds BOC(6,1) into the band. Seven others of 45 dBHz raise the noise by 13 %.
+R_B and R_C are the autocorrelations of the two components, and R is that of BOC(1,1). In continuous time A(0) is 0.59
+µs; at 6.2 MHz it is 18 % more, as sampling folds BOC(6,1) into the band. Seven other satellites of 45 dBHz raise the
+noise by 13 %.
 
-**The satellite's own E1-B** is aligned with the replica: in each code period of N = 4092 chips it gives what E1-C
-gives, times X/N, and ±1 with its symbol. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are
-random, so over T it is noise of the shape and the phase of the signals, with the variance X²/(N T R_c) of theirs.
+**The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips it gives the output of
+E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are random.
+So over T E1-B is noise with the shape and the phase of the signals and the variance X²/(N T R_c) times theirs.
 
-**Power** is that within W about the carrier. Two signals τ apart have P(τ) of both components there in common,
+**Power** is that within W about the carrier. Two signals of delay difference τ have the common power P(τ) of both
+components,
 
     P(τ) = W/f_s Σ_m [R_B(m/f_s − τ) + R_C(m/f_s − τ)] sinc(W m/f_s)
 
-so a satellite adds P(0) c η/W to the noise, η as in `e1_taps` with the overlap P(τ)/P(0), and reflections count.
+A satellite thus adds P(0) c η/W to the noise, with η as in `e1_taps`, the overlap P(τ)/P(0), and reflections included.
 
-A filter of the front end is left out: samples that have one (`front_end.bandwidth_hz`) have rounder correlators.
+The model leaves out the filter of the front end: filtered samples (`front_end.bandwidth_hz`) have rounder correlators.
 """
 
 from __future__ import annotations
@@ -52,7 +54,7 @@ from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11, autocorrelation
 from vestige.streams import stream
 
-_GRID_CHIPS = np.linspace(-4.0, 4.0, 801)  # beyond, the filtered signals have nothing in common
+_GRID_CHIPS = np.linspace(-4.0, 4.0, 801)  # beyond, the filtered signals do not overlap
 
 
 def sky_power(truth: TruthBlock, *, with_rays: bool, sample_rate_hz: float) -> Float[np.ndarray, " n"]:
@@ -70,7 +72,7 @@ def sky_power_rise_db(
     *,
     sample_rate_hz: float,
 ) -> Float[np.ndarray, " n"]:
-    """Return by how much the power of E1 is above that without attack, in dB.
+    """Return the rise of the power of E1 over the power without attack, in dB.
 
     Parameters
     ----------
@@ -79,7 +81,7 @@ def sky_power_rise_db(
     cn0_dbhz
         C/N0 of a component of the lines of sight without interference; NaN out of view.
     relative_power
-        `sky_power` of each.
+        `sky_power` of each satellite.
     """
     passed = passed_components(np.zeros(1), bandwidth_hz=POWER_BANDWIDTH_HZ, sample_rate_hz=sample_rate_hz)
     passed_dbhz = cn0_dbhz + 10 * np.log10(passed)
@@ -94,7 +96,7 @@ def strangers_hz(
     *,
     with_rays: bool,
 ) -> Float[np.ndarray, "n m"]:
-    """Return u, the power over N0 of one component of all signals that no chip of each satellite's replica meets.
+    """Return u, the power over N0 of one component of all signals that are not aligned with each satellite's replica.
 
     Parameters
     ----------
@@ -121,12 +123,12 @@ def code_noise(
     svid: int,
     first: int,
 ) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return what all other codes add to the correlators of one satellite.
+    """Return the noise of all other codes in the correlators of one satellite.
 
     Parameters
     ----------
     signals
-        ξ that E1-C gives without noise.
+        ξ of E1-C without noise.
     of_strangers_hz
         `strangers_hz` of the satellite.
     """
@@ -134,7 +136,8 @@ def code_noise(
 
     def draw(block: int) -> Complex128[np.ndarray, "n n_taps_and_1"]:
         real, imaginary = stream(seed, "E1 codes", block, svid).standard_normal((2, DRAW_BLOCK, len(TAP_CHIPS) + 1))
-        strangers = (real[:, :-1] + 1j * imaginary[:, :-1]) @ factor.T  # its last bits depend on the number of rows
+        # the last bits of a product depend on the number of rows
+        strangers = (real[:, :-1] + 1j * imaginary[:, :-1]) @ factor.T
         return np.concatenate([strangers, real[:, -1:] + 0j], axis=1)
 
     drawn = drawn_rows(first, of_strangers_hz.size, draw)
@@ -144,14 +147,14 @@ def code_noise(
 
 @lru_cache(maxsize=64)
 def _aligned(svid: int) -> float:
-    """Return X/√N, what the codes of E1-B and E1-C of a satellite have in common at delay zero."""
+    """Return X/√N, the correlation of a satellite's E1-B and E1-C codes at delay zero."""
     own, pilot = (primary_code(one, svid).astype(np.float64) for one in (E1B, E1C))
     return float(own @ pilot) / np.sqrt(E1C.code_length)
 
 
 @lru_cache(maxsize=4)
 def strangers_covariance_s(sample_rate_hz: float) -> Float[np.ndarray, "n_taps n_taps"]:
-    """Return A, the covariance between the correlators by other satellites, in s.
+    """Return A, the covariance in s that other satellites cause between the correlators.
 
     Examples
     --------
@@ -167,14 +170,14 @@ def strangers_covariance_s(sample_rate_hz: float) -> Float[np.ndarray, "n_taps n
 
 
 def folding_rate_hz(front_end: FrontEnd) -> float:
-    """Return f_s, the rate at which what is beyond half of it is folded; a filter keeps it out of the samples."""
+    """Return f_s, the sampling rate that folds the spectrum; with a filter, the rate at the filter's input."""
     return front_end.sample_rate_hz if front_end.bandwidth_hz is None else front_end.input_rate_hz
 
 
 def passed_components(
     delay_chips: Float[np.ndarray, " n"], *, bandwidth_hz: float, sample_rate_hz: float
 ) -> Float[np.ndarray, " n"]:
-    """Return P, what two signals of a satellite have in common within a bandwidth about the carrier.
+    """Return P, the common power of two signals of a satellite within a bandwidth about the carrier.
 
     Parameters
     ----------

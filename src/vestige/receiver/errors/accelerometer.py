@@ -1,9 +1,9 @@
-"""Accelerometers of a receiver: the velocity that it gains, as they say it.
+"""Accelerometers of a receiver: the gain of velocity between two epochs as the sensors measure it.
 
     Δv̂ = Δv + b Δt + N √Δt z,    z ~ N(0, 1) of each axis and interval
 
-in local axes, with gravity taken off. b is drawn once for each axis: it stands for the bias that is left after an
-alignment, and for what a tilt of b/g turns of gravity into the horizontal.
+The axes are local, and gravity is removed. b is drawn once for each axis. The axes have the bias b after an
+alignment; a tilt of b/g, which turns gravity into the horizontal, has the same effect.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Accelerometers:
     def delta_velocity_mps(
         self, trajectory: Trajectory, time_s: Float[np.ndarray, " n"], interval_s: float, *, seed: int, first: int
     ) -> Float[np.ndarray, "n 3"]:
-        """Return the velocity gained since the epoch before, east, north, up; NaN in the first epoch of a run."""
+        """Return the velocity gained since the previous epoch, east, north, up; NaN in the first epoch of a run."""
         begun = time_s - interval_s
         started = first + np.arange(time_s.size) > 0
         now, before = trajectory.motion(time_s), trajectory.motion(np.where(started, begun, time_s))

@@ -2,9 +2,9 @@
 
     b(t) = b_BGD + b_HW + r_HW t
 
-b_BGD is the satellite's: the residual of its broadcast group delay, already times γ − 1, the same for the whole run.
-b_HW and its drift r_HW (temperature of the front ends) are the receiver's: common to all satellites. All three are
-drawn once, Gaussian.
+b_BGD belongs to the satellite: it is the residual of the broadcast group delay times γ − 1, constant over the run. b_HW
+and its drift r_HW, from the temperature of the front ends, belong to the receiver and are common to all satellites. All
+three are drawn once and are Gaussian.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from vestige.receiver.errors.error_process import Streams
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BiasResiduals:
-    """Gaussian residuals of group delay and hardware; none by default, as after calibration.
+    """Gaussian residuals of group delay and hardware; the default is none, as after calibration.
 
-    Without calibration the hardware has about 3 m [WFO, Sec. II-B]; without group delay file BGD has 1.5 m [SASLIB].
+    Without calibration the hardware has about 3 m [WFO, Sec. II-B]. Without a group delay file, BGD has 1.5 m [SASLIB].
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class BiasResiduals:
     hardware_sigma_m
         Standard deviation of the receiver's delay E6 − E1.
     hardware_drift_mps
-        Standard deviation of its rate.
+        Standard deviation of the rate of the receiver's delay.
     """
 
     bgd_sigma_m: float = 0.0
@@ -41,7 +41,7 @@ class BiasResiduals:
 
     def __post_init__(self) -> None:
         if not (self.bgd_sigma_m >= 0 and self.hardware_sigma_m >= 0 and self.hardware_drift_mps >= 0):
-            raise ValueError("standard deviations are not negative")
+            raise ValueError("standard deviations that are not negative")
 
     def process(self, streams: Streams, *, receiver: Streams) -> BiasProcess:
         """Return a realisation for one satellite, from its own streams and from those of the receiver."""

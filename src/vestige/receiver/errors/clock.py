@@ -9,12 +9,12 @@ frequency), and over a step T [GALLEANI08]
     Sf = h0/2,    Sg = 2π² h−2
     σ_y²(τ) = h0/(2τ) + (2π²/3) h−2 τ                Allan variance
 
-The two noises are correlated. With u, w ~ N(0, 1) and the frequency first, the Cholesky factor of Q is
+The noises of both states are correlated. With u, w ~ N(0, 1) and the frequency first, the Cholesky factor of Q is
 
     n_frequency = √(Sg T) u,    n_bias = (T/2) n_frequency + √(Sf T + Sg T³/12) w
 
-which needs no division and is 0 for T = 0. The composition of steps is exact: the distribution at a time does not
-depend on the epochs before it.
+The factor needs no division and is 0 for T = 0. The composition of steps is exact: the distribution at a time does not
+depend on the epochs before.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ from vestige.receiver.errors.error_process import Streams, steps_s
 class TwoStateClock:
     """A clock with white and random-walk frequency noise, without error at the scenario's start.
 
-    The default is that of [WFO, Sec. V], a good TCXO: 5 cm of range in 1 s, 8.3 m in 30 s. `ClockProcess.advance` gives
-    the receiver clock's error times c, which every pseudorange contains: a clock that is ahead makes ranges longer.
+    The default is the clock of [WFO, Sec. V], a good TCXO: 5 cm of range in 1 s, 8.3 m in 30 s. `ClockProcess.advance`
+    returns the receiver clock's error times c, which every pseudorange contains. A clock that is ahead makes ranges
+    longer.
 
     Attributes
     ----------
@@ -50,7 +51,7 @@ class TwoStateClock:
 
     def __post_init__(self) -> None:
         if not (self.h0_s >= 0 and self.h_minus_2_hz >= 0):
-            raise ValueError("the noise coefficients of a clock are not negative")
+            raise ValueError("noise coefficients that are not negative")
 
     @property
     def white_s(self) -> float:

@@ -1,4 +1,4 @@
-"""The ionosphere residual as somebody measured it: samples of E6 − E1 from a file instead of a formula."""
+"""The ionosphere residual from measurements: samples of E6 − E1 from a file instead of a formula."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LARGEST_RESIDUAL_M = 1000.0  # largest value; the worst ionosphere is 0.1 km
 class EmpiricalIonosphere:
     """The distribution of given samples, with the memory of a `HeavyTailedIonosphere`.
 
-    F runs linearly between the sorted samples, the k-th of n at (k − ½)/n. Nothing is drawn beyond the extremes.
+    F is linear between the sorted samples; sample k of n has F = (k − ½)/n. No draw lies beyond the extremes.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class EmpiricalIonosphere:
 
     def __post_init__(self) -> None:
         if self.samples_m.size == 0 or not np.all(np.isfinite(self.samples_m)):
-            raise ValueError("a distribution needs samples, and finite ones")
+            raise ValueError("a distribution needs at least one sample, and finite samples only")
 
     def process(self, streams: Streams) -> IonosphereProcess:
         """Return a realisation for one satellite from its streams."""
@@ -57,9 +57,9 @@ class EmpiricalIonosphere:
 
 
 def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
-    """Return the residuals of a CSV file in m: the header `e6_minus_e1_m`, then one number a line.
+    """Return the residuals of a CSV file in m: the header `e6_minus_e1_m`, then one number on each line.
 
-    Raises `InputFileError` if it cannot be read, has another header or no sample, or a line is not a plausible number.
+    Raises `InputFileError` if the file cannot be read, has another header, has no sample, or has an implausible number.
     """
     lines = _text(path).split("\n")
     if lines[0].strip() != IONOSPHERE_COLUMN:

@@ -1,12 +1,12 @@
-"""Common base of the receiver's error models: named streams of random numbers, and times that only go forward.
+"""Common base of the receiver's error models: named streams of random numbers, and times that only increase.
 
-A model is a frozen record of parameters. `model.process(streams)` starts one realisation of it, and `advance(times_s)`
-continues that realisation to later times, one value an epoch. One law holds for all of them: the values do not depend
+A model is a frozen record of parameters. `model.process(streams)` starts a realisation of the model. `advance(times_s)`
+continues that realisation to later times, with one value per epoch. All models obey one law: the values do not depend
 on how the epochs are cut into calls, to the last bit. So a model asks for one stream per variable and draws the same
 number of values for every epoch.
 
-Streams belong to what they describe: those of the clock and of the front ends to the receiver, all others to one
-satellite, `named_streams(seed, svid)`.
+Each stream belongs to the thing that it describes: clock and front ends to the receiver, all others to a satellite,
+`named_streams(seed, svid)`.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class ClockModel(Protocol):
     """A receiver clock."""
 
     def process(self, streams: Streams) -> SeveralProcess:
-        """Return a realisation, from the receiver's streams: bias times c in m, and its rate in m/s."""
+        """Return a realisation from the receiver's streams: bias times c in m, and its rate in m/s."""
         ...
 
 
@@ -65,8 +65,8 @@ class ClockModel(Protocol):
 class IonosphereModel(Protocol):
     """The differential ionosphere E6 − E1 of a satellite.
 
-    Under a sky, vestige multiplies it with the obliquity. A process that has a method `shared(receiver, share)`, as
-    `IonosphereProcess` has, is told which share of its variance all satellites have in common.
+    Under a sky, vestige multiplies the residual by the obliquity. A process may have a method `shared(receiver,
+    share)`, as `IonosphereProcess` has. `share` is the share of the variance that all satellites have in common.
     """
 
     def process(self, streams: Streams) -> Any:
@@ -80,7 +80,7 @@ class MultipathModel(Protocol):
 
     @property
     def n_rays(self) -> int:
-        """The largest number of reflections beside the line of sight; at least 1."""
+        """The largest number of reflections in addition to the line of sight; at least 1."""
         ...
 
     def process(self, streams: Streams) -> RayProcess:
@@ -90,7 +90,7 @@ class MultipathModel(Protocol):
 
 @runtime_checkable
 class TrackingModel(Protocol):
-    """Noise of E1 observations. The receiver knows its own loops, so the standard deviations are asked for, too."""
+    """Noise of E1 observations, with its standard deviations, because a receiver knows its own loops."""
 
     def __hash__(self) -> int:
         """Return a number that equal models share."""
@@ -123,24 +123,24 @@ class BiasModel(Protocol):
     """Model of the delays between E1 and E6 that remain after calibration."""
 
     def process(self, streams: Streams, *, receiver: Streams) -> ErrorProcess:
-        """Return a realisation for one satellite, from its own streams and from those of the receiver."""
+        """Return a realisation for one satellite, from the streams of the satellite and of the receiver."""
         ...
 
 
 def named_streams(seed: int, *labels: str | int) -> Streams:
     """Return the streams of one owner: a function from the name of a variable to its generator.
 
-    `labels` say whose they are, an SVID for instance; none are the receiver's own.
+    `labels` name the owner, such as an SVID; no labels mean the receiver.
     """
     return lambda name: stream(seed, name, *labels)
 
 
 def steps_s(last_s: float, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the time since the epoch before, for each epoch in s.
+    """Return the time since the previous epoch, for each epoch in s.
 
     Raises `ValueError` if time runs backwards.
     """
     steps = np.diff(times_s, prepend=last_s)
     if not np.all(steps >= 0):
-        raise ValueError("a process only goes forward in time")
+        raise ValueError("the times of a process must go forward")
     return steps

@@ -4,14 +4,14 @@ First order:
 
     z_k = ρ z_{k−1} + √(1 − ρ²) w_k,    ρ = e^{−(t_k − t_{k−1})/τ},    w_k ~ N(0, 1),    z_0 = w_0
 
-It is stationary, and exact for any sequence of steps: E[z(t) z(t + s)] = e^{−s/τ}. It is not smooth: the change over a
-short step h has the standard deviation √(2h/τ).
+The process is stationary, and exact for any sequence of steps: E[z(t) z(t + s)] = e^{−s/τ}. The process is not smooth:
+the change over a short step h has the standard deviation √(2h/τ).
 
 Second order, critically damped, with the rate v of z as a second state:
 
     z'' + 2 z'/a + z/a² = white noise,    E[z(t) z(t + s)] = (1 + s/a) e^{−s/a},    E[v²] = 1/a²
 
-It is stationary and exact, too. The change over a short step h is v h, with the standard deviation h/a.
+This process, too, is stationary and exact. The change over a short step h is v h, with the standard deviation h/a.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ _SMOOTH_TAU = 2.146193  # u with (1 + u) e^{−u} = 1/e
 
 
 class GaussMarkovProcess:
-    """One realisation.
+    """One realisation of the first-order process.
 
-    `rng` gives one normal an epoch. A correlation time of 0 makes every epoch independent, even of one at the same
-    time.
+    `rng` gives one normal per epoch. With a correlation time of 0 all epochs are independent, even two epochs of the
+    same time.
     """
 
     def __init__(self, rng: np.random.Generator, tau_s: float) -> None:
         if not tau_s >= 0:
-            raise ValueError(f"a correlation time is not negative, found {tau_s}")
+            raise ValueError(f"a correlation time must not be negative, found {tau_s}")
         self._rng, self._tau_s = rng, tau_s
         self._last_s: float | None = None
         self._z = 0.0
@@ -55,7 +55,7 @@ class GaussMarkovProcess:
             keep[0], gain[0] = 0.0, 1.0
         z = self._z
         values = []
-        # Python's floats: a recursion over numbers that are already there needs no compiled loop (6 ms for 100,000)
+        # Python floats: this recursion is fast enough without a compiled loop (6 ms for 100,000)
         for rho, kick in zip(keep.tolist(), (gain * drive).tolist(), strict=True):
             z = rho * z + kick
             values.append(z)
@@ -64,18 +64,18 @@ class GaussMarkovProcess:
 
 
 class SmoothGaussMarkovProcess:
-    """One realisation of the second order, which has a rate: what moves slowly, such as the delay of the ionosphere.
+    """One realisation of the second-order process, whose rate suits slow errors such as the delay of the ionosphere.
 
-    `rng` gives two normals an epoch. After the correlation time τ the correlation is 1/e, as that of first order, so
-    a = τ/2.146.
+    `rng` gives two normals per epoch. After the correlation time τ the correlation is 1/e, as in first order, so a =
+    τ/2.146.
     """
 
     def __init__(self, rng: np.random.Generator, tau_s: float) -> None:
         if not tau_s > 0:
-            raise ValueError(f"the correlation time of a smooth process is positive, found {tau_s}")
+            raise ValueError(f"the correlation time of a smooth process must be positive, found {tau_s}")
         self._rng, self._a_s = rng, tau_s / _SMOOTH_TAU
         self._last_s: float | None = None
-        self._z = self._rate = 0.0  # the rate is that times a
+        self._z = self._rate = 0.0  # `_rate` is the rate times a
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return z of mean 0 and variance 1 at later times."""

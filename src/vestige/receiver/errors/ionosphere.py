@@ -2,25 +2,27 @@
 
 Theory of operation
 -------------------
-The residual e is a mixture: with probability 1 − p from N(0, σ), with ps from the late tail u + Exp(β), where E6
-arrives later than the model says, and with p(1 − s) from the early tail −(u + Exp(β)). So far out on the late side
+The residual e is a mixture. With probability 1 − p it comes from N(0, σ). With ps it comes from the late tail u +
+Exp(β), where E6 arrives later than the model predicts, and with p(1 − s) from the early tail −(u + Exp(β)). Far out on
+the late side
 
     P(e > x) = ps · e^{−(x−u)/β}
 
-a straight line in a logarithmic histogram, as [WFO, Sec. VI-A] shows on the right flank. Values come from one Gaussian
-z an epoch through the inverse distribution function, e = F⁻¹(Φ(z)): whatever memory z has, the distribution of e is F.
+The tail is a straight line in a logarithmic histogram, as the right flank in [WFO, Sec. VI-A]. One Gaussian z per epoch
+gives the value through the inverse distribution function, e = F⁻¹(Φ(z)). So e has the distribution F for any memory of
+z.
 
 * `iid`: every epoch independent, for histograms.
 * `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation along a Galileo pass. A run of 100,000 s
-  then holds only about 14 independent values. From one second to the next it moves by 1.7 % of its spread, 2 cm, which
-  is half a radian of the E6 carrier: a carrier phase needs the next one.
+  then has only about 14 independent values. In a second the residual changes by 1.7 % of its spread, or 2 cm: half a
+  radian of the E6 carrier. So carrier phases need `smooth`.
 * `smooth`: z is a Gauss-Markov process of second order with the same τ, so it has a rate: 0.03 % of its spread in a
   second, 0.4 mm. E6 carrier phases can be compared with those of E1.
 
 A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are the difference between two such models,
 NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Both tails of that difference have 5 %. In a
-strong ionosphere a broadcast model rather underestimates the delay, as the paper's histogram shows: the preset
-2014-late keeps the late tail and gives the 5 % of the early one to the core. 1 TECU is 0.0841 m of E6 − E1.
+strong ionosphere a broadcast model usually underestimates the delay, as the paper's histogram shows. So the preset
+2014-late keeps the late tail and gives the 5 % of the early tail to the core. 1 TECU is 0.0841 m of E6 − E1.
 """
 
 from __future__ import annotations
@@ -56,14 +58,15 @@ class HeavyTailedIonosphere:
     tail_probability
         p, probability of both tails together.
     late_tail_share
-        s, share of p that the late tail has, 0 to 1: 0.5 is symmetric, 1 has no early tail.
+        s, share of p in the late tail, 0 to 1: 0.5 is symmetric, 1 has no early tail.
     truncated
-        Cut the core at ±u, so that P(|e| > u) is exactly p. Otherwise the core reaches beyond u too.
+        Whether the core is cut at ±u, so that P(|e| > u) is exactly p. Otherwise the core also reaches beyond u.
     correlation, tau_s
         Memory, and its correlation time τ in s.
     code_only
-        Whether the residual delays the codes and leaves the carriers alone. An ionosphere advances the carriers; but
-        with `iid`, draws that stand for other times, these would jump by whole cycles from epoch to epoch.
+        Whether the residual delays the codes and leaves the carriers alone. A real ionosphere advances the carriers.
+        With `iid`, however, the draws stand for different times, and the carriers would jump by whole cycles from epoch
+        to epoch.
     """
 
     core_sigma_m: float
@@ -79,7 +82,7 @@ class HeavyTailedIonosphere:
 
     def __post_init__(self) -> None:
         if not (self.core_sigma_m >= 0 and self.tail_start_m >= 0 and self.tail_scale_m >= 0):
-            raise ValueError("the widths of the core and of the tails are not negative")
+            raise ValueError("widths of the core and of the tails that are not negative")
         if not 0 <= self.tail_probability <= 1:
             raise ValueError(f"the probability of the tails is not in [0, 1]: {self.tail_probability}")
         if not 0 <= self.late_tail_share <= 1:
@@ -87,12 +90,12 @@ class HeavyTailedIonosphere:
 
     @classmethod
     def solar_maximum_2014(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
-        """Return the residual of 2014, elevation 5 to 30°: rms 1.73 m, beyond 10 m 1 in 10,000 on each side."""
+        """Return the residual of 2014, elevation 5 to 30°: rms 1.73 m, and |e| > 10 m with 1e-4 on each side."""
         return cls(core_sigma_m=1.24, tail_start_m=2.65, tail_scale_m=1.17, correlation=correlation)
 
     @classmethod
     def solar_maximum_2014_late(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
-        """Return that of 2014 without its early tail: the right flank of the paper's histogram is the higher one."""
+        """Return the residual of 2014 without its early tail: in the paper's histogram the right flank is higher."""
         both = cls.solar_maximum_2014(correlation=correlation)
         return replace(both, tail_probability=both.tail_probability / 2, late_tail_share=1.0)
 
@@ -112,13 +115,13 @@ class HeavyTailedIonosphere:
         return cls(core_sigma_m=0.44, tail_start_m=0.95, tail_scale_m=0.46, correlation=correlation)
 
     def exceedance(self, x_m: Float[np.ndarray, " n"], *, late: bool = True) -> Float[np.ndarray, " n"]:
-        """Return P(e > x), or P(e < −x) of the early side, for each x ≥ 0 in m."""
+        """Return P(e > x), or on the early side P(e < −x), for each x ≥ 0 in m."""
         return self._exceedance(x_m, self._tail(late=late))
 
     def quantile(self, z: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return F⁻¹(Φ(z)) in m for each Gaussian z.
 
-        Each side is inverted from its own small probability, Φ(−z) or Φ(z): nothing is lost far out.
+        Each side is inverted from its own small probability, Φ(−z) or Φ(z), so the far tails keep their precision.
         """
         late, early = ndtr(-z), ndtr(z)
         on_late_side = late <= 0.5 * (1 - self.tail_probability) + self._tail(late=True)
@@ -132,14 +135,14 @@ class HeavyTailedIonosphere:
         return self.tail_probability * (self.late_tail_share if late else 1 - self.late_tail_share)
 
     def _exceedance(self, x_m: Float[np.ndarray, " n"], tail: float) -> Float[np.ndarray, " n"]:
-        """Return the probability beyond x ≥ 0 on the side whose tail has this probability."""
+        """Return the probability beyond x ≥ 0 on a side; `tail` is the probability of the tail of that side."""
         u, beta = self.tail_start_m, self.tail_scale_m
         beyond = np.maximum(x_m - u, 0.0)
         falling = np.exp(-beyond / beta) if beta > 0 else (beyond == 0) * 1.0
         return (1 - self.tail_probability) * self._core_exceedance(x_m) + tail * falling
 
     def _side(self, upper: Float[np.ndarray, " n"], tail: float) -> Float[np.ndarray, " n"]:
-        """Return x ≥ 0 beyond which the side whose tail has this probability has `upper`."""
+        """Return the x ≥ 0 that a side exceeds with the probability `upper`; `tail` is the probability of its tail."""
         p, u = self.tail_probability, self.tail_start_m
         core_end = (1 - p) * float(self._core_exceedance(np.array([u]))[0]) + tail
         size = np.zeros_like(upper)
@@ -172,11 +175,11 @@ class HeavyTailedIonosphere:
         return np.maximum(-self.core_sigma_m * ndtri(np.minimum(upper, 0.5)), 0.0)
 
     def _tail_quantile(self, upper: Float[np.ndarray, " n"], tail: float) -> Float[np.ndarray, " n"]:
-        """Return x ≥ u beyond which there is `upper`: in closed form, or by bisection if the core reaches beyond u."""
+        """Return the x ≥ u exceeded with `upper`: in closed form, or by bisection if the core reaches beyond u."""
         p, u, beta, sigma = self.tail_probability, self.tail_start_m, self.tail_scale_m, self.core_sigma_m
         if self.truncated or sigma == 0 or p == 1:
             return u + beta * np.log(np.maximum(tail / upper, 1.0))
-        # Above `high` neither of the two terms is more than half of what is wanted.
+        # Above `high` each of the two terms is at most half of `upper`.
         low = np.full_like(upper, u)
         high = np.maximum(
             u + beta * np.log(np.maximum(2 * tail / upper, 1.0)), -sigma * ndtri(np.minimum(upper / (2 * (1 - p)), 0.5))
@@ -188,7 +191,7 @@ class HeavyTailedIonosphere:
         return 0.5 * (low + high)
 
 
-# by the name that a scenario file gives
+# presets by their names in a scenario file
 IONOSPHERE_PRESETS: Mapping[str, Callable[[], HeavyTailedIonosphere]] = MappingProxyType(
     {
         "2014": HeavyTailedIonosphere.solar_maximum_2014,
@@ -219,7 +222,7 @@ class IonosphereProcess:
         self._share = 0.0
 
     def shared(self, receiver: Streams, share: float) -> IonosphereProcess:
-        """Return this realisation with a share of the variance of z taken from the receiver's streams."""
+        """Return the realisation with a share of the variance of z taken from the receiver's streams."""
         self._common, self._share = self._kind(receiver("ionosphere"), self._tau_s), share
         return self
 

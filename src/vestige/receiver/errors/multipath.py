@@ -7,16 +7,16 @@ Theory of operation
 * Excess delay τ: exponential of mean μ, cut at 500 ns.
 * Strength: Rayleigh, mean square 10^(G/10)/N with G = G0 − s τ in dB, for N reflections. So G0 is the mean power of all
   reflections together relative to the line of sight.
-* Phase: uniform, then turning with the Doppler f_i = (v/λ) cos ψ_i, ψ uniform, v the receiver's speed.
+* Phase: uniform at first, then changing with the Doppler f_i = (v/λ) cos ψ_i, ψ uniform, v the receiver's speed.
 * Life: exponential, so a reflection dies in a step dt with probability 1 − e^{−r dt}, whatever its age; r = v/L + 1/T
   for a mean life of L metres of travel or T seconds. Another, independent reflection follows.
 * Number: fixed, or Poisson with a maximum; the number is drawn anew at the same rate as the reflections.
 
-A reflection has the same coefficient on E1, but the phase of its own carrier: the phase differs by (f1 − f6) τ cycles,
-one for each metre of excess delay, so that the errors of E1 and E6 are practically independent.
+A reflection has the same coefficient on E1, but the phase of the E1 carrier. The phase differs by (f1 − f6) τ cycles,
+one cycle for each metre of excess delay, so that the errors of E1 and E6 are practically independent.
 
-These are the marginal laws of the measured land-mobile channel [STEINGASS04] [ITU-P681] without its scenery. The power
-of the presets is calibrated to the one number that [WFO] gives: 52 misses in 100,000.
+These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681], without its
+scenery. The power of the presets is calibrated to the only result in [WFO]: 52 misses in 100,000.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class RayBlock:
     delay_m
         Excess delay in m, positive.
     amplitude, amplitude_e1
-        Complex amplitude on E6 and on E1; 1 is the line of sight. 0 where there is no reflection.
+        Complex amplitude on E6 and on E1, relative to the line of sight; 0 if there is no reflection.
     doppler_hz
-        Doppler on E6 in Hz; on E1 it is f1/f6 times that.
+        Doppler on E6 in Hz; the Doppler on E1 is f1/f6 times as large.
     """
 
     delay_m: Float[np.ndarray, "n n_rays"]
@@ -65,10 +65,11 @@ class RayBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LmsLiteMultipath:
-    """Reflections that come and go.
+    """Reflections that begin and end.
 
-    A life of 0 makes every epoch independent. Mind the Doppler: a reflection that turns by f T cycles in an integration
-    time is weaker by sinc(f T), so that speeds above some 10 m/s hide most of the multipath from 16 ms on E6.
+    A life of 0 makes every epoch independent. Mind the Doppler: a reflection whose phase changes by f T cycles in an
+    integration time is weaker by sinc(f T). Speeds above some 10 m/s therefore hide most of the multipath from 16 ms on
+    E6.
 
     Attributes
     ----------
@@ -77,13 +78,13 @@ class LmsLiteMultipath:
     mean_excess_m
         μ in m.
     n_rays
-        Number of reflections, or the largest if `mean_rays` is given.
+        Number of reflections, or the largest number if `mean_rays` is given.
     mean_rays
         Mean of the Poisson number of reflections.
     slope_db_per_us
         s, loss with delay in dB/µs.
     max_excess_m
-        Where the delays end, in m.
+        Largest excess delay in m.
     speed_mps
         v, speed of the receiver in m/s.
     mean_life_m, mean_life_s
@@ -107,27 +108,27 @@ class LmsLiteMultipath:
         if self.n_rays < 1 or (self.mean_rays is not None and not self.mean_rays > 0):
             raise ValueError("there must be at least one reflection; for no multipath the power is -inf dB")
         if not self.slope_db_per_us >= 0:
-            raise ValueError("later reflections are not stronger: the loss with delay is not negative")
+            raise ValueError("a loss with delay that is not negative, because later reflections are not stronger")
         if not (self.mean_excess_m > 0 and self.max_excess_m > 0):
-            raise ValueError("mean and largest excess delay must be positive")
+            raise ValueError("a positive mean and a positive largest excess delay")
         if not (self.speed_mps >= 0 and self.mean_life_m >= 0 and self.mean_life_s >= 0):
-            raise ValueError("speed and life of a reflection are not negative")
+            raise ValueError("a speed and a life that are not negative")
         if self.mean_life_m == 0 and 0 < self.mean_life_s < inf:
             raise ValueError("with mean_life_m = 0 every epoch has its own reflections, so mean_life_s has no effect")
 
     @classmethod
     def elevation_5_30(cls) -> LmsLiteMultipath:
-        """Return low satellites as in [WFO, Sec. VI-A]: one reflection an epoch, each epoch anew."""
+        """Return low satellites as in [WFO, Sec. VI-A]: each epoch has a new reflection."""
         return cls(power_db=REFERENCE_MULTIPATH_DB, mean_excess_m=40.0, mean_life_m=0.0)
 
     @classmethod
     def open_sky(cls) -> LmsLiteMultipath:
-        """Return a satellite above 30°: weaker and shorter echoes."""
+        """Return a satellite above 30°: weaker and shorter reflections."""
         return cls(power_db=OPEN_SKY_DB, mean_excess_m=20.0, mean_life_m=0.0)
 
     @classmethod
     def at_elevation(cls, elevation_deg: float) -> LmsLiteMultipath:
-        """Return −14 dB at 5° to −18 dB at 30° in a straight line, open sky above."""
+        """Return multipath of −14 dB at 5° to −18 dB at 30° on a straight line, and open sky above 30°."""
         if elevation_deg > HIGH_DEG:
             return cls.open_sky()
         power_db = float(multipath_power_db(np.array([elevation_deg], np.float64))[0])
@@ -145,14 +146,14 @@ class LmsLiteMultipath:
         return MultipathProcess(self, streams)
 
 
-# by the name that a scenario file gives
+# presets by their names in a scenario file
 MULTIPATH_PRESETS: Mapping[str, Callable[[], LmsLiteMultipath]] = MappingProxyType(
     {"elevation-5-30": LmsLiteMultipath.elevation_5_30, "open-sky": LmsLiteMultipath.open_sky}
 )
 
 
 class _Renewal:
-    """Values that hold for a life and are then replaced by new ones, several independent ones side by side."""
+    """Values that stay for a life and are then replaced; several independent values run side by side."""
 
     def __init__(self, rng: np.random.Generator, rate_hz: float) -> None:
         self._rng, self._rate_hz = rng, rate_hz
@@ -161,14 +162,15 @@ class _Renewal:
     def advance(
         self, steps: Float[np.ndarray, " n"], candidates: Float[np.ndarray, "n_values n width"]
     ) -> Float[np.ndarray, "n_values n width"]:
-        """Return for each epoch the candidates of the last epoch at which there was a change.
+        """Return for each epoch the candidates of the last epoch with a change.
 
         Parameters
         ----------
         steps
-            Time since the epoch before, in s.
+            Time since the previous epoch, in s.
         candidates
-            What begins at each epoch if there is a change; the values that change together stand along the first axis.
+            Values that begin at each epoch if there is a change; the values that change together lie along the first
+            axis.
         """
         n, width = candidates.shape[1:]
         lives = self._rng.standard_exponential((n, width))
@@ -232,7 +234,7 @@ class MultipathProcess:
         )
 
     def _present(self, steps: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n_rays"]:
-        """Return 1 for the reflections that there are at each epoch, 0 for the others."""
+        """Return 1 for the reflections that are present at each epoch, 0 for the others."""
         model = self._model
         if model.mean_rays is None:
             return np.ones((steps.size, model.n_rays))

@@ -8,9 +8,9 @@ Standard deviations, with B the one-sided noise bandwidth of the loop concerned,
     carrier   phase lock loop        σ_φ = √(B/C · (1 + 1/(2TC))) rad                 [KAPLAN06, 5.6.1]
     Doppler   frequency lock loop    σ_f = 1/(2πT) √(4FB/C · (1 + 1/(TC))) Hz, F = 1   [KAPLAN06, 5.6.2]
 
-A loop forgets: a first-order loop of noise bandwidth B has the impulse response 4B e^{−4Bt}, so its error is a
+A loop forgets. A first-order loop of noise bandwidth B has the impulse response 4B e^{−4Bt}, so its error is a
 Gauss-Markov process with τ = 1/(4B). For 1 Hz, observations 1 s apart have a correlation of 1.8 %, 20 ms apart of 92 %.
-Higher orders are treated alike.
+The model treats higher orders as first order.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ PulseName = Literal["BOC(1,1)", "MBOC", "BPSK"]
 SHARES: Mapping[PulseName, Mapping[Pulse, float]] = MappingProxyType(
     {"BOC(1,1)": {BOC11: 1.0}, "MBOC": MBOC, "BPSK": {BPSK: 1.0}}
 )
-# values that a real receiver could have
+# ranges of values that a real receiver could have
 _RANGES = {
     "chip_rate_hz": (1e5, 1e8),
     "carrier_hz": (1e8, 1e11),
@@ -52,10 +52,10 @@ _RANGES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BetzTrackingNoise:
-    """Noise of a delay lock loop with a phase and a frequency lock loop beside it.
+    """Noise of a delay lock loop with a phase and a frequency lock loop.
 
-    The default loop has 0.56 m at 35 dBHz; with a loop bandwidth of 2 Hz it has 0.79 m. [WFO, Sec. II-B] says 0.5 to
-    1 m. An early-late spacing above 0.1 chip has almost no slope left for MBOC.
+    The default loop has 0.56 m at 35 dBHz; with a loop bandwidth of 2 Hz it has 0.79 m. [WFO, Sec. II-B] gives 0.5 to 1
+    m. With an early-late spacing above 0.1 chip, almost no slope is left for MBOC.
 
     Attributes
     ----------
@@ -66,11 +66,11 @@ class BetzTrackingNoise:
     bandwidth_hz
         Two-sided bandwidth of the front end.
     spacing_chips
-        Distance of the early from the late correlator in chips.
+        Distance between the early and the late correlator in chips.
     loop_bandwidth_hz, pll_bandwidth_hz, fll_bandwidth_hz
         B of the code, phase and frequency loop.
     integration_s
-        T.
+        T, integration time in s.
     """
 
     pulse: PulseName = "BOC(1,1)"
@@ -120,7 +120,7 @@ class BetzTrackingNoise:
         return spread / (2 * pi * self.integration_s)
 
     def process(self, streams: Streams, *, cn0_dbhz: float) -> TrackingNoiseProcess:
-        """Return a realisation for one satellite from its streams, at C/N0 of what is tracked in dBHz."""
+        """Return a realisation for one satellite from its streams, at the C/N0 of the tracked signal in dBHz."""
         return TrackingNoiseProcess(self, streams, cn0_dbhz)
 
 
@@ -152,9 +152,9 @@ class TrackingNoiseProcess:
 def noise_growth(
     model: TrackingModel, nominal_dbhz: float, gain_db: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return by what factors code and Doppler noise grow when the C/N0 is `gain_db` above the nominal one.
+    """Return the factors by which code and Doppler noise grow if the C/N0 is `gain_db` above the nominal C/N0.
 
-    Between whole dB their logarithms are interpolated, which is good to 1e-3.
+    Between whole dB the logarithms of the factors are interpolated, with an error of 1e-3.
     """
     low, high = math.floor(np.min(gain_db, initial=0.0)), math.ceil(np.max(gain_db, initial=0.0))
     grid_db = np.arange(low, high + 1)

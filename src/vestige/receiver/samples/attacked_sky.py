@@ -1,14 +1,14 @@
-"""An attack in a recording that runs on: each spoofing signal is one more satellite in the sky, with a path of its own.
+"""An attack in a recording: each spoofing signal is an additional satellite in the sky, with its own path.
 
-A spoofing signal that is τ later at the receiver left the satellite when the true signal did that arrived τ before, and
-the receiver's clock is that of its arrival:
+A spoofing signal has the delay τ at the receiver. The signal left the satellite together with the true signal that
+arrived τ earlier, and the receiver's clock is that of its arrival:
 
     P'(t) = s(t − τ) + clock(t) + c τ
 
-What its carrier does beyond P' is in the phasor of its propagation: a delay line does nothing (`Coherent`), a locked
-or slipping carrier diverges from its code. Power and phase follow the attack's profiles from stretch to stretch, 10 ms.
-The time of the profiles is that of transmission, as in a run; what arrives was sent in the scenario, or holds from its
-beginning.
+The additional phase of its carrier is in the phasor of its propagation: zero for a delay line (`Coherent`), while a
+locked or slipping carrier diverges from its code. Power and phase follow the attack's profiles in steps of a stretch,
+10 ms. The time of the profiles is that of transmission, as in a run. Signals sent before the scenario's start have the
+profile values of the start.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class ReceivedSpoofingSignal:
     """One spoofing signal in one band: pseudorange and propagation at a time in s after the scenario's start."""
 
     true: ReceivedSatellite
-    path: ContinuousTruth  # the truth that it repeats
+    path: ContinuousTruth  # truth of the signal that is repeated
     spoofer: Spoofer
-    number: int  # which of the spoofer's attacks makes it
+    number: int  # number of the attack in the spoofer
     band: Band
     _motions: dict[int, tuple[float, float]] = field(default_factory=dict, repr=False, compare=False)
 
@@ -55,14 +55,14 @@ class ReceivedSpoofingSignal:
         return geometry.rate_mps(t_s - delay_m / SPEED_OF_LIGHT_MPS) * slower + drift_mps + rate_mps
 
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return d²P'/dt² in m/s²; what the delay adds within a stretch is its rate's alone."""
+        """Return d²P'/dt² in m/s²; within a stretch the delay contributes only its rate."""
         delay_m, _ = self._delay(t_s)
         geometry = self.path.line_of_sight
         change_mps2 = self.path.acceleration_mps2(t_s) - geometry.acceleration_mps2(t_s)
         return geometry.acceleration_mps2(t_s - delay_m / SPEED_OF_LIGHT_MPS) + change_mps2
 
     def __call__(self, t_s: float) -> Propagation:
-        """Return, for a time, the delay of the signal that is repeated and the spoofing signal's own phasor."""
+        """Return, for a time, the delay of the repeated signal and the spoofing signal's own phasor."""
         range_m, rate_mps = self._motion_near(t_s)
         effects, k = self._effects_sent(np.array([t_s - range_m / SPEED_OF_LIGHT_MPS])), self.number
         carrier_hz = CARRIER_HZ[self.band]
@@ -85,11 +85,11 @@ class ReceivedSpoofingSignal:
         return effects.delay_m[:, self.number], effects.delay_rate_mps[:, self.number] * self._kept(t_s)
 
     def _kept(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the seconds of transmission, on which the profiles run, in a second of reception."""
+        """Return the seconds of transmission per second of reception; the profiles run on transmission time."""
         return 1 - self.path.rate_mps(t_s) / SPEED_OF_LIGHT_MPS
 
     def _motion_near(self, t_s: float) -> tuple[float, float]:
-        """Return P(t) and its rate for the phasor, from those in the middle of the second: right to metres, 10 ns."""
+        """Return P(t) and its rate for the phasor, from the middle of the second: accurate to metres, or 10 ns."""
         second = int(np.floor(t_s))
         if second not in self._motions:
             middle = np.array([second + 0.5])
@@ -101,7 +101,7 @@ class ReceivedSpoofingSignal:
         return self._effects_sent(t_s - self.path.range_m(t_s) / SPEED_OF_LIGHT_MPS)
 
     def _effects_sent(self, sent_s: Float[np.ndarray, " n"]) -> BandEffects:
-        """Return the effects on what was sent at some times."""
+        """Return the effects on signals that were sent at some times."""
         return self.spoofer.effects(self.band, self.true.svid, np.maximum(sent_s, 0.0))
 
 
@@ -114,7 +114,7 @@ def spoofing_satellites(
     *,
     seed: int,
 ) -> Iterator[ReceivedSatellite]:
-    """Yield what the attacks add to a band of a satellite; `seed` is of what an attacker estimates."""
+    """Yield the spoofing signals of a satellite in a band; `seed` is that of an attacker's estimates."""
     forged_chips = spoofer.effects(band, true.svid, np.zeros(1)).forged_chips
     for number, own in enumerate(forged_chips):
         signal = ReceivedSpoofingSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)
@@ -123,7 +123,7 @@ def spoofing_satellites(
 
 
 def latest_s(spoofer: Spoofer, svid: int, times_s: Float[np.ndarray, " n"]) -> float:
-    """Return the largest delay of a spoofing signal that is on air at some times, at least 0, in s."""
+    """Return the largest delay in s, at least 0, of a spoofing signal that is on air at some times."""
     delays_m = [
         float(np.max(effects.delay_m, initial=0.0, where=effects.power_db > -math.inf))
         for effects in (spoofer.effects(band, svid, times_s) for band in Band)

@@ -1,6 +1,6 @@
-"""The truth of a simulation between its epochs, for recordings that run on.
+"""The truth of a simulation between its epochs, for recordings without gaps.
 
-`Simulation` knows its errors at every epoch t_k, the transmission of a RECS, and moves them over its reception. A
+`Simulation` knows its errors at every epoch t_k, the time at which a RECS is sent, and applies them at its reception. A
 recording goes through all epochs in one piece:
 
     P(t) = s(t) + clock(t) + troposphere(t)      geometry as it is; clock: the cubic through t_k with the drift as slope
@@ -9,10 +9,10 @@ recording goes through all epochs in one piece:
     E6:  code later by γ I + bias + (γ − 1) c BGD, carrier earlier by γ I
          reflections
 
-In the middle of the reception of the chips that are sent at an epoch, everything is what the epoch says, and changes
-slowly. From there it goes over into the next epoch's without a step: delays and strengths along half a cosine, the
-phase of a path along the cubic that begins and ends with the Dopplers of its epochs. A RECS in the recording is
-therefore that of `Simulation.snapshot`, apart from carrier phase and micrometres. Tracking loops see a channel without
+In the middle of the reception of an epoch's chips, all errors have the values of the epoch, and change slowly. From
+there the errors change to the values of the next epoch without a step. Delays and strengths follow half a cosine. The
+phase of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the recording is
+therefore that of `Simulation.snapshot`, except for carrier phase and micrometres. Tracking loops see a channel without
 jumps.
 """
 
@@ -39,12 +39,12 @@ class ContinuousTruth:
     """A truth at any time."""
 
     line_of_sight: RangeHistory
-    truth: TruthBlock  # at the epochs, at least two, and beyond the times that are asked for
+    truth: TruthBlock  # truth at the epochs: at least two, which enclose all times that are asked for
     e1_multipath: bool  # whether the reflections are in E1 too
-    # delay of E6 against E1 beyond the truth's residuals, which the receiver is told of, in m
+    # delay of E6 relative to E1 that the receiver is told, in addition to the truth's residuals, in m
     group_delay_m: float = 0.0
-    atmosphere: AtmosphericDelay | None = None  # whose troposphere is in P(t); None for none
-    sky: bool = False  # whether the line of sight is one of a sky, which runs on system time and has an ionosphere
+    atmosphere: AtmosphericDelay | None = None  # atmosphere with the troposphere of P(t); None for none
+    sky: bool = False  # whether the line of sight belongs to a sky, which runs on system time and has an ionosphere
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return P(t) in m."""
@@ -63,7 +63,7 @@ class ContinuousTruth:
         return self._clock(t_s)[0]
 
     def clock_drift_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return its derivative in m/s."""
+        """Return the derivative of `clock_m` in m/s."""
         return self._clock(t_s)[1]
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -81,19 +81,19 @@ class ContinuousTruth:
         return bend_mps2 if self.atmosphere is None else bend_mps2 + self.atmosphere.troposphere_rates(system_s)[1]
 
     def _system_time(self, t_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the time of orbits; a single line of sight has no other time than the receiver's."""
+        """Return the time of orbits; on a single line of sight it is the receiver's time."""
         return t_s - clock_m / SPEED_OF_LIGHT_MPS if self.sky else t_s
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return by how much the ionosphere makes the code of a band later at the epochs."""
+        """Return the delay of a band's code by the ionosphere at the epochs, in m."""
         return self.truth.ionosphere_m(band)
 
     def carrier_advance_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return by how much it makes the carrier earlier."""
+        """Return the advance of a band's carrier by the ionosphere at the epochs, in m."""
         return self.truth.carrier_advance_m(band)
 
     def delay_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return by how much the code of a band is later than the pseudorange at the epochs, in m."""
+        """Return the delay of a band's code relative to the pseudorange at the epochs, in m."""
         own_m = 0.0 if band is Band.E1 else self.truth.bias_m + self.group_delay_m
         return self.ionosphere_m(band) + own_m
 
@@ -109,7 +109,7 @@ class ContinuousTruth:
         return t_s
 
     def propagation(self, band: Band, duration_s: float) -> ContinuousPropagation:
-        """Return the propagation in a band, which is that of an epoch while its RECS of `duration_s` arrive."""
+        """Return the propagation in a band; while the RECS of an epoch (`duration_s`) arrives, it is that epoch's."""
         return ContinuousPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
 
     def _clock(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], ...]:
@@ -133,10 +133,10 @@ class ContinuousPropagation:
 
     band: Band
     truth: ContinuousTruth
-    received_s: Float[np.ndarray, " n"]  # when the first chip of each epoch arrives
+    received_s: Float[np.ndarray, " n"]  # arrival of the first chip of each epoch
     duration_s: float  # duration of a RECS
 
-    # computed once for all epochs: a recording asks for the propagation a hundred times a second
+    # cached for all epochs, because a recording asks for the propagation a hundred times per second
 
     @cached_property
     def _knots_s(self) -> Float[np.ndarray, " n"]:
@@ -156,7 +156,7 @@ class ContinuousPropagation:
         left = min(max(int(np.searchsorted(knots, t_s, side="right")) - 1, 0), knots.size - 2)
         span_s = float(knots[left + 1] - knots[left])
         place = (t_s - float(knots[left])) / span_s
-        u = min(max(place, 0.0), 1.0)  # before the first epoch and after the last, all but phases stand still
+        u = min(max(place, 0.0), 1.0)  # before the first and after the last epoch, all but the phases is constant
         share, slope = (1 - np.cos(np.pi * u)) / 2, np.pi / 2 * np.sin(np.pi * u) / span_s
         to_cycles = CARRIER_HZ[self.band] / SPEED_OF_LIGHT_MPS
 
@@ -179,7 +179,7 @@ class ContinuousPropagation:
     def _rays(
         self, left: int, u: float, beyond: float, span_s: float, share: float
     ) -> dict[str, Float[np.ndarray, " k"]]:
-        """Return the paths between knot `left` and the next one at the part `u` of the way, or `beyond` the ends."""
+        """Return the paths at the fraction `u` between knot `left` and the next knot, or at `beyond` past the ends."""
         rays, e1 = self.truth.truth.rays, self.band is Band.E1
         if e1 and not self.truth.e1_multipath:
             nothing = np.zeros(0)
@@ -187,7 +187,7 @@ class ContinuousPropagation:
         both = slice(left, left + 2)
         amplitude = (rays.amplitude_e1 if e1 else rays.amplitude)[both]
         doppler_hz = rays.doppler_hz[both] * (CARRIER_HZ[self.band] / E6_CARRIER_HZ)
-        # cycles at the two knots; the whole ones in between are those of the mean Doppler
+        # cycles at the two knots; the mean Doppler gives the whole cycles between them
         start, end = np.angle(amplitude) / (2 * np.pi) + doppler_hz * self.duration_s / 2
         mean = np.mean(doppler_hz, axis=0) * span_s
         rise = mean + np.remainder(end - start - mean + 0.5, 1.0) - 0.5

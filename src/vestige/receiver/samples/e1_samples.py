@@ -1,17 +1,18 @@
-"""E1 correlators and received power of a single line of sight out of samples: the reference of `e1_taps`.
+"""E1 correlators and received power of a single line of sight from samples: the reference of `e1_taps`.
 
-Under a sky they come out of samples that all satellites share (`snapshots.sky_e1`).
+Under a sky the correlators come from samples that all satellites share (`snapshots.sky_e1`).
 
 Theory of operation
 -------------------
-For each epoch and satellite T = 0.1 s of E1-C are synthesised: line of sight, multipath, spoofing signals, noise and
-jamming. The processor's own correlator takes them with BOC(1,1), the code of twice the rate whose every chip is
-followed by its opposite. Epochs are sent at whole tenths of a second, where the secondary code begins anew. Time zero
-is where the loop has settled, so a signal of delay τ stands at τ − x₀; sample phase and Doppler, on code and carrier,
-are those of the pseudorange. With M = f_s T samples of noise 1 the mean over them times √(2M) is ξ.
+For each epoch and satellite T = 0.1 s of E1-C is synthesised: line of sight, multipath, spoofing signals, noise and
+jamming. The processor's own correlator processes the samples with BOC(1,1) as a code of twice the chip rate, in which
+each chip is followed by its opposite. Epochs are sent at whole tenths of a second, where the secondary code begins.
+Time zero is where the loop has settled, so a signal of delay τ lies at τ − x₀. Sample phase and Doppler, on code and
+carrier, are those of the pseudorange. With M = f_s T samples of noise 1, the mean over them times √(2M) is ξ.
 
-Each satellite has samples with noise of its own, which are not those of a recording. The power of the band is read from
-further samples that hold all satellites, W of them a second, whose mean square is 1 + Σ r_i without an attack.
+The samples of each satellite have their own noise, which differs from that of a recording. The power of the band comes
+from further samples with all satellites, W of them per second. The mean square of these samples is 1 + Σ r_i without an
+attack.
 """
 
 from __future__ import annotations
@@ -43,10 +44,10 @@ from vestige.time import GalileoTime
 SAMPLE_RATE_HZ = 4e6  # no small multiple of the chip rate
 _CHIP_RATE_HZ = 2 * E1C.chip_rate_hz  # rate of BOC(1,1) as a code
 _PERIOD_CHIPS = 2 * E1C.code_length * E1C.secondary_length
-_SPARE_CHIPS = 64  # on both sides of the segment, 9 km
+_SPARE_CHIPS = 64  # on either side of the segment, 9 km
 _MARGIN_S = 5e-6
-_ANY_TIME = GalileoTime(0, 0)  # the samples of an epoch know no other
-_NOISE = 1  # stream number on E1, those of a satellite after `_STREAMS_A_SATELLITE`
+_ANY_TIME = GalileoTime(0, 0)  # the samples of an epoch need no real time
+_NOISE = 1  # stream number on E1; the streams of a satellite start after `_STREAMS_A_SATELLITE`
 _STREAMS_A_SATELLITE, _E1 = 1 << 16, 1 << 32
 
 
@@ -114,7 +115,7 @@ def sampled_power_rise_db(
     seed: int,
     first: int,
 ) -> Float[np.ndarray, " n"]:
-    """Return the power of the band over that without attack, as samples have it, in dB.
+    """Return the power of the band over that without attack, from samples, in dB.
 
     Parameters are those of `power_rise_db`.
     """
@@ -157,7 +158,7 @@ def _signals(
     amplitude: Complex128[np.ndarray, " k"],
     ray_doppler_hz: Float[np.ndarray, " k"],
 ) -> tuple[ReceivedSignal, ...]:
-    """Return everything of a satellite that is on air: what is near together, what is far off with its own chips."""
+    """Return all signals of a satellite on air: those close together, and those far off with chips of their own."""
     present = np.abs(amplitude) > 0
     delay_chips = delay_m / SPEED_OF_LIGHT_MPS * _CHIP_RATE_HZ
     shift = np.where(np.abs(delay_chips) < _SPARE_CHIPS - 2, 0, np.floor(delay_chips)).astype(np.int64)
@@ -205,7 +206,7 @@ def _samples(
 
 
 def e1c_replica(svid: int) -> ChipSequence:
-    """Return E1-C as BOC(1,1) with its secondary code, one period of 0.1 s; two of its chips are one of the code."""
+    """Return E1-C as BOC(1,1) with its secondary code over its period of 0.1 s, as half chips."""
     return _sequence(svid, _half_chips(svid))
 
 
@@ -219,7 +220,7 @@ def _half_chips(svid: int) -> Int8[np.ndarray, " n_chips"]:
 
 @lru_cache(maxsize=32)
 def _on_air(svid: int, shift: int, n_chips: int) -> Int8[np.ndarray, " n_chips"]:
-    """Return the chips of a signal that is late by so many, with some to spare before and after."""
+    """Return the chips of a signal delayed by `shift` half chips, with spare chips before and after."""
     chips = _half_chips(svid)[(np.arange(-_SPARE_CHIPS, n_chips + _SPARE_CHIPS) - shift) % _PERIOD_CHIPS]
     chips.flags.writeable = False
     return chips

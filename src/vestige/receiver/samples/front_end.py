@@ -5,14 +5,16 @@ Theory of operation
 **Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 = 1/f_s and a component of C/N0 has
 amplitude √(C/N0 / f_s).
 
-**Filter.** A band limit of two-sided width B is a windowed sinc of odd length, even, so that its group delay is a whole
-number of samples and is taken off. Its taps have Σh² = 1: the noise keeps variance 1, in a narrower band, and signals
-in the pass band grow by √(f/B), f being the filter's own rate; C/N0 is what it was. A filter *behind* the sampler
-cannot mend what sampling did: sidelobes fold back before it, and a staircase (`staircase.py`) stays. So the samples may
-be made at a multiple of the front end's rate; they are filtered there and then thinned out.
+**Filter.** A band limit of two-sided width B is a windowed sinc of odd length. The sinc is even, so its group delay is
+a whole number of samples and is removed. The taps of the sinc have Σh² = 1: the noise keeps variance 1 in a narrower
+band, and signals in the pass band grow by √(f/B), with f the filter's own rate. The C/N0 does not change. A filter
+*behind* the sampler cannot undo the effects of sampling: sidelobes fold back before it, and a staircase
+(`staircase.py`) stays. So the samples may be made at a multiple of the front end's rate; they are filtered at that rate
+and then thinned out.
 
-**Gain and quantiser.** The gain control brings the rms of what it gets, over the snapshot, to where the quantiser loses
-least (`quantiser.py`). Without gain control the gain is right for noise alone, and a jammer saturates the quantiser.
+**Gain and quantiser.** The gain control brings the rms of its input over the snapshot to the level where the quantiser
+loses least (`quantiser.py`). Without gain control the gain is right for noise alone, and a jammer saturates the
+quantiser.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from vestige.kernel_cache import njit
 from vestige.receiver.samples.quantiser import QUANTISERS
 from vestige.records import FrontEndStatus
 
-_CLIPPING = 2.0, 1e-3  # saturated: clips more than twice as often as for a Gaussian, and one sample in a thousand more
+_CLIPPING = 2.0, 1e-3  # saturated: above twice the clipped share of a Gaussian, plus one sample in a thousand
 _STOP_BAND_DB = 60.0
 _KAISER_BETA = 0.1102 * (_STOP_BAND_DB - 8.7)  # Kaiser 1974
 _FFT_LENGTH = 4096
@@ -36,20 +38,20 @@ _FFT_LENGTH = 4096
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrontEnd:
-    """One band's front end; without bandwidth and bits it is the identity.
+    """Front end of one band; without bandwidth and bits it is the identity.
 
     Attributes
     ----------
     sample_rate_hz
-        Rate of the samples that come out.
+        Output sampling rate in Hz.
     bandwidth_hz
         Two-sided bandwidth between the −6 dB points; None for no filter.
     bits
-        1, 2, 3 or 8 bits a dimension; None for no quantiser, and then no gain.
+        1, 2, 3 or 8 bits per dimension; None for no quantiser, and then no gain.
     agc
-        Whether the gain follows the power of the snapshot. Without it the gain is that of noise alone.
+        Whether the gain follows the power of the snapshot. Otherwise the gain is that of noise alone.
     oversampling
-        Samples come in at this multiple of `sample_rate_hz`.
+        Ratio of the input rate to `sample_rate_hz`.
     transition_hz
         Width of the filter's edge, from pass to stop band; None for a tenth of the bandwidth.
     """
@@ -74,29 +76,29 @@ class FrontEnd:
 
     @property
     def input_rate_hz(self) -> float:
-        """Rate of the samples that come in."""
+        """Rate of the input samples."""
         return self.sample_rate_hz * self.oversampling
 
     @property
     def power_bandwidth_hz(self) -> float:
-        """Bandwidth in which the power is measured: the filter's, or all that the samples have."""
+        """Bandwidth in which the power is measured: that of the filter, or the whole bandwidth of the samples."""
         return self.bandwidth_hz or self.sample_rate_hz
 
     @property
     def transparent(self) -> bool:
-        """Whether samples come out as they come in."""
+        """Whether the output equals the input."""
         return self.bandwidth_hz is None and self.bits is None
 
     @property
     def margin_samples(self) -> int:
-        """Samples that must come in before the first one that comes out, and after the last."""
+        """Number of input samples needed before the first output sample, and after the last."""
         if self.bandwidth_hz is None:
             return 0
         transition = (self.transition_hz or self.bandwidth_hz / 10) / self.input_rate_hz
         return int(np.ceil((_STOP_BAND_DB - 7.95) / (14.36 * transition) / 2))  # Kaiser 1974
 
     def input_samples(self, n_samples: int) -> int:
-        """Return how many samples must come in for `n_samples` to come out, the margins on both sides included."""
+        """Return how many input samples give `n_samples` output samples, margins on both sides included."""
         return (n_samples - 1) * self.oversampling + 1 + 2 * self.margin_samples
 
     def filter_taps(self) -> Float32[np.ndarray, " n_taps"]:
@@ -110,7 +112,7 @@ class FrontEnd:
     def process(
         self, samples: Complex64[np.ndarray, " n_input"]
     ) -> tuple[Complex64[np.ndarray, " n_samples"], FrontEndStatus]:
-        """Return the samples that come out, and what the front end says of itself.
+        """Return the output samples and the status of the front end.
 
         Sample k of the output is at the time of sample `margin_samples + k · oversampling` of the input. Behind a
         quantiser the samples are its integer levels.
@@ -138,7 +140,7 @@ class FrontEnd:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _sum_of_squares(x):  # type: ignore[no-untyped-def]
-    """Return Σ x², in float32 within 1024 numbers and in float64 over them."""
+    """Return Σ x², summed in float32 within 1024 numbers and in float64 over these sums."""
     total = 0.0
     for first in range(0, x.size, 1024):
         part = x[first : first + 1024]

@@ -2,16 +2,16 @@
 
 Theory of operation
 -------------------
-With h the filter's taps at the input rate f_i and Λ the triangle of rectangular chips, a correlator x away from a path
-of unit amplitude, and the covariance of the noise in two correlators δ apart, are
+h are the filter's taps at the input rate f_i, and Λ is the triangle of rectangular chips. R_h is a correlator's output
+at distance x from a path of unit amplitude. R_n is the covariance of the noise in two correlators δ apart:
 
     R_h(x) = Σ_k h_k Λ(k/f_i − x) / Σ h
     R_n(δ) = (f_i/f_s) Σ_m r[m] Λ(m/f_s − δ) / (Σ h)²,     r[m] = Σ_k h_k h_{k + m f_i/f_s}
 
-in units of the variance 1/(C/N0 · T) that there is without a front end. The replica is not filtered; f_s must not be
-commensurate with the chip rate, or its samples are not spread over the chip. For a filter with steep edges both tend to
-the band-limited autocorrelation R_B. A quantiser replaces ρ = r by Σ_k (c_k/c_1)² ρ^k (`quantiser.py`). The formula
-holds if the signals are weak against the noise in a sample.
+Both are in units of the variance 1/(C/N0 · T) without a front end. The replica is not filtered. f_s must not be
+commensurate with the chip rate; otherwise the samples are not spread over the chip. For a filter with steep edges both
+functions approach the band-limited autocorrelation R_B. A quantiser replaces ρ = r by Σ_k (c_k/c_1)² ρ^k
+(`quantiser.py`). The formula is valid if the signals are weak against the noise in a sample.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 from vestige.theory.range_offset import range_offset_m
 
-LARGEST_SIGNAL_DB = -20.0  # C/N0 over the sampling rate: the signal then adds 1 % to the power that is quantised
+LARGEST_SIGNAL_DB = -20.0  # C/N0 over the sampling rate at which a signal adds 1 % to the power that is quantised
 
 
 def signal_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return R_h."""
+    """Return R_h, the correlation of a signal with the replica."""
     taps = front_end.filter_taps().astype(np.float64)
     lags = (np.arange(taps.size) - taps.size // 2) * (E6C.chip_rate_hz / front_end.input_rate_hz)
     return _smoothed(delay_chips, taps, lags) / np.sum(taps)
 
 
 def noise_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return R_n; R_n(0)/R_h(0)² is the loss of the front end."""
+    """Return R_n, the covariance of the noise; R_n(0)/R_h(0)² is the loss of the front end."""
     taps = front_end.filter_taps().astype(np.float64)
     every = np.correlate(taps, taps, mode="full")[(taps.size - 1) % front_end.oversampling :: front_end.oversampling]
     lags = (np.arange(every.size) - every.size // 2) * (E6C.chip_rate_hz / front_end.sample_rate_hz)
@@ -50,13 +50,13 @@ def noise_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"])
 
 @lru_cache(maxsize=4)
 def code_noise_density_s(front_end: FrontEnd) -> float:
-    """Return κ in s: behind a correlator the code of a stranger, of power C, is noise of the density κ C over N0.
+    """Return κ in s: behind a correlator, another code of power C is noise of the density κ C over N0.
 
-    With r[m] the autocorrelation of the filter at the input rate, of which every f_i/f_s-th lag is used,
+    r[m] is the autocorrelation of the filter at the input rate, of which every f_i/f_s-th lag is used:
 
         κ = 1/f_s Σ_m (Λ ∗ r)[m] Λ(m/f_s) / ((Σ h)² R_n(0))
 
-    In continuous time without a front end it is 2/(3 R_c), 0.13 µs. Sampling folds side lobes into the band; a filter
+    In continuous time without a front end, κ is 2/(3 R_c), 0.13 µs. Sampling folds side lobes into the band; a filter
     passes more of the code than of white noise.
     """
     taps = front_end.filter_taps().astype(np.float64)
@@ -74,8 +74,9 @@ def code_noise_density_s(front_end: FrontEnd) -> float:
 def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
     """Return how many metres a range offset grows with each metre of delay; 1 without a filter.
 
-    Three taps are read as points of a triangle [WFO, Sec. III-C], and behind a filter the peak is round. The slope is
-    that of the line of least squares over delays up to a quarter of the spacing, where nearly all offsets are.
+    The range offset assumes that three taps lie on a triangle [WFO, Sec. III-C], but behind a filter the peak is round.
+    The slope is that of the least-squares line over delays up to a quarter of the spacing, where nearly all offsets
+    lie.
     """
     delay_m = np.linspace(-spacing_m / 4, spacing_m / 4, 41)
     offsets_m = spacing_m * np.array([-1.0, 0.0, 1.0])
@@ -87,7 +88,7 @@ def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
 
 @lru_cache(maxsize=4)
 def spread(front_end: FrontEnd, n_lags: int, steps_per_chip: int) -> Float[np.ndarray, "n_lags n_grid"]:
-    """Return what each lag of a code's autocorrelation, even and given at whole chips, adds at |x| on a finer grid."""
+    """Return the share of each lag of a code's even autocorrelation, given at whole chips, at |x| on a fine grid."""
     last = (n_lags - 1) * steps_per_chip
     table = signal_correlation(front_end, np.arange(-last, 2 * last + 1) / steps_per_chip)
     rows = [table[last - lag * steps_per_chip :][: last + 1] for lag in range(n_lags)]  # R_h(x − lag)

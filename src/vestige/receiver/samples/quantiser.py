@@ -1,19 +1,19 @@
-"""Quantisers of one dimension of complex samples: levels, best steps, what they make of Gaussian noise.
+"""Quantisers of one dimension of complex samples: levels, best steps, and their effect on Gaussian noise.
 
 Theory of operation
 -------------------
-Let q(x) be the output for a Gaussian input of unit variance, and c_k = E q(x) he_k(x) its coefficients in normalised
+q(x) is the output for a Gaussian input x of unit variance. c_k = E q(x) he_k(x) are its coefficients in normalised
 Hermite polynomials. A quantiser that jumps by Δ_j at the input t_j has
 
     c_k = Σ_j Δ_j φ(t_j) he_{k−1}(t_j) / √k,     E q² = Σ_k c_k²
 
-A signal weak against the noise grows by c_1, and noise of correlation coefficient ρ comes out with the correlation
+A signal that is weak against the noise grows by c_1. Noise of correlation coefficient ρ has the output correlation
 
     E q q' = Σ_k c_k² ρ^k                        [PRICE58]
 
-so that behind the quantiser, relative to the signal, it is Σ_k (c_k/c_1)² ρ^k. For ρ = 1 this is E q²/c_1², the loss
-in white noise: 1.96, 0.55, 0.17 dB for 1, 2, 3 bits (Thompson, Emerson and Schwab 2007). Less is lost in noise that is
-narrow against the sampling rate.
+Relative to the signal, the correlation behind the quantiser is Σ_k (c_k/c_1)² ρ^k. For ρ = 1 the sum is E q²/c_1², the
+loss in white noise: 1.96, 0.55, 0.17 dB for 1, 2, 3 bits (Thompson, Emerson and Schwab 2007). The loss is smaller in
+noise that is narrow against the sampling rate.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ import numpy as np
 from jaxtyping import Float, Float32
 from scipy.special import ndtr
 
-_ORDERS = 60  # orders of Hermite polynomials; what follows them is below 1e-3 up to |ρ| = 0.9
+_ORDERS = 60  # orders of Hermite polynomials; the sum of higher orders is below 1e-3 up to |ρ| = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantiser:
     """A uniform quantiser of each dimension."""
 
-    step_sigma: float  # step that loses least, in standard deviations of a Gaussian input
+    step_sigma: float  # step with the least loss, in standard deviations of a Gaussian input
     outermost: int  # largest output
-    zero: bool  # whether 0 is an output (levels …, −1, 0, 1, …), or not (levels …, −3, −1, 1, 3, …, two a step)
-    full_scale_sigma: float  # where it clips, in the same unit as `step_sigma`; one bit never does
+    zero: bool  # whether 0 is an output (levels …, −1, 0, 1, …); otherwise levels are …, −3, −1, 1, 3, …, two apart
+    full_scale_sigma: float  # input at which the quantiser clips, in the unit of `step_sigma`; a single bit never clips
 
     def quantise(self, x: Float32[np.ndarray, " n"]) -> Float32[np.ndarray, " n"]:
-        """Return the outputs for inputs in steps."""
+        """Return the outputs for inputs in units of the step."""
         values = np.rint(x) if self.zero else 2 * np.floor(x) + 1
         return np.clip(values, -self.outermost, self.outermost)
 
     def noise_correlation(self, rho: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return Σ_k (c_k/c_1)² ρ^k: the correlation of noise behind the quantiser, relative to a weak signal.
+        """Return Σ_k (c_k/c_1)² ρ^k, the correlation of noise behind the quantiser relative to a weak signal.
 
         Parameters
         ----------
@@ -63,7 +63,7 @@ class Quantiser:
         return np.where(rho >= 1, power, low) / squares[1]
 
 
-# Steps of 2 and 3 bits (Thompson, Emerson, Schwab 2007, table 1); 8 bits: 16 steps a σ lose 0.001 dB, leave 18 dB.
+# Steps of 2 and 3 bits (Thompson, Emerson, Schwab 2007, table 1). 8 bits: 16 steps per σ lose 0.001 dB and leave 18 dB.
 QUANTISERS = {
     1: Quantiser(step_sigma=1.0, outermost=1, zero=False, full_scale_sigma=inf),
     2: Quantiser(step_sigma=0.996, outermost=3, zero=False, full_scale_sigma=2 * 0.996),

@@ -3,14 +3,14 @@
 Theory of operation
 -------------------
 **Stretches.** A band is made in stretches of some 10 ms, whole blocks of the synthesis kernel. About the middle t_m of
-a stretch the pseudorange is P + v x + ½ a x²: what the third derivative j adds within 5 ms, j x³/6, is below a
-micrometre for any receiver on Earth. The chip that arrives at t_m is counted from the Galileo second in integers; it
-arrives x after t_m, where t − P(t)/c is the time at which it was sent. Stretches are cut on the sample counter, so
-any recording of the same scenario has the same bits where it overlaps another.
+a stretch the pseudorange is P + v x + ½ a x². The third derivative j adds j x³/6 within 5 ms, less than a micrometre
+for any receiver on Earth. The chip that arrives at t_m was sent at t − P(t)/c. The chip's number is counted from the
+Galileo second in integers, and the chip arrives x after t_m. Stretches are cut on the sample counter, so two recordings
+of the same scenario have the same bits where they overlap.
 
-**Propagation.** All effects beyond the pseudorange are asked for once a stretch. A group delay moves the code of the
-line of sight and not its carrier; an ionosphere moves the carrier the other way. Both change over a stretch with the
-rates that belong to its middle, so that a tracking loop meets no step.
+**Propagation.** All effects in addition to the pseudorange are computed once per stretch. A group delay moves the code
+of the line of sight and not its carrier; an ionosphere moves the carrier the other way. Both change over a stretch with
+their rates at its middle, so that a tracking loop meets no step.
 """
 
 from __future__ import annotations
@@ -43,27 +43,27 @@ from vestige.time import GalileoTime
 
 STRETCH_S = 0.01
 _NOISE = {Band.E1: 61, Band.E6: 66}  # stream numbers
-_AHEAD = 8  # stretches that are made or wait to be taken
-_TOGETHER = 20  # stretches whose geometry is computed at once
-_MARGIN_S = 2e-5  # duration of chips on both sides of a stretch: 6 km, for reflections and group delay
+_AHEAD = 8  # stretches that are in work or wait for the consumer
+_TOGETHER = 20  # stretches whose geometry is computed together
+_MARGIN_S = 2e-5  # duration of chips on either side of a stretch: 6 km, for reflections and group delay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation:
-    """Propagation between satellite and receiver beyond the pseudorange, about the middle of a stretch."""
+    """Propagation between satellite and receiver in addition to the pseudorange, about the middle of a stretch."""
 
-    delay_m: float  # group delay of the line of sight beyond the pseudorange, in m
-    at_s: float  # receiver time after the reference at which all amplitudes hold
-    ray_delay_m: Float[np.ndarray, " n_rays"]  # excess delay against the line of sight
+    delay_m: float  # group delay of the line of sight in addition to the pseudorange, in m
+    at_s: float  # receiver time after the reference to which all amplitudes refer
+    ray_delay_m: Float[np.ndarray, " n_rays"]  # excess delay relative to the line of sight
     ray_amplitude: Complex128[np.ndarray, " n_rays"]  # relative to the line of sight
     ray_doppler_hz: Float[np.ndarray, " n_rays"]  # relative to the line of sight
-    amplitude: complex = 1.0 + 0j  # amplitude of the line of sight, beyond its C/N0; 0 is nothing on air
-    doppler_hz: float = 0.0  # Doppler of the line of sight, beyond that of its pseudorange
-    delay_rate_mps: float = 0.0  # by which the group delay grows
+    amplitude: complex = 1.0 + 0j  # amplitude of the line of sight, in addition to its C/N0; 0 means no signal
+    doppler_hz: float = 0.0  # Doppler of the line of sight, in addition to that of its pseudorange
+    delay_rate_mps: float = 0.0  # rate of the group delay
 
 
 def straight(delay_m: float = 0.0) -> Propagation:
-    """Return a line of sight alone."""
+    """Return the propagation of a line of sight alone."""
     nothing = np.zeros(0)
     return Propagation(
         delay_m=delay_m, at_s=0.0, ray_delay_m=nothing, ray_amplitude=nothing + 0j, ray_doppler_hz=nothing
@@ -74,10 +74,10 @@ class Interference(Protocol):
     """Noise and jamming in one band, against receiver time in s after the reference."""
 
     def white(self, t_s: float) -> float:
-        """Return the density of white noise that is added, over the receiver's own."""
+        """Return the density of the added white noise, relative to the receiver's own."""
 
     def jam(self, samples: Complex64[np.ndarray, " n"], t_s: float, first_sample: int, sample_rate_hz: float) -> None:
-        """Add what waveforms are on the air about a time to samples, whose first one has this number."""
+        """Add the waveforms on air about a time to samples from number `first_sample` on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,10 +85,10 @@ class ReceivedSatellite:
     """One satellite in one band."""
 
     svid: int
-    components: tuple[Component, ...]  # its components in the band, counted from the reference
-    cn0_dbhz: float  # C/N0 of each of them
+    components: tuple[Component, ...]  # components in the band, counted from the reference
+    cn0_dbhz: float  # C/N0 of each component
     pseudorange: RangeHistory  # P(t) against receiver time in s after the reference, which moves code and carrier
-    propagation: Callable[[float], Propagation]  # what holds at a receiver time in s after the reference
+    propagation: Callable[[float], Propagation]  # propagation at a receiver time in s after the reference
 
     @cached_property
     def modulation(self) -> BandModulation:
@@ -105,12 +105,12 @@ def stretch_samples(sample_rate_hz: float) -> int:
 class BandRecorder:
     """Recorder that makes the samples of one band, stretch by stretch.
 
-    Everything is summed at the antenna, where the receiver's noise has variance 1 a sample, and goes through one front
-    end: filter, gain control over a stretch, quantiser, whose integer levels are the samples then.
+    All signals are summed at the antenna, where the receiver's noise has variance 1 per sample. The sum goes through
+    one front end: filter, gain control over a stretch, quantiser. With a quantiser the samples are its integer levels.
     """
 
     band: Band
-    sky: tuple[ReceivedSatellite, ...]  # all that the band receives
+    sky: tuple[ReceivedSatellite, ...]  # all satellites that the band receives
     reference: GalileoTime  # receiver-clock time of sample 0, a whole second
     front_end: FrontEnd  # with its sampling rate; a filter or an oversampling costs time
     noise_key: np.uint64 | None  # key of the noise; None for none
@@ -130,15 +130,16 @@ class BandRecorder:
         return _Middles(length=self.length, sample_rate_hz=self.front_end.sample_rate_hz)
 
     def stretch(self, number: int) -> tuple[Complex64[np.ndarray, " n"], FrontEndStatus]:
-        """Return the samples of a stretch, and what the front end says of itself.
+        """Return the samples of a stretch and the status of the front end.
 
-        They are a pure function of the number; sample 0 is the first of stretch 0.
+        The samples are a pure function of the number; sample 0 is the first of stretch 0.
         """
         front_end, input_hz = self.front_end, self.front_end.input_rate_hz
         begin, length = number * self.length, self.length
         whole, fraction = self._middles.time(number)
         first_input = begin * front_end.oversampling - front_end.margin_samples
-        middle = (begin + length // 2) * front_end.oversampling - first_input  # middle of the stretch, in the input
+        # middle of the stretch, as a number of input samples
+        middle = (begin + length // 2) * front_end.oversampling - first_input
         x = np.zeros(2 * front_end.input_samples(length), np.float32)
         if self.noise_key is not None:
             white = 0.0 if self.interference is None else self.interference.white(whole + fraction)
@@ -152,7 +153,7 @@ class BandRecorder:
         return front_end.process(at_antenna)
 
     def batch(self, first: int, samples: Complex64[np.ndarray, " n"]) -> SampleBatch:
-        """Return samples, the first of which has the number `first`, with their time."""
+        """Return samples with their time; `first` is the number of the first sample."""
         whole, fraction = _seconds(first, self.front_end.sample_rate_hz)
         return SampleBatch(
             band=self.band,
@@ -178,17 +179,17 @@ def record_band(
 ) -> Iterator[SampleBatch]:
     """Yield the samples of one band as batches in time order.
 
-    Each batch is a stretch, or the part of one that is asked for: the same bits wherever the samples are cut, and
-    whoever makes them.
+    Each batch is a stretch, or the requested part of a stretch. The bits are the same however the samples are cut and
+    shared among workers.
 
     Parameters
     ----------
     band, sky, reference, front_end, noise_key, interference
         The same as for `BandRecorder`.
     first_sample, n_samples
-        Number of the first sample, and how many.
+        Number of the first sample, and number of samples.
     pool
-        Threads that make stretches at the same time; None to make one after the other.
+        Threads that make stretches in parallel; None to make them one after the other.
     """
     recorder = BandRecorder(
         band=band,
@@ -221,12 +222,12 @@ def record_band(
 
 
 def band_noise_key(seed: int, band: Band) -> np.uint64:
-    """Return the key of the receiver's noise in a band, in a recording and in a campaign of a sky."""
+    """Return the key of the receiver's noise in a band, in a recording and in a campaign with a sky."""
     return noise_key(seed, 0, _NOISE[band])
 
 
 class _Middles:
-    """The middles of the stretches, and how satellites move there: twenty stretches at a time, always the same."""
+    """Middles of the stretches and motion of satellites there, computed for twenty stretches at a time."""
 
     def __init__(self, *, length: int, sample_rate_hz: float) -> None:
         self._length, self._rate_hz = length, sample_rate_hz
@@ -254,13 +255,13 @@ class _Middles:
                 self._motion = {known: motion for known, motion in self._motion.items() if known[0] >= block - 1}
                 t_s = self._times_s(block)
                 path = satellite.pseudorange
-                rate_mps = path.rate_mps(t_s)  # first, as the line of sight that it needs has the range, too
+                rate_mps = path.rate_mps(t_s)  # first, because its line of sight also gives the range
                 self._motion[key] = np.stack([path.range_m(t_s), rate_mps, path.acceleration_mps2(t_s)])
             return self._motion[key][:, place]
 
 
 def _seconds(sample: int, sample_rate_hz: float) -> tuple[int, float]:
-    """Return the time of a sample as whole seconds and the rest, which float64 alone would round to 15 ps in a day."""
+    """Return the time of a sample as whole seconds and the rest; a float64 alone would round to 15 ps in a day."""
     time = Fraction(sample) / Fraction(sample_rate_hz)
     whole = time.numerator // time.denominator
     return whole, float(time - whole)

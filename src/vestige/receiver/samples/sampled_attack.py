@@ -1,9 +1,9 @@
 """An attack at the `samples` fidelity: spoofing signals as further signals, noise, jamming waveforms.
 
-A spoofing signal of the encrypted signal is what the line of sight brought, later. At the receiver, chip i of it
-arrives τ + τ̇ i T_c later than chip i of the true signal does. So for the samples of a window, the chips that are on
-air in it are those that were sent τ before: for a meaconer of seconds they come out of the keystream of that time, and
-what the line of sight did then is in their arrival. They fill the window, its margins too.
+A spoofing signal of the encrypted signal repeats the line of sight with a delay. At the receiver, chip i arrives τ + τ̇
+i T_c later than chip i of the true signal. So the chips that are on air in a window were sent τ earlier. For a meaconer
+of seconds they come from the keystream of that time, and their arrival follows the line of sight of that time. The
+chips fill the window, margins included.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from vestige.spoofer.attack import Jamming
 from vestige.spoofer.jammers import power_in_samples
 from vestige.time import GalileoTime
 
-_SPARE_CHIPS = 16  # on both sides: of what is on air by less than a chip's accuracy
-_FAR_M = 1e3  # a window as far as this from the line of sight is filled with what is on air there
-_SAME_ARRIVAL_S = 5e-3  # within which the line of sight moves by less than a chip at 10 km/s
+_SPARE_CHIPS = 16  # on either side, because the chips on air are known to less than a chip
+_FAR_M = 1e3  # a window at this distance from the line of sight is filled with the chips on air there
+_SAME_ARRIVAL_S = 5e-3  # time in which the line of sight moves by less than a chip at 10 km/s
 _JAMMER = 16  # first stream number of the jammers
 
 
@@ -44,7 +44,7 @@ def spoofing_signals(
 ) -> tuple[ReceivedSignal, ...]:
     """Return the spoofing signals that are on air in a window; `start_s` counts from the epoch.
 
-    `keys` are those of the encryption, and of the chips that attackers make up; `amplitude` is that of the line of
+    `keys` are those of the encryption and of the chips that attackers make up. `amplitude` is that of the line of
     sight.
     """
     effects, metres_a_hz = truth.e6, SPEED_OF_LIGHT_MPS / E6_CARRIER_HZ
@@ -84,7 +84,7 @@ def true_signal(
     *,
     amplitude: float,
 ) -> ReceivedSignal | None:
-    """Return the true signal in a window that an attacker has moved away from it; None if the RECS lies in it.
+    """Return the true signal in a window that an attacker has moved away from the RECS; None if the RECS lies in it.
 
     Parameters are those of `spoofing_signals`.
     """
@@ -106,7 +106,7 @@ def add_jammers(
     epoch: int,
     first_stream: int,
 ) -> None:
-    """Add the jamming waveforms of an epoch, row `row` of its block, to samples whose noise has variance 1."""
+    """Add the jamming waveforms of an epoch, row `row` of its block, to samples with noise of variance 1."""
     for number, one in enumerate(jammers):
         if one.j_over_n[row] > 0:
             power = power_in_samples(one.waveform, float(one.j_over_n[row]), one.noise_bandwidth_hz, rate_hz)
@@ -114,7 +114,7 @@ def add_jammers(
 
 
 def _on_air(taken: Window, line_of_sight: RangeHistory, truth: TruthBlock, row: int, delay_m: float) -> tuple[int, int]:
-    """Return the first chip of a delayed signal that is in a window, counted from the RECS, and the number of chips."""
+    """Return the first chip of a delayed signal in a window, counted from the RECS, and the number of chips."""
     delay_s = delay_m / SPEED_OF_LIGHT_MPS
     arrival_s = taken.expected_s - float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS + delay_s
     if abs(taken.start_s - arrival_s) > _SAME_ARRIVAL_S:

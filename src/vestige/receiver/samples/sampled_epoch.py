@@ -1,10 +1,10 @@
-"""One epoch at the `samples` fidelity: the signal as it arrives, and the E6 samples around it.
+"""One epoch at the `samples` fidelity: the received signal, and the E6 samples around it.
 
 The server sends at `sent`. The line of sight arrives dt later, the solution of
 
     dt = P6(sent + dt)/c
 
-with the Doppler and its rate of that moment. P6 is the range of the code. The carrier phase is −f6 L6/c, where L6 lacks
+Doppler and Doppler rate are those of the arrival. P6 is the range of the code. The carrier phase is −f6 L6/c. L6 lacks
 the bias, which belongs to the code, and has the ionosphere with the other sign (`TruthBlock.carrier_advance_m`). A
 recording has the same phase in the middle of each RECS (`continuous`).
 """
@@ -31,13 +31,13 @@ from vestige.streams import stream_key
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
-_SUBFRAMES_BEFORE = 12  # the slow tags of ADKD 12 are a subframe and ten more behind
-_MARGIN_S = 5e-6  # duration of samples on both sides of the RECS: 1.5 km, for taps, reflections and errors
+_SUBFRAMES_BEFORE = 12  # subframes needed before the run: the slow tags of ADKD 12 come a subframe and ten more later
+_MARGIN_S = 5e-6  # duration of samples on either side of the RECS: 1.5 km, for taps, reflections and errors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arrival:
-    """When and how chips arrive by the line of sight in E6: time after they were sent, L6, and the rates of both."""
+    """Arrival of chips by the line of sight in E6: time since their transmission, L6, and the rates of both."""
 
     dt_s: Float[np.ndarray, " n"]
     carrier_range_m: Float[np.ndarray, " n"]  # L6
@@ -46,13 +46,13 @@ class Arrival:
 
     @property
     def carrier(self) -> Complex128[np.ndarray, " n"]:
-        """e^{−j2π f6 L6/c} at that moment."""
+        """e^{−j2π f6 L6/c} at the arrival."""
         cycles = E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * self.carrier_range_m
         return np.exp(-2j * np.pi * (cycles - np.floor(cycles)))
 
 
 def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(None), later_s: float = 0.0) -> Arrival:
-    """Return how the chips arrive that are sent `later_s` after the epochs."""
+    """Return the arrival of the chips that are sent `later_s` after the epochs."""
     sent_s = truth.time_s[rows] + later_s
     late_m = truth.clock_m[rows] + truth.iono_diff_m[rows] + truth.bias_m[rows]
     code_only_m = truth.iono_diff_m[rows] + truth.bias_m[rows]
@@ -79,9 +79,9 @@ def received_signal(
     amplitude: float,
     later_s: float = 0.0,
 ) -> ReceivedSignal:
-    """Return the line of sight and its reflections as they arrive; `start_s` counts from the epoch.
+    """Return the received line of sight and its reflections; `start_s` counts from the epoch.
 
-    `later_s` is when the first of the chips is sent, after the epoch.
+    The first chip is sent `later_s` after the epoch.
     """
     direct = arrival(line_of_sight, truth, slice(row, row + 1), later_s)
     to_hz = -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS
@@ -101,15 +101,15 @@ def received_signal(
 class Window:
     """Window of samples around a RECS."""
 
-    expected_s: float  # when the receiver expects the RECS, after transmission
-    first: int  # number of the first sample, counted from the time of transmission at the output rate
-    n_samples: int  # how many come out of the front end
-    start_s: float  # after transmission; between it and `stop_s` signals must be there: what the filter needs, too
+    expected_s: float  # time at which the receiver expects the RECS, after transmission
+    first: int  # number of the first output sample, counted from the time of transmission at the output rate
+    n_samples: int  # number of output samples
+    start_s: float  # after transmission; from here to `stop_s` signals are needed, including the filter's margins
     stop_s: float
 
 
 def recorded_until_s(expected_s: Float[np.ndarray, " n"], n_chips: int, front_end: FrontEnd) -> Float[np.ndarray, " n"]:
-    """Return when the last sample of RECS that are expected at some times after transmission is taken."""
+    """Return the time of the last sample of RECS; all times are in s after transmission."""
     first = np.floor((expected_s - _MARGIN_S) * front_end.sample_rate_hz)
     return (first + _n_samples(n_chips, front_end)) / front_end.sample_rate_hz
 
@@ -119,7 +119,7 @@ def _n_samples(n_chips: int, front_end: FrontEnd) -> int:
 
 
 def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
-    """Return the samples from a little before a RECS is expected to a little after it has passed."""
+    """Return the samples from a little before a RECS is expected to a little after its end."""
     rate_hz = front_end.sample_rate_hz
     first = int(np.floor((expected_s - _MARGIN_S) * rate_hz))
     n_samples = _n_samples(n_chips, front_end)
@@ -134,9 +134,9 @@ def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
 
 
 def recording_window(expected_s: float, n_chips: int, front_end: FrontEnd) -> range:
-    """Return the numbers of the samples around a RECS in a recording, whose sample 0 is at the scenario's start.
+    """Return the numbers of the samples around a RECS in a recording; sample 0 is at the scenario's start.
 
-    `expected_s` is when the receiver expects the first chip, in s after the start.
+    `expected_s` is the time at which the receiver expects the first chip, in s after the start.
     """
     first = int(np.floor((expected_s - _MARGIN_S) * front_end.sample_rate_hz))
     return range(first, first + _n_samples(n_chips, front_end))
@@ -152,9 +152,9 @@ def e6_samples(
     noise_power: float = 1.0,
     jam: Callable[[Complex64[np.ndarray, " n"]], None] = lambda _: None,
 ) -> tuple[SampleBatch, FrontEndStatus]:
-    """Return the E6 samples of an epoch, and what the front end says of itself.
+    """Return the E6 samples of an epoch and the status of the front end.
 
-    Signals are at the front end's input rate, their `start_s` counts from `sent`. White noise of the receiver has power
+    Signals are at the front end's input rate; their `start_s` counts from `sent`. White noise of the receiver has power
     1. `jam` adds jamming waveforms.
     """
     rate_hz, input_hz = front_end.sample_rate_hz, front_end.input_rate_hz
@@ -180,9 +180,9 @@ def e6_samples(
 
 
 def osnma_operator(seed: int, start: GalileoTime, subframes: int, service: OsnmaService) -> OsnmaOperator:
-    """Return the OSNMA operator of a run, as it is when it begins.
+    """Return the OSNMA operator of a run in its state at the start.
 
-    It broadcasts before the run begins, so that the tags of the run's first subframes have something to cover.
+    The operator broadcasts before the run begins, so that the tags of the run's first subframes have data to cover.
     """
     first = start.subframe + -SUBFRAME_S * _SUBFRAMES_BEFORE
     return service.operator(stream_key(seed, "OSNMA chain"), first, subframes + _SUBFRAMES_BEFORE)
@@ -190,5 +190,5 @@ def osnma_operator(seed: int, start: GalileoTime, subframes: int, service: Osnma
 
 @lru_cache(maxsize=2)
 def osnma_keys(seed: int, start: GalileoTime, subframes: int, service: OsnmaService) -> dict[GalileoTime, ValidatedKey]:
-    """Return the OSNMA keys of a run by time, each validated down to a signed root key."""
+    """Return the OSNMA keys of a run by time; each key is validated down to a signed root key."""
     return {key.time: key for key in osnma_operator(seed, start, subframes, service).validated_keys()}

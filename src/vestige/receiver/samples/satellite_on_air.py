@@ -22,7 +22,7 @@ _BGD_LSB = (6, 21)  # range in units of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m 
 
 
 def broadcast_group_delay_s(seed: int, svid: int) -> float:
-    """Return BGD(E1,E6) of a satellite in s: a value that its file can hold, and never so small that it would not show.
+    """Return BGD(E1,E6) of a satellite in s: a value that its file can store, and large enough to have an effect.
 
     The bias of the truth is the part of the group delay that this value does not describe.
     """
@@ -36,9 +36,9 @@ def continuous_truth(simulation: Simulation, truth: TruthBlock) -> ContinuousTru
     Parameters
     ----------
     simulation
-        The satellite.
+        Simulation of the satellite.
     truth
-        Its truth at the epochs, which reach beyond the times that are asked for.
+        Truth of the satellite at the epochs, which enclose all times that are asked for.
     """
     elevation = simulation.elevation
     bgd_s = broadcast_group_delay_s(simulation.seed, simulation.svid)
@@ -54,7 +54,7 @@ def continuous_truth(simulation: Simulation, truth: TruthBlock) -> ContinuousTru
 
 @dataclass(frozen=True, kw_only=True)
 class SatelliteOnAir:
-    """A satellite with its spoofing signals, as both bands receive it."""
+    """A satellite with its spoofing signals, as received in both bands."""
 
     simulation: Simulation
     path: ContinuousTruth

@@ -1,4 +1,4 @@
-"""Noise and jamming of the attacks in one band of a recording, the phase of a waveform without a break."""
+"""Noise and jamming of the attacks in one band of a recording; the phase of a waveform has no breaks."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class SpooferInterference:
         return self.simulation.spoofer.effects(self.band, self.simulation.svid, np.array([max(t_s, 0.0)]))
 
     def white(self, t_s: float) -> float:
-        """Return the density of white noise that is added at a time in s after the start, over the receiver's own."""
+        """Return the density of the added white noise over the receiver's own, at a time in s after the start."""
         return float(self._effects(t_s).white[0])
 
     def jam(self, samples: Complex64[np.ndarray, " n"], t_s: float, first_sample: int, sample_rate_hz: float) -> None:
-        """Add the waveforms of a stretch about a time to samples, whose first one has this number."""
+        """Add the waveforms of a stretch about a time to samples from number `first_sample` on."""
         for number, one in enumerate(self._effects(t_s).jammers):
             if one.j_over_n[0] > 0:
                 power = power_in_samples(one.waveform, float(one.j_over_n[0]), one.noise_bandwidth_hz, sample_rate_hz)

@@ -1,7 +1,7 @@
 """Sampling rates that make the correlation function a staircase.
 
-If f_s/R_c is nearly p/q with a small p, the samples of all chips fall on p phases, and the sampled correlation function
-has steps of 1/p chip: correlators closer than that all see the same.
+If f_s/R_c is nearly p/q with a small p, the samples of all chips fall on p phases. The sampled correlation function
+then has steps of 1/p chip, and correlators within a step all see the same value.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Staircase:
-    """A rate that makes the correlation a staircase of `tread_m`; `good_rate_hz` is the next one that does not."""
+    """A rate that gives the correlation steps of `tread_m`; `good_rate_hz` is the next rate without such steps."""
 
     tread_m: float
     good_rate_hz: float
 
 
 _LARGEST_P = 16  # steps of 1/16 chip, 3.7 m on E6, do no harm
-_NEAR = 1e-3  # the phases then drift through a step within 16 ms
-_GRID_HZ = 1e5  # good rates are named in 0.1 MHz
+_NEAR = 1e-3  # at a larger difference the phases drift through a step within 16 ms
+_GRID_HZ = 1e5  # good rates are multiples of 0.1 MHz
 
 
 def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircase | None:
-    """Return the steps that sampling at this rate gives the correlation function; None if none.
+    """Return the size in m of the steps that sampling gives the correlation function; None if there are none.
 
-    f_s/R_c lies within 1e-3 of p/q, p ≤ 16: the step is 1/p chip. The rate that counts is that of the samples that are
-    correlated, since the replica's chips fall on p phases there. So a filter does not help, nor does a higher rate
-    before it, which has as many phases or more.
+    f_s/R_c lies within 1e-3 of p/q, p ≤ 16: the step is 1/p chip. f_s is the rate of the samples that are correlated,
+    since the replica's chips fall on p phases of these samples. So a filter does not help. A higher rate before the
+    filter does not help either: it has as many phases or more.
     """
     p = _phases(sample_rate_hz / chip_rate_hz)
     if p is None:

@@ -1,7 +1,7 @@
-"""The delays of the atmosphere between one satellite and the receiver of a sky, at any time.
+"""The delays of the atmosphere between a satellite and the receiver of a sky, at any time.
 
 The troposphere delays code and carrier of both bands alike. The ionosphere delays the code and advances the carrier, on
-E6 γ times as much as on E1. Both follow the satellite's direction, so they change smoothly.
+E6 γ times as much as on E1. Both delays follow the satellite's direction, so they change smoothly.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from vestige.navigation.troposphere import SaastamoinenTroposphere
 if TYPE_CHECKING:
     from vestige.receiver.sky.elevation import ElevationEffects, SatelliteRange
 
-_STEP_S = 1.0  # step of the differences; what the fourth derivative leaves is below a micrometre a second
+_STEP_S = 1.0  # step of the differences; the error from the fourth derivative is below a micrometre per second
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Atmosphere:
-    """Models of the atmosphere; None for a part that is not there.
+    """Models of the atmosphere; None for an absent model.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ NO_ATMOSPHERE = Atmosphere()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtmosphericDelay:
-    """The atmosphere on the way from one satellite; times in s after the scenario's start, in system time."""
+    """The atmosphere on the path from one satellite; times are in s after the scenario's start, in system time."""
 
     atmosphere: Atmosphere
     path: SatelliteRange
@@ -78,9 +78,9 @@ class AtmosphericDelay:
         return (after_m - before_m) / (2 * _STEP_S), (after_m - 2 * now_m + before_m) / _STEP_S**2
 
     def ionosphere_e1_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return by how much the ionosphere delays the code on E1 in m.
+        """Return the delay of the code on E1 by the ionosphere in m.
 
-        The day of the year is that of the scenario's start, so that nothing steps at midnight.
+        The day of the year is that of the scenario's start, so that the delay has no step at midnight.
         """
         ionosphere = self.atmosphere.ionosphere
         if ionosphere is None:
@@ -103,7 +103,7 @@ class AtmosphericDelay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelayedRange:
-    """Range from a satellite to a receiver with the delay of the troposphere, as the pseudorange holds it."""
+    """Range from a satellite to a receiver with the delay of the troposphere, as in the pseudorange."""
 
     delay: AtmosphericDelay
 
@@ -112,11 +112,11 @@ class DelayedRange:
         return self.delay.path.range_m(t_s) + self.delay.troposphere_m(t_s)
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return its rate in m/s."""
+        """Return the range rate in m/s."""
         return self.delay.path.rate_mps(t_s) + self.delay.troposphere_rates(t_s)[0]
 
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return its second derivative in m/s²."""
+        """Return the second derivative of the range in m/s²."""
         return self.delay.path.acceleration_mps2(t_s) + self.delay.troposphere_rates(t_s)[1]
 
 

@@ -1,11 +1,12 @@
-"""The sky: satellites on nominal orbits, and how strong they are.
+"""The sky: satellites on nominal orbits, and their signal strength.
 
-The nominal constellation is Galileo's Walker 24/3/1 as the service publishes it [GSC-ORBITS]: circular orbits in three
-planes 120° apart, eight slots of 45° in each, the next plane ahead by 360°/24 = 15°. It comes as ephemerides, so that
-simulator, navigation file and receiver work on the same orbits. SVID 1 to 8 stand for the slots A01 to A08, 9 to 16 for
-B01 to B08, 17 to 24 for C01 to C08; real satellites are numbered otherwise.
+The nominal constellation is Galileo's Walker 24/3/1 as the service publishes it [GSC-ORBITS]. The constellation has
+circular orbits in three planes 120° apart. Each plane has eight slots at 45°, and the next plane is ahead by 360°/24 =
+15°. The satellites are given as ephemerides, so that simulator, navigation file and receiver work with the same orbits.
+SVID 1 to 8 stand for the slots A01 to A08, 9 to 16 for B01 to B08, 17 to 24 for C01 to C08. Real satellites have other
+numbers.
 
-Orbit and clock of an ephemeris are taken for true: what the broadcast message is wrong by is not modelled.
+Orbit and clock of an ephemeris are taken as true: errors of the broadcast message are not modelled.
 """
 
 from __future__ import annotations
@@ -31,17 +32,17 @@ NODE_RATE_DEG_PER_DAY = -0.02764398
 LATITUDE_RATE_DEG_PER_DAY = 613.72253566
 SLOTS, SLOT_DEG = 8, 45.0
 
-TYPICAL_SISA_M = 3.12  # what nearly all satellites broadcast; without one receivers leave a satellite out
+TYPICAL_SISA_M = 3.12  # broadcast by nearly all satellites; a receiver does not use a satellite without a SISA
 _REFERENCE_DAYS = 6168.5  # days from 2000-01-01T12:00 UTC to REFERENCE_EPOCH
 
 
 def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
-    """Return the 24 satellites of the reference constellation with orbits given at `toe`, clocks without error."""
+    """Return the 24 satellites of the reference constellation with orbits given at `toe` and clocks without error."""
     elapsed_s = toe - REFERENCE_EPOCH
     axis = ORBIT_SEMI_MAJOR_AXIS_M
     node_rate = np.radians(NODE_RATE_DEG_PER_DAY) / DAY_S
     latitude_rate = np.radians(LATITUDE_RATE_DEG_PER_DAY) / DAY_S
-    # the message gives the node's longitude as if the Earth had stood at the start of the week
+    # the message gives the longitude of the node with the Earth's orientation at the start of the week
     earth = _earth_rotation_angle() + ROTATION_RADPS * (elapsed_s - toe.second - toe.fraction)
     return tuple(
         Ephemeris(
@@ -67,15 +68,15 @@ def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElevationCn0:
-    """C/N0 against elevation: an antenna that loses `fall_db` from the zenith to the horizon, as sin(elevation).
+    """C/N0 against elevation: the antenna gain falls by `fall_db` from the zenith to the horizon, as sin(elevation).
 
     Attributes
     ----------
     zenith_dbhz
         C/N0 at the zenith, per component.
     fall_db
-        How much less it is at the horizon. A patch antenna has 5 dBi above and −3 to −5 dBi at low elevation; the
-        satellite's own pattern makes up for the longer path.
+        Loss at the horizon relative to the zenith. A patch antenna has 5 dBi at the zenith and −3 to −5 dBi at low
+        elevation; the satellite's own pattern makes up for the longer path.
     """
 
     zenith_dbhz: float = 45.0
@@ -83,12 +84,12 @@ class ElevationCn0:
     kind: Literal["elevation"] = "elevation"
 
     def cn0_dbhz(self, elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the C/N0 in dBHz; below the horizon that of the horizon."""
+        """Return the C/N0 in dBHz; below the horizon it is that of the horizon."""
         return self.zenith_dbhz - self.fall_db * (1 - np.maximum(np.sin(elevation_rad), 0.0))
 
 
 def _earth_rotation_angle() -> float:
-    """Return the Earth rotation angle at the reference epoch in rad, UT1 taken for UTC [IERS-2010, Eq. 5.15]."""
+    """Return the Earth rotation angle at the reference epoch in rad, with UTC in place of UT1 [IERS-2010, Eq. 5.15]."""
     turns = 0.7790572732640 + 1.00273781191135448 * _REFERENCE_DAYS
     return float(2 * np.pi * (turns % 1.0))
 

@@ -7,12 +7,12 @@ Theory of operation
     reflections          relative amplitude of `navigation.elevation_model`
     ionosphere    obliquity M(e)/M(17.5°) of `navigation.elevation_model`
 
-The ionosphere above one receiver is common to its satellites in part: with z₀ the receiver's and zᵢ the satellite's own
-Gauss-Markov process and ρ the common share of the variance,
+The satellites of one receiver have a part of the ionosphere in common. z₀ is the receiver's and zᵢ the satellite's own
+Gauss-Markov process, and ρ is the common share of the variance:
 
     eᵢ = M(e)/M(17.5°) · F⁻¹(Φ(√ρ z₀ + √(1 − ρ) zᵢ))
 
-so the distribution F of each satellite's residual stays what it is.
+The distribution F of each satellite's residual does not change by this.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ from vestige.receiver.sky.trajectory import StaticTrajectory, Trajectory
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.time import GalileoTime
 
-_KEPT_TIMES = 5000  # a line of sight at more times, of which each satellite would keep megabytes, is not kept
+_KEPT_TIMES = 5000  # limit of the cache: a line of sight at more times would take megabytes for each satellite
 _KEPT_RANGES = 128  # times, in as many calls as eight runs of a sky make
-_KEPT_SIGHTS = 16  # range, rate and acceleration of a delayed signal through a troposphere ask for six
+_KEPT_SIGHTS = 16  # range, rate and acceleration of a delayed signal through a troposphere need six
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteGeometry:
-    """View of a satellite at n epochs; a single line of sight is always in view, with its full strength."""
+    """View of a satellite at n epochs; a single line of sight is always in view, with full strength."""
 
-    # by how much the receiver's clock is ahead of the time at which the line of sight is to be taken
+    # by how much the receiver's clock is ahead of the time to which the line of sight refers
     clock_offset_s: Float[np.ndarray, " n"]
-    amplitude: Float[np.ndarray, " n"]  # amplitude of the line of sight over the nominal one
+    amplitude: Float[np.ndarray, " n"]  # amplitude of the line of sight over the nominal amplitude
     azimuth_rad: Float[np.ndarray, " n"]  # NaN on a single line of sight
     elevation_rad: Float[np.ndarray, " n"]  # NaN on a single line of sight
-    in_view: Bool[np.ndarray, " n"]  # whether it is above the elevation mask
+    in_view: Bool[np.ndarray, " n"]  # whether the satellite is above the elevation mask
 
     @classmethod
     def single(cls, n: int) -> SatelliteGeometry:
-        """Return that of a single line of sight."""
+        """Return the geometry of a single line of sight."""
         unknown = np.full(n, np.nan)
         return cls(
             clock_offset_s=np.zeros(n),
@@ -72,7 +72,7 @@ class SatelliteMotion(NamedTuple):
 
 
 def single_line_of_sight(line_of_sight: RangeHistory, time_s: Float[np.ndarray, " n"]) -> SatelliteMotion:
-    """Return a single line of sight, whose range is that at times on the receiver's clock."""
+    """Return a single line of sight; its range is given at times on the receiver's clock."""
     return SatelliteMotion(
         SatelliteGeometry.single(time_s.size),
         line_of_sight.range_m(time_s),
@@ -85,10 +85,10 @@ def single_line_of_sight(line_of_sight: RangeHistory, time_s: Float[np.ndarray, 
 class SatelliteRange:
     """Range from a satellite to a receiver, less the satellite's clock error, at reception times in system time."""
 
-    ephemeris: Ephemeris  # orbit and clock, which are taken for true
+    ephemeris: Ephemeris  # orbit and clock, taken as true
     start: GalileoTime  # start of the scenario
     trajectory: Trajectory  # motion of the receiver
-    # the last lines of sight by their times: range, rate and acceleration are asked for one after the other
+    # the last lines of sight by their times, because range, rate and acceleration need the same line of sight
     _last: dict[bytes, LineOfSight] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     def sight(self, t_s: Float[np.ndarray, " n"]) -> LineOfSight:
@@ -114,12 +114,12 @@ class SatelliteRange:
         return _kept_range_m(self, t_s.tobytes()).copy()
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return its rate in m/s."""
+        """Return the range rate in m/s."""
         sight = self.sight(t_s)
         return sight.rate_mps - sight.satellite_clock_mps
 
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return its second derivative in m/s²."""
+        """Return the second derivative of the range in m/s²."""
         return self.sight(t_s).acceleration_mps2
 
 
@@ -135,15 +135,15 @@ class ElevationEffects:
     """Effects of the elevation on one satellite of a sky."""
 
     path: SatelliteRange
-    mask_deg: float  # lowest elevation at which it is received
-    first_rad: float  # elevation at the first epoch, at which its C/N0 is the nominal one
+    mask_deg: float  # lowest elevation at which the satellite is received
+    first_rad: float  # elevation at the first epoch, at which the C/N0 is nominal
     antenna: ElevationCn0 = field(default_factory=ElevationCn0)  # C/N0 against elevation
     ionosphere_common: float = 0.0  # ρ, share of the variance of the ionosphere that all satellites have in common
     atmosphere: AtmosphericDelay | None = None  # troposphere and broadcast ionosphere; None for neither
 
     @property
     def line_of_sight(self) -> RangeHistory:
-        """The range that the pseudoranges of both bands hold: with the troposphere, if there is one."""
+        """The range in the pseudoranges of both bands, including the troposphere if there is one."""
         return self.path if self.atmosphere is None else DelayedRange(delay=self.atmosphere)
 
     @property
@@ -152,7 +152,7 @@ class ElevationEffects:
         return float(self.antenna.cn0_dbhz(np.array([self.first_rad]))[0]) - self.antenna.zenith_dbhz
 
     def seen(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> SatelliteMotion:
-        """Return how the satellite is seen at epochs on the receiver's clock, which is wrong by `clock_m`."""
+        """Return the view of the satellite at epochs on the receiver's clock, which has the error `clock_m`."""
         clock_offset_s = clock_m / SPEED_OF_LIGHT_MPS
         sight = self.path.sight(time_s - clock_offset_s)
         gain_db = self.antenna.cn0_dbhz(sight.elevation_rad) - self.antenna.zenith_dbhz - self.nominal_db
@@ -174,7 +174,7 @@ class ElevationEffects:
     def broadcast_ionosphere_e1_m(
         self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]
     ) -> Float[np.ndarray, " n"]:
-        """Return the ionosphere of the message on E1 in m, at epochs on the receiver's clock; 0 without one."""
+        """Return the message's ionosphere on E1 in m, at epochs on the receiver's clock; 0 without a model."""
         if self.atmosphere is None:
             return np.zeros_like(time_s)
         return self.atmosphere.ionosphere_e1_m(time_s - clock_m / SPEED_OF_LIGHT_MPS)

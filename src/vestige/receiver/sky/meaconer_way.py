@@ -1,11 +1,12 @@
-"""The way over a meaconer's antenna: by how much later each satellite's signal comes than the direct one.
+"""The path over a meaconer's antenna: the delay of each satellite's signal relative to the direct signal.
 
-A meaconer at a place r_a sends on what it receives there, so the victim at r gets the signal of satellite s
+A meaconer at the position r_a retransmits the signals received there. So the signal of satellite s arrives at the
+victim, at r,
 
     |s − r_a| + |r_a − r| − |s − r|
 
-later than the direct one. The second term and the repeater's own delay are common to all satellites and go into the
-victim's clock; the rest moves its position to r_a.
+later than the direct signal. The second term and the repeater's own delay are common to all satellites and move the
+victim's clock. The rest moves the victim's position to r_a.
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import Profile, Table
 from vestige.spoofer.repeaters import Meaconing, Place
 
-# Straight lines between times so far apart leave 0.2 mm a km of distance for who stands, 5 mm for 4 m/s².
+# Linear interpolation at this step leaves 0.2 mm per km of distance for a static receiver, 5 mm at 4 m/s².
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
 _AROUND_S = 20.0  # before and after the run
 
 
 def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: float) -> tuple[Attack, ...]:
-    """Return attacks as they meet one satellite: a meaconer with an antenna delays it by the way over that antenna.
+    """Return attacks as one satellite meets them: a meaconer's antenna delays the signal by the path over it.
 
     Parameters
     ----------
     attacks
-        Attacks as a scenario names them.
+        Attacks of a scenario.
     path
         The satellite and the victim.
     duration_s
@@ -48,9 +49,9 @@ def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacedMeaconing(Meaconing):
-    """A meaconer with an antenna, as it meets one satellite."""
+    """A meaconer with an antenna, for one satellite."""
 
-    way_m: Table  # over its antenna, beyond the direct one
+    way_m: Table  # length of the path over the antenna, less that of the direct path
 
     @property
     def delay_m(self) -> Profile:
@@ -65,7 +66,7 @@ def _placed(attack: Meaconing, antenna: Place, path: SatelliteRange, duration_s:
 
 
 def _way_over(antenna: Place, path: SatelliteRange, duration_s: float, delay_s: float) -> Table:
-    """Return by how much longer the way over an antenna was than the direct one `delay_s` before, in m."""
+    """Return the excess length of the path over an antenna relative to the direct path, `delay_s` before, in m."""
     fixed = StaticTrajectory(
         latitude_deg=antenna.latitude_deg, longitude_deg=antenna.longitude_deg, height_m=antenna.height_m
     )

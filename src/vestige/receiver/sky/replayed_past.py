@@ -1,17 +1,17 @@
 """Geometry of a replay under a sky: its signals come from earlier positions of the satellites.
 
-A spoofing signal that is τ late brings what the receiver could have received τ before. With ρ the range of the line of
-sight, the receiver gets at t, beyond the direct signal,
+A spoofing signal with the delay τ brings the signal that the receiver could have received τ before. ρ is the range of
+the line of sight. At t the spoofing signal has, relative to the direct signal, the
 
     delay    c τ + ρ(t − τ) − ρ(t)
     rate     its derivative, and the carrier with it
 
-The receiver computes the satellite's place at t − τ − ρ/c, so all ranges fit together, as they do in samples
-(`samples.attacked_sky`). 5 s are up to 4 km. Delays up to 10 µs are left as they are: there it is less than 1 cm.
-Strength, ionosphere and multipath stay those of t.
+The receiver computes the satellite's position at t − τ − ρ/c, so all ranges are consistent, as in samples
+(`samples.attacked_sky`). For 5 s the difference is up to 4 km. Delays up to 10 µs are not changed: their difference is
+less than 1 cm. Strength, ionosphere and multipath stay those of t.
 
-A single line of sight needs none of this. Its receiver has no other clock than the signal (`snapshots.e1`), so its time
-is that of the replay, and at that time the range is that of the replay, too.
+A single line of sight does not need this correction. The receiver has no other clock than the signal (`snapshots.e1`),
+so the receiver's time is that of the replay. At that time the range, too, is that of the replay.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ from vestige.spoofer.spoofer import BandEffects, Spoofer
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
 
-# Cubics between exact ranges and rates so far apart are right to 1 µm for who stands, to 2 mm where 4 m/s² begin.
+# Cubics between exact ranges and rates at this step are exact to 1 µm for a static receiver, to 2 mm where 4 m/s²
+# begin.
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
 _LEAST_DELAY_M = 1e-5 * SPEED_OF_LIGHT_MPS
 _FIXED_POINT_STEPS = 3  # ρ changes by less than 1 km/s: each step gains five decimals
@@ -42,12 +43,12 @@ _FIXED_POINT_STEPS = 3  # ρ changes by less than 1 km/s: each step gains five d
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpooferUnderSky(Spoofer):
-    """The attacker as one satellite of a sky meets him: each spoofing signal has the geometry of its transmission.
+    """The attacker for one satellite of a sky: each spoofing signal has the geometry at its transmission.
 
     Attributes
     ----------
     path
-        The satellite and the receiver.
+        Satellite and receiver.
     clock_offset_s
         Receiver clock minus system time in s, a constant.
     """
@@ -56,7 +57,7 @@ class SpooferUnderSky(Spoofer):
     clock_offset_s: float = 0.0
 
     def effects(self, band: Band, svid: int, times_s: Float[np.ndarray, " n"]) -> BandEffects:
-        """Return what the receiver sees in one band, at times in s after the start on its own clock."""
+        """Return the effects at the receiver in one band, at times in s after the start on the receiver's own clock."""
         own = Spoofer.effects(self, band, svid, times_s)
         late_m = np.where(own.power_db > -math.inf, own.delay_m, 0.0)
         moved_m, moved_mps = self.moved(times_s, late_m, own.delay_rate_mps)
@@ -75,7 +76,7 @@ class SpooferUnderSky(Spoofer):
         late_m: Float[np.ndarray, "n k"],
         late_mps: Float[np.ndarray, "n k"],
     ) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"]]:
-        """Return ρ(t − τ) − ρ(t) and its derivative, 0 for short delays; c τ is `late_m`, its rate `late_mps`."""
+        """Return ρ(t − τ) − ρ(t) and its derivative, 0 for short delays; c τ is `late_m` and its rate is `late_mps`."""
         moved_m, moved_mps = np.zeros((2, *late_m.shape))
         late = np.abs(late_m) > _LEAST_DELAY_M
         rows = np.flatnonzero(np.any(late, axis=1))
@@ -92,9 +93,9 @@ class SpooferUnderSky(Spoofer):
         return moved_m, moved_mps
 
     def tracked(self, times_s: Float[np.ndarray, " n"], loop: E1Tracking) -> E1Tracking:
-        """Return what E1 tracking follows under the sky, from where the loop is among the delays of the attacks.
+        """Return the signal that E1 tracking follows under the sky, from the loop's position among the delays.
 
-        Signals so late that their past matters are far apart, so the loop follows one of them.
+        Signals that are late enough for a change of geometry are far apart, so the loop follows a single signal.
         """
         late_m = np.stack([loop.error_m, loop.worst_error_m], axis=1)
         late_mps = np.repeat(loop.rate_error_mps[:, None], 2, axis=1)
@@ -108,7 +109,7 @@ class SpooferUnderSky(Spoofer):
 
 
 def _curve(path: SatelliteRange, first_s: float, last_s: float) -> CubicHermiteSpline:
-    """Return the range between two system times; its knots do not depend on them, so a block's cut changes no bit."""
+    """Return the range between two system times; its knots do not depend on them, so a cut changes no bit."""
     from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415  (loads slowly, and few runs replay the past)
 
     step_s = _STANDING_STEP_S if isinstance(path.trajectory, StaticTrajectory) else _MOVING_STEP_S
@@ -122,12 +123,12 @@ def _curve(path: SatelliteRange, first_s: float, last_s: float) -> CubicHermiteS
 def replay_delay_m(
     path: SatelliteRange, times_s: Float[np.ndarray, " n"], late_m: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Return c τ of signals that are received later than the direct one: c τ + ρ(t − τ) − ρ(t) solved for c τ.
+    """Return c τ of signals with a given delay relative to the direct signal: c τ + ρ(t − τ) − ρ(t) solved for c τ.
 
     Parameters
     ----------
     path
-        The satellite and the receiver.
+        Satellite and receiver.
     times_s
         Times of reception t in s after the start, in system time.
     late_m

@@ -1,8 +1,8 @@
-"""Trajectories of the receiver: it stands, drives in a circle, or passes through waypoints.
+"""Trajectories of the receiver: static, on a circle, or through waypoints.
 
-Every trajectory gives position, velocity and acceleration at any time, consistent with each other, so that range, range
-rate and range acceleration are as well. Waypoints are joined by a natural cubic spline, which has no jump in the
-acceleration; two of them give uniform motion along a straight line.
+Every trajectory gives position, velocity and acceleration at any time. The three are consistent with each other, and so
+are range, range rate and range acceleration. A natural cubic spline joins the waypoints without a jump in the
+acceleration. Two waypoints give uniform motion along a straight line.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vestige.navigation.line_of_sight import ReceiverMotion
 
 @runtime_checkable
 class Trajectory(Protocol):
-    """Anything that says where the antenna is."""
+    """Position of the antenna against time."""
 
     def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
         """Return ECEF position, velocity and acceleration at times after the scenario's start."""
@@ -30,12 +30,12 @@ class Trajectory(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticTrajectory:
-    """A receiver that stands.
+    """A static receiver.
 
     Attributes
     ----------
     latitude_deg, longitude_deg, height_m
-        Geodetic, on the WGS 84 ellipsoid.
+        Geodetic position on the WGS 84 ellipsoid.
     """
 
     latitude_deg: float
@@ -52,12 +52,12 @@ class StaticTrajectory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CircularTrajectory:
-    """A receiver that goes round a circle in the horizontal plane of its centre, from east to north.
+    """A receiver that moves on a circle in the horizontal plane of the circle's centre, from east to north.
 
     Attributes
     ----------
     latitude_deg, longitude_deg, height_m
-        Centre, geodetic.
+        Geodetic position of the centre.
     radius_m, speed_mps
         Radius of the circle in m and speed along it in m/s. The receiver starts east of the centre.
     """
@@ -71,7 +71,7 @@ class CircularTrajectory:
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0:
-            raise ValueError(f"the radius of a circle is positive, found {self.radius_m}")
+            raise ValueError(f"the radius of a circle must be positive, found {self.radius_m}")
 
     def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
         """Return ECEF position, velocity and acceleration at times after the scenario's start."""
@@ -93,9 +93,9 @@ class WaypointTrajectory:
     Attributes
     ----------
     time_s
-        When it is where, ascending, in s after the scenario's start.
+        Times of the waypoints in s after the scenario's start, ascending.
     position_m
-        ECEF.
+        ECEF positions of the waypoints.
     """
 
     time_s: Float[np.ndarray, " k"]
@@ -103,7 +103,7 @@ class WaypointTrajectory:
 
     def __post_init__(self) -> None:
         if self.time_s.size < 2 or not np.all(np.diff(self.time_s) > 0):
-            raise ValueError("waypoints are two or more, at ascending times")
+            raise ValueError("a trajectory needs two waypoints or more, at ascending times")
 
     @classmethod
     def from_geodetic(cls, waypoints: Float[np.ndarray, "k 4"]) -> WaypointTrajectory:
@@ -148,7 +148,7 @@ ALL_TRAJECTORIES = (StaticTrajectory, CircularTrajectory, WaypointTrajectory)
 def _place(
     latitude_deg: float, longitude_deg: float, height_m: float
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
-    """Return the ECEF position and the local axes of a place."""
+    """Return the ECEF position and the local axes of a geodetic position."""
     latitude, longitude = np.radians([[latitude_deg], [longitude_deg]])
     position_m = ecef_from_geodetic(latitude, longitude, np.array([height_m]))[0]
     axes = local_axes(latitude, longitude)[0]

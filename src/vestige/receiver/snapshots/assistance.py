@@ -1,4 +1,4 @@
-"""Assistance of the simulated service: the RECS of every satellite, made when they are asked for."""
+"""Assistance of the simulated service: the RECS of every satellite, made on request."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from vestige.validated_key import ValidatedKey
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedAssistance:
-    """RECS and keys of a simulated receiver; nothing is predicted of the delay between the bands.
+    """RECS and keys of a simulated receiver, without a prediction of the delay between the bands.
 
-    The keys depend on the pages that the receiver receives: a lookup asks the block's own E6, which knows.
+    The keys depend on the pages that the receiver receives, so a lookup uses the E6 of the block itself.
     """
 
     simulations: tuple[Simulation, ...]  # simulations of each satellite
-    every: int  # every how many epochs there is a RECS
+    every: int  # number of epochs from one RECS to the next
     group_delays: tuple[GroupDelay, ...] = ()
     hardware_bias_e1_e6_s: float = 0.0
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
@@ -36,13 +36,13 @@ class SimulatedAssistance:
     def recs_of(self, snapshots: SnapshotBlock) -> SimulatedRecs:
         """Return the RECS that the satellites of a block sent, with their keys."""
         if not isinstance(snapshots.e6, DrawnE6 | SimulatedE6Samples):
-            raise TypeError("the assistance of a simulation is for its own snapshots")
+            raise TypeError("the assistance of a simulation needs snapshots of the same simulation")
         return SimulatedRecs(assistance=self, block=recs_block(snapshots.e6.of), first=snapshots.e6.of.first)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SimulatedRecs:
-    """The RECS of a block; each is encrypted when it is asked for."""
+    """The RECS of a block; each RECS is encrypted on request."""
 
     assistance: SimulatedAssistance
     block: RecsBlock
@@ -55,7 +55,7 @@ class SimulatedRecs:
 
 
 def recs_block(of: ReceiverTruth) -> RecsBlock:
-    """Return the RECS of a block: of every satellite, in every epoch that has some."""
+    """Return the RECS of a block: all satellites at all epochs with RECS."""
     simulation = of.simulations[0]
     second = simulation.start.gst_seconds + np.round(10 * of.truth[0].time_s).astype(np.int64) // 10
     found, with_key = np.zeros((2, *of.shape), np.bool_)
@@ -95,9 +95,9 @@ def _key_second(second: Int64[np.ndarray, " n"], key_delay: int) -> Int64[np.nda
 
 
 def _keys_received(of: ReceiverTruth, key_s: Int64[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return whether the receiver gets the key of a RECS that is sent at each epoch.
+    """Return whether the receiver receives the key of a RECS that is sent at each epoch.
 
-    `key_s` is the start of the subframe of the key, after the scenario's start.
+    `key_s` is the start of the subframe of the key, in s after the scenario's start.
     """
     simulation = of.simulations[0]
     if simulation.elevation is not None:

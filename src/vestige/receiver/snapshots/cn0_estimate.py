@@ -1,12 +1,13 @@
-"""The C/N0 that E1 tracking reports: estimated over a second, not known.
+"""The C/N0 that E1 tracking reports, which is an estimate over a second.
 
-With ξ_k the K = 50 prompt correlators of T = 20 ms of a second, in standard deviations of their noise per dimension
-(the noise density is measured beside it by a code that nobody sends, with an error that does not count here),
+The estimate uses the K = 50 prompt correlators ξ_k of a second, with T = 20 ms each, in standard deviations of their
+noise per dimension. A code that no satellite sends measures the noise density at the same time; its error is neglected.
+The estimate
 
     Ĉ = (1/(2K) Σ_k |ξ_k|² − 1)/T,        Σ_k |ξ_k|² ~ χ²(2K) about the mean 2 K C T,  non-central
 
 has no bias, and a relative variance of (2 C T + 1)/(K C² T²): 0.11 dB at 35 dBHz, 0.7 dB at 20 dBHz. A non-central χ²
-is (z + √λ)² + χ²(2K − 1), so two draws make an estimate.
+is (z + √λ)² + χ²(2K − 1), so each estimate needs two draws.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from vestige.streams import stream
 
 PROMPTS = 50
 CN0_INTEGRATION_S = 0.02
-_LEAST_SNR = 1e-3  # in place of an estimate that noise made negative
+_LEAST_SNR = 1e-3  # least SNR, which replaces an estimate that noise made negative
 
 
 def estimated_cn0_dbhz(
@@ -27,7 +28,7 @@ def estimated_cn0_dbhz(
 ) -> Float[np.ndarray, " n"]:
     """Return estimates of the C/N0 of one satellite.
 
-    `cn0_dbhz` is the true one behind the loop, over all noise that there is.
+    `cn0_dbhz` is the true C/N0 behind the loop, over all noise that is present.
     """
     normal, rest = drawn_rows(first, cn0_dbhz.size, lambda block: _draws(seed, block, svid)).T
     mean = 2 * PROMPTS * 10 ** (cn0_dbhz / 10) * CN0_INTEGRATION_S

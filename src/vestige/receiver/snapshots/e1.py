@@ -1,17 +1,17 @@
 """E1 measurements of all satellites, epoch by epoch.
 
-A pseudorange holds geometry and receiver clock, noise, multipath and the error of the loop under attack. Under a sky it
-holds the atmosphere of the scenario and the ionosphere's residual e/(γ − 1) too, which belongs to the e of E6 − E1: it
-is common to both bands and no part of the range check.
+A pseudorange contains geometry and receiver clock, noise, multipath and the error of the loop under attack. Under a sky
+it also contains the atmosphere of the scenario and the ionosphere's residual e/(γ − 1), which belongs to the e of E6 −
+E1. This residual is common to both bands and no part of the range check.
 
-The C/N0 is an estimate over a second, which fades with the reflections of that second (`cn0_estimate`). C/N0,
-correlators and power come in single precision, as results keep them.
+The C/N0 is an estimate over a second and fades with the reflections of that second (`cn0_estimate`). C/N0, correlators
+and power are in single precision, as in results.
 
-A satellite that is out of view, weaker than the loop can hold, or being acquired has no measurement.
+A satellite has no measurement if it is out of view, too weak for the loop, or being acquired.
 
-Under a sky nothing is wrong with a pseudorange of 0.6 million kilometres: the fix says that the receiver's clock is
-wrong by 2 s, and its monitor asks why. On a single line of sight there is no other clock: if the pseudorange is wrong
-by more than any travel time can explain, the receiver's clock follows it.
+Under a sky a pseudorange that is wrong by 0.6 million kilometres is usable: the fix finds a clock error of 2 s, which
+the clock monitor reports. A single line of sight has no other clock. If its pseudorange is wrong by more than any
+travel time can explain, the receiver's clock follows the pseudorange.
 """
 
 from __future__ import annotations
@@ -52,34 +52,34 @@ _LEAST_POWER = 1e-6  # lower limit of the power of a prompt correlator in a deep
 
 
 def single(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return values as single precision has them."""
+    """Return values rounded to single precision."""
     return values.astype(np.float32).astype(np.float64)
 
 
 def tracked_cn0_dbhz(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the true C/N0 of what E1 tracks, over all noise that there is."""
+    """Return the true C/N0 of the signal that E1 tracks, over all noise that is present."""
     return simulation.cn0_e1_dbhz + 10 * np.log10(truth.e1.gain) + 20 * np.log10(truth.geometry.amplitude)
 
 
 def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return by how much the receiver's clock, and every time tag with it, follows the attacker, times c."""
+    """Return by how much the receiver's clock, and every time tag, follows the attacker, times c."""
     return simulation.seconds_late_m(truth) if simulation.elevation is None else np.zeros(truth.time_s.size)
 
 
 def _clock_error_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the constant error of the receiver's clock, times c, less what follows an attacker."""
+    """Return the constant error of the receiver's clock, times c, less the part that follows an attacker."""
     return simulation.clock_offset_m - clock_follows_m(simulation, truth)
 
 
 def is_tracked(simulation: Simulation, truth: TruthBlock) -> Bool[np.ndarray, " n"]:
-    """Return whether E1 shows the satellite: it is in view, is not being acquired, and is strong enough to be held."""
+    """Return whether E1 has measurements: the satellite is in view, is not being acquired, and is strong enough."""
     return truth.geometry.in_view & ~truth.e1.acquiring & (tracked_cn0_dbhz(simulation, truth) > LOCK_DBHZ)
 
 
 def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple[E1Block, FrontEndBlock | None]:
     """Return the data of E1 tracking and of the E1 front end; without correlators there is no power either.
 
-    `with_taps` says whether E1 is tracked between two RECS.
+    `with_taps` tells whether E1 is tracked between two RECS.
     """
     shown = np.stack([is_tracked(*one) for one in zip(of.simulations, of.truth, strict=True)], axis=1)
     taps, front_end = _taps_and_power(of, fidelity, shown) if with_taps else (None, None)
@@ -122,12 +122,12 @@ def _carrier_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, "
 
 
 def range_rate_mps(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:  # noqa: ARG001  (as the others)
-    """Return its rate, as the Doppler says it."""
+    """Return the range rate that follows from the Doppler."""
     return truth.rate_mps + truth.clock_drift_mps + truth.e1_rate_noise_mps + truth.e1.rate_error_mps
 
 
 def range_acceleration_mps2(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return its acceleration, as the rate of the Doppler says it: that of what E1 follows."""
+    """Return the range acceleration that follows from the Doppler rate of the signal that E1 follows."""
     later_s = np.where(truth.e1.captured, simulation.repeated_later_m(truth), 0.0) / SPEED_OF_LIGHT_MPS
     rows = np.flatnonzero(np.abs(later_s) > CLOCK_FOLLOWS_S)
     if simulation.elevation is None or not rows.size:
@@ -141,12 +141,12 @@ def range_acceleration_mps2(simulation: Simulation, truth: TruthBlock) -> Float[
 def reported_cn0_dbhz(
     simulation: Simulation, truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, first: int
 ) -> Float[np.ndarray, " n"]:
-    """Return the C/N0 that tracking estimates over the second of each epoch, in dBHz; it fades with the reflections.
+    """Return the C/N0 that tracking estimates over the second of each epoch, in dBHz; it fades with reflections.
 
     Parameters
     ----------
     simulation, truth, multipath_m
-        The satellite, and the error of its pseudorange by reflections.
+        Simulation and truth of the satellite, and the error of its pseudorange by reflections.
     first
         Number of the first epoch.
     """
@@ -160,7 +160,7 @@ def reported_cn0_dbhz(
 def _taps_and_power(
     of: ReceiverTruth, fidelity: Fidelity, shown: Bool[np.ndarray, "n m"]
 ) -> tuple[Complex128[np.ndarray, "n m n_taps"], FrontEndBlock]:
-    """Return correlators behind the gain control, and what that says of itself."""
+    """Return correlators behind the gain control, and the power and gain of the front end."""
     nominal_dbhz = of.each(lambda simulation, truth: simulation.cn0_e1_dbhz + 20 * np.log10(truth.geometry.amplitude))
     saturated = np.zeros(of.n, np.bool_)
     if of.simulations[0].elevation is None:
@@ -179,9 +179,10 @@ def _taps_and_power(
 def _each_alone(
     of: ReceiverTruth, fidelity: Fidelity, nominal_dbhz: Float[np.ndarray, "n m"]
 ) -> tuple[Complex128[np.ndarray, "n m n_taps"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return correlators of a single line of sight before the gain control, drawn or out of its samples.
+    """Return correlators of a single line of sight before the gain control, drawn or from its samples.
 
-    With them come the power of the band over that without attack, and how the receiver reads it, in dB.
+    The further results, in dB, are the power of the band over that without attack, and the receiver's reading of this
+    power.
     """
     received_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
     if fidelity == "samples":

@@ -1,4 +1,4 @@
-"""E6 of a block at both fidelities: banks that are drawn, or samples that are made when they are asked for."""
+"""E6 of a block at both fidelities: banks that are drawn, or samples that are made on request."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from vestige.records import Band, FrontEndStatus, Handover, SampleBatch
 from vestige.records.snapshot_block import BankBlock, FrontEndBlock, Handovers
 from vestige.sample_processor.correlator import correlate
 
-_LIGHT_TIME_STEPS = 4  # as the hand-over's: each gains five decimals
+_LIGHT_TIME_STEPS = 4  # as in the hand-over: each step gains five decimals
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnE6:
-    """E6 of the fidelity `correlators`: it draws what samples would give and never asks for chips."""
+    """E6 of the fidelity `correlators`: it draws the results of samples and needs no chips."""
 
     of: ReceiverTruth
 
@@ -36,7 +36,7 @@ class DrawnE6:
         handovers: Handovers,  # noqa: ARG002  (the model needs no chips)
         offsets_m: Float[np.ndarray, " n_taps"],
     ) -> BankBlock:
-        """Return the banks that are asked for; NaN elsewhere."""
+        """Return the requested banks; NaN elsewhere."""
         of = self.of
         taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
         if of.recs_rows.size:
@@ -59,7 +59,7 @@ class DrawnE6:
 
     @cached_property
     def _other_signals(self) -> Float[np.ndarray, "k m"] | None:
-        """Density over N0 of all that is on air beside the E6-C of each satellite; None on a single line of sight."""
+        """Density over N0 of all signals other than each satellite's E6-C; None on a single line of sight."""
         of = self.of
         if of.simulations[0].elevation is None:
             return None
@@ -74,7 +74,7 @@ class DrawnE6:
         return other_signals_density(np.stack(cn0_dbhz, axis=1), np.stack(power, axis=1), of.simulations[0].front_end)
 
     def front_end(self) -> FrontEndBlock:
-        """Return what the front end says: the power of the band; the banks are those before its gain."""
+        """Return the state of the front end: the power of the band; the banks are those before its gain."""
         of, simulation = self.of, self.of.simulations[0]
         power_db, gain_db = np.full((2, of.n), np.nan)
         if of.recs_rows.size:
@@ -100,10 +100,10 @@ class DrawnE6:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedE6Samples:
-    """E6 of the fidelity `samples`, made when it is asked for.
+    """E6 of the fidelity `samples`, made on request.
 
-    The satellites of a sky share the samples of one recording (`sky_samples`). A single line of sight has samples that
-    belong to the epoch alone. What the front end said of them is kept.
+    The satellites of a sky share the samples of one recording (`sky_samples`). A single line of sight has separate
+    samples for each epoch. The status of the front end is stored for both.
     """
 
     of: ReceiverTruth
@@ -112,7 +112,7 @@ class SimulatedE6Samples:
     def correlate(
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
-        """Return the banks that are asked for; NaN elsewhere, and where the samples do not hold them."""
+        """Return the requested banks; NaN elsewhere, and where the samples do not cover the RECS."""
         of = self.of
         taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
         with_recs = np.zeros(of.shape, np.bool_)
@@ -131,7 +131,7 @@ class SimulatedE6Samples:
     def samples(self, epoch: int, column: int) -> SampleBatch:
         """Return the samples around the RECS of one satellite and one epoch, with the time that E1 gives them.
 
-        Where E1 is seconds late under a sky, these are taken off (`_without_delay`).
+        If E1 is seconds late under a sky, these seconds are subtracted (`_without_delay`).
         """
         of = self.of
         simulation, truth, row = of.simulations[column], of.of_recs[column], (epoch - of.rows.start) // of.every
@@ -155,9 +155,9 @@ class SimulatedE6Samples:
         return float(truth.time_s[row] + arrived.dt_s[row] + self._repeated_later_m[column][row] / SPEED_OF_LIGHT_MPS)
 
     def _time_off_s(self, expected_s: float, epoch: int, column: int) -> float:
-        """Return what is added to the time of samples so that they meet a hand-over without the seconds of a meaconer.
+        """Return the correction of sample times to which a hand-over without a meaconer's seconds belongs.
 
-        The receiver's clock goes on in these seconds. A hand-over has the clock of the epoch.
+        During these seconds the receiver's clock drifts, while the hand-over has the clock of the epoch.
         """
         if not self._seconds_late_m[column][epoch]:
             return 0.0
@@ -167,12 +167,13 @@ class SimulatedE6Samples:
         return -late_s - float(late_m - early_m) / SPEED_OF_LIGHT_MPS
 
     def _without_delay(self, handover: Handover, epoch: int, column: int) -> Handover:
-        """Return a hand-over as it would be if no meaconer were seconds late.
+        """Return a hand-over as it would be without a meaconer's delay of seconds.
 
-        A hand-over carries the observation of the epoch on to the reception of the RECS. That is a meaconer's seconds
-        away, in which the clock wanders off; a receiver takes the observation of that moment. There satellite and clock
-        are where they are in the RECS, so the hand-over is that of the true signal, and the seconds are taken off
-        the time tags of the samples. On a single line of sight the clock that follows has done that already.
+        A hand-over extrapolates the observation of the epoch to the reception of the RECS. For a meaconer the reception
+        is seconds later, and the clock drifts in these seconds; a real receiver uses the observation of that later
+        time. At that time satellite and clock agree with the RECS, so the hand-over is that of the true signal, and the
+        seconds are subtracted from the time tags of the samples. On a single line of sight the clock follows the
+        attacker, which has the same effect.
         """
         simulation, late_m = self.of.simulations[column], float(self._seconds_late_m[column][epoch])
         if simulation.elevation is None or not late_m:
@@ -193,7 +194,8 @@ class SimulatedE6Samples:
     def _with_ionosphere(self, handover: Handover, epoch: int, column: int) -> Handover:
         """Return a hand-over with the delay that the receiver predicts from the coefficients of the message.
 
-        It predicts the delay at each epoch. The assistance of a recording has one value a satellite for all epochs.
+        The receiver predicts the delay at each epoch. The assistance of a recording has one value per satellite for all
+        epochs.
         """
         ionosphere_m = float(self.of.truth[column].broadcast_ionosphere_e1_m[epoch])
         if not ionosphere_m:
@@ -203,12 +205,12 @@ class SimulatedE6Samples:
 
     @cached_property
     def _seconds_late_m(self) -> tuple[Float[np.ndarray, " n"], ...]:
-        """By how much each satellite is late where that is seconds, times c."""
+        """Delay of each satellite, times c, if it is seconds; otherwise 0."""
         return tuple(one.seconds_late_m(truth) for one, truth in zip(self.of.simulations, self.of.truth, strict=True))
 
     @cached_property
     def _repeated_later_m(self) -> tuple[Float[np.ndarray, " k"], ...]:
-        """By how much later than the true RECS those of each satellite arrive that E1 leads to, times c."""
+        """Delay, times c, relative to the true RECS, of the RECS of each satellite to which E1 leads."""
         of = self.of
         return tuple(one.repeated_later_m(truth) for one, truth in zip(of.simulations, of.of_recs, strict=True))
 
@@ -217,7 +219,7 @@ class SimulatedE6Samples:
         return rows_of(self.of.truth[column], slice(epoch, epoch + 1))
 
     def front_end(self) -> FrontEndBlock:
-        """Return what the front end said around the RECS of all satellites: mean power and gain, and if any clipped."""
+        """Return the front end's state around all satellites' RECS: mean power and gain, and whether any clipped."""
         of = self.of
         power_db, gain_db = np.full((2, of.n), np.nan)
         saturated = np.zeros(of.n, np.bool_)
@@ -237,7 +239,7 @@ class SimulatedE6Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrontEnds(Mapping[Band, FrontEndBlock]):
-    """Power and gain of the front ends by band; those of E6 are computed when they are asked for."""
+    """Power and gain of the front ends by band; those of E6 are computed on request."""
 
     e1: FrontEndBlock | None
     e6: DrawnE6 | SimulatedE6Samples
@@ -258,7 +260,7 @@ class FrontEnds(Mapping[Band, FrontEndBlock]):
 
 
 def _travel_s(range_m: float, rate_mps: float, acceleration_mps2: float) -> float:
-    """Return when a signal arrives that is sent now, as long as the pseudorange goes on as it does now."""
+    """Return the travel time of a signal that is sent now, if the pseudorange keeps its present motion."""
     travel_s = 0.0
     for _ in range(_LIGHT_TIME_STEPS):
         travel_s = (range_m + rate_mps * travel_s + acceleration_mps2 * travel_s**2 / 2) / SPEED_OF_LIGHT_MPS
@@ -272,6 +274,6 @@ def _reported(
 
 
 def _nothing(shape: tuple[int, int], n_taps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return taps, noise power and integration time of a block in which nothing was correlated."""
+    """Return taps, noise power and integration time of a block without any correlation."""
     noise_power, integration_s = np.full((2, *shape), np.nan)
     return np.full((*shape, n_taps), np.nan + 0j), noise_power, integration_s

@@ -1,17 +1,17 @@
-"""OSNMA under a sky: which pages of each satellite are received, and whether the key of a RECS is.
+"""OSNMA under a sky: which pages of each satellite are received, and whether the key of a RECS is received.
 
-A page is lost with the probability that belongs to the C/N0 of what E1 tracks at the epoch, changed by what the noise
-of an attack is at the time of the page: the key of a RECS comes up to a minute later. An attack that withholds OSNMA
-breaks every page that is on air with it.
+A page is lost with the probability that belongs to the C/N0 of the signal that E1 tracks at the epoch. This C/N0 is
+corrected for the noise of an attack at the time of the page, because the key of a RECS comes up to a minute later. An
+attack that withholds OSNMA destroys every page that is on air at the same time.
 
-An E1 loop on a spoofing signal with navigation data of the attacker's own demodulates those, with good checksums: no
-key among them validates, and no tag covers them. On a spoofing signal that repeats the satellite's data it has the true
-ones. A key that comes later is received if the loop of the epoch received it, as it is for the C/N0.
+An E1 loop on a spoofing signal with the attacker's own navigation data demodulates these data, with good checksums. No
+key in them validates, and no tag covers them. A spoofing signal that repeats the satellite's data has the true data. A
+key that comes later is received if the loop of the epoch received it, as for the C/N0.
 
-At an epoch at which E1 acquires a satellite, the page that has just ended is lost.
+If E1 acquires a satellite at an epoch, the page that has just ended is lost.
 
-Data count as authenticated by the key that opens the RECS. That a receiver may still have those of half an hour ago is
-left out: a satellite whose pages are lost is left out of the authenticated fix.
+Data count as authenticated by the key that opens the RECS. A receiver may still have authenticated data of half an hour
+ago, but the model neglects these: a satellite whose pages are lost is left out of the authenticated fix.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, kw_only=True)
 class OsnmaReception:
-    """OSNMA of a block of epochs of a sky."""
+    """OSNMA for a block of epochs of a sky."""
 
     of: ReceiverTruth
 
@@ -55,19 +55,19 @@ class OsnmaReception:
 
     @cached_property
     def key_received(self) -> Bool[np.ndarray, " n"]:
-        """Whether the key of a RECS that is sent at each epoch is received: whole, from one satellite at least."""
+        """Whether the key of a RECS that is sent at each epoch is received completely, from at least one satellite."""
         pages = key_pages(self.week_s, self.of.simulations[0].key_delay)
         return np.any(self._whole(pages), axis=0) & ~self._withheld_by_operator
 
     @property
     def data_authenticated(self) -> Bool[np.ndarray, "n m"]:
-        """Whether data and tag of each satellite are received that the key of a RECS of the epoch authenticates."""
+        """Whether each satellite's data and tag are received that the key of a RECS of the epoch authenticates."""
         pages = data_pages(self.week_s, self.of.simulations[0].key_delay)
         return np.stack(self._whole(pages), axis=1) & ~self._withheld_by_operator[:, None]
 
     @cached_property
     def _withheld_by_operator(self) -> Bool[np.ndarray, " n"]:
-        """Whether an event of the operator keeps the key of a RECS that is sent at each epoch from all receivers."""
+        """Whether an operator's event withholds the key of a RECS that is sent at each epoch from all receivers."""
         simulation, svids = self.of.simulations[0], [one.svid for one in self.of.simulations]
         if not simulation.osnma.events:
             return np.zeros(self.week_s.size, np.bool_)
@@ -76,7 +76,7 @@ class OsnmaReception:
         return np.array([simulation.osnma.withholds(svids, time) for time in times], np.bool_)[place]
 
     def pages(self, interval_s: float) -> PagesReceived:
-        """Return the pages beside those of a second channel, which knows what every satellite in view sent."""
+        """Return the received pages and those of a second channel, which has the pages of every satellite in view."""
         start = self.of.simulations[0].start
         page = pages_due(self.week_s, interval_s)
         return PagesReceived(
@@ -89,12 +89,12 @@ class OsnmaReception:
         )
 
     def _whole(self, pages: Int64[np.ndarray, "n k"]) -> list[Bool[np.ndarray, " n"]]:
-        """Return for each satellite whether all of some pages are received, and are its own."""
+        """Return for each satellite whether all given pages are received and come from the satellite."""
         return [came.all(axis=1) & true for came, true in zip(self._received(pages), self._true, strict=True)]
 
     @property
     def _true(self) -> list[Bool[np.ndarray, " n"]]:
-        """Whether the data that are demodulated of each satellite are not the attacker's own."""
+        """Whether the demodulated data of each satellite are not the attacker's own."""
         return [~one.e1.forged_nav_data for one in self.of.truth]
 
     def _received(self, pages: Int64[np.ndarray, "n k"]) -> list[Bool[np.ndarray, "n k"]]:
@@ -118,18 +118,18 @@ class OsnmaReception:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PagesReceived:
-    """Pages of n epochs and m satellites, as received and as sent."""
+    """Pages of n epochs and m satellites, received and sent."""
 
     start: GalileoTime  # start of the scenario
     interval_s: float  # between epochs
-    page: Int64[np.ndarray, "n 15"]  # as `pages_due` has it
+    page: Int64[np.ndarray, "n 15"]  # pages as returned by `pages_due`
     in_view: Bool[np.ndarray, "n m"]  # whether a second channel receives the satellite
     received: Bool[np.ndarray, "n m 15"]  # pages that were received
-    forged: Bool[np.ndarray, "n m"]  # whether what is demodulated of a satellite is the attacker's own
+    forged: Bool[np.ndarray, "n m"]  # whether the demodulated data of a satellite are the attacker's own
 
     @property
     def block(self) -> OsnmaBlock:
-        """The same in pieces of subframes, as the processor takes it."""
+        """The pages in pieces of subframes, as the processor takes them."""
         row, place = np.nonzero(self.page >= 0)
         number = self.page[row, place] // PAGES_A_SUBFRAME
         pieces, piece = np.unique(np.stack([row, number], axis=1), axis=0, return_inverse=True)
@@ -152,9 +152,9 @@ class PagesReceived:
 def _ends(
     page: Int64[np.ndarray, "k 15"], subframe: Int64[np.ndarray, " k"], *, begun_s: float, interval_s: float
 ) -> Bool[np.ndarray, " k"]:
-    """Return which pieces have the end of a subframe that the run holds from its first page on.
+    """Return which pieces have the end of a subframe that the run contains from its first page on.
 
-    The first epoch began to look at `begun_s` after the start of the week; an epoch looks for `interval_s`.
+    The first epoch starts to receive at `begun_s` after the start of the week; each epoch receives for `interval_s`.
     """
     looks_at_all = interval_s >= SUBFRAME_S
     whole = looks_at_all | (page_end_s(subframe * PAGES_A_SUBFRAME) > begun_s)
@@ -164,18 +164,18 @@ def _ends(
 def _cn0_of_pages(
     simulation: Simulation, truth: TruthBlock, middle_s: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, "n _"]:
-    """Return the C/N0 while pages are on air, −∞ while the satellite is not in view; one for all without an attack."""
+    """Return the C/N0 while pages are on air; −∞ out of view; without an attack, one value for all pages."""
     at_epoch = tracked_cn0_dbhz(simulation, truth) + 10 * np.log10(1 + truth.e1_attack.rise(Band.E1))
     seen = np.where(truth.geometry.in_view, at_epoch, -np.inf)[:, None]
     if not simulation.spoofer.attacks:
         return seen
-    times_s, place = np.unique(np.maximum(middle_s, 0.0), return_inverse=True)  # epochs have most pages in common
+    times_s, place = np.unique(np.maximum(middle_s, 0.0), return_inverse=True)  # most epochs share their pages
     effects = simulation.spoofer.effects(Band.E1, simulation.svid, times_s)
     return seen - 10 * np.log10(1 + effects.rise(Band.E1))[place].reshape(middle_s.shape)
 
 
 def _withheld(simulation: Simulation, end_s: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, "n k"]:
-    """Return whether an attack breaks pages, whatever the C/N0."""
+    """Return whether an attack destroys pages at any C/N0."""
     if not simulation.spoofer.attacks:
         return np.zeros(end_s.shape, bool)
     ends_s, place = np.unique(end_s, return_inverse=True)

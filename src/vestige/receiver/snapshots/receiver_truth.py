@@ -1,4 +1,4 @@
-"""The truth of a block of epochs for all satellites of a receiver, and which of its epochs have RECS."""
+"""The truth of a block of epochs for all satellites of a receiver, and the rows of its epochs with RECS."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from vestige.receiver.truth import TruthBlock
 class ReceiverTruth:
     """Truth of n epochs and m satellites."""
 
-    simulations: tuple[Simulation, ...]  # one of each satellite
-    truth: tuple[TruthBlock, ...]  # one of each satellite
+    simulations: tuple[Simulation, ...]  # simulation of each satellite
+    truth: tuple[TruthBlock, ...]  # truth of each satellite
     first: int  # number of the first epoch
-    every: int  # every how many epochs there is a RECS
+    every: int  # number of epochs from one RECS to the next
 
     @property
     def n(self) -> int:
@@ -41,7 +41,7 @@ class ReceiverTruth:
 
     @property
     def svids(self) -> tuple[int, ...]:
-        """The satellites."""
+        """SVIDs of the satellites."""
         return tuple(one.svid for one in self.simulations)
 
     @cached_property
@@ -51,7 +51,7 @@ class ReceiverTruth:
 
     @cached_property
     def acquiring(self) -> Bool[np.ndarray, "n m"]:
-        """Whether E1 acquires each satellite, and has no measurement of it."""
+        """Whether E1 acquires each satellite, and thus has no measurement."""
         return np.stack([one.e1.acquiring for one in self.truth], axis=1)
 
     @property
@@ -61,12 +61,12 @@ class ReceiverTruth:
 
     @property
     def recs_rows(self) -> Int64[np.ndarray, " k"]:
-        """The same as numbers."""
+        """Rows of the epochs with RECS, as numbers."""
         return np.arange(self.n, dtype=np.int64)[self.rows]
 
     @property
     def first_recs(self) -> int:
-        """Number of the first RECS of the block, or of the next one."""
+        """Number of the first RECS in the block, or else of the next RECS."""
         return -(-self.first // self.every)
 
     @cached_property
@@ -81,7 +81,7 @@ class ReceiverTruth:
 
     @cached_property
     def arrived_at_epochs(self) -> tuple[Arrival, ...]:
-        """Arrival in E6 of the chips that each satellite sends at each epoch, with a RECS or without."""
+        """Arrival in E6 of the chips that each satellite sends at each epoch, also at epochs without RECS."""
         return self._arrived(self.truth)
 
     def _arrived(self, truths: tuple[TruthBlock, ...]) -> tuple[Arrival, ...]:

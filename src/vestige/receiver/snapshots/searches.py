@@ -1,9 +1,9 @@
 """The vestigial searches of a block, drawn from the model in `receiver/correlators/search_outcome.py`.
 
-They are drawn at both fidelities: in samples an exhaustive search of 30 s takes minutes. E6 says something only where
-the receiver has the key, and where the earliest signal is provably from before its disclosure; E1 alone still counts.
-What would be found in each epoch is drawn for `SEARCH_P_FA`, or comes from stored results; what of it may be said is
-decided here.
+The results are drawn at both fidelities: in samples an exhaustive search of 30 s takes minutes. E6 has a result only if
+the receiver has the key, and if the earliest signal provably arrived before the key was disclosed. E1 has a result
+anyway. The finds of each epoch are drawn for `SEARCH_P_FA`, or come from stored results. This module decides which
+finds may be reported.
 """
 
 from __future__ import annotations
@@ -40,23 +40,23 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
 class SearchFinds:
     """Results that the searches would have in each of n epochs, if they were made.
 
-    The values are NaN without RECS, out of view, and while E1 acquires: without a time tag of the satellite no search
-    is made.
+    The values are NaN without RECS, out of view, and while E1 acquires. In these cases the receiver has no time tag of
+    the satellite, so no search is made.
     """
 
     e1_signals: Float[np.ndarray, "n m"]  # signals on E1
-    handover_carrying: Float[np.ndarray, "n m"]  # those of them that carry the encrypted chips
-    # by how much the earliest of several signals is later than E1 puts it; NaN of one alone
+    handover_carrying: Float[np.ndarray, "n m"]  # number of these with the encrypted chips
+    # delay of the earliest of several signals relative to its range on E1; NaN for a single signal
     handover_earliest_m: Float[np.ndarray, "n m"]
     exhaustive_signals: Float[np.ndarray, "n m"]  # signals in an exhaustive search of E6
-    exhaustive_earliest_m: Float[np.ndarray, "n m"]  # the same of the exhaustive search
-    # when the earliest signal's last sample was received, in s after the scenario's start
+    exhaustive_earliest_m: Float[np.ndarray, "n m"]  # delay of the earliest signal in the exhaustive search
+    # reception of the earliest signal's last sample, in s after the scenario's start
     earliest_s: Float[np.ndarray, "n m"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KnownSearches:
-    """Searches of which it is known what they would find."""
+    """Searches with known results."""
 
     finds: SearchFinds
     start: GalileoTime  # start of the scenario
@@ -90,7 +90,7 @@ class KnownSearches:
         )
 
     def _provable(self, request: SearchRequest) -> Bool[np.ndarray, "k m"]:
-        """Return where there is a key, and the true signal was provably received before it was on air."""
+        """Return where there is a key, and the true signal was provably received before the key was on air."""
         earliest_at = GalileoTimes.after(self.start, np.nan_to_num(self.finds.earliest_s[request.epoch]))
         uncertainty_s = [limit.over(earliest_at[row : row + 1])[0] for row, limit in enumerate(request.uncertainty)]
         lead_s = self.recs.disclosed[request.epoch] - earliest_at
@@ -101,10 +101,10 @@ class KnownSearches:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrawnSearches:
-    """Search results of a block; drawn once for all its RECS, when they are first asked for."""
+    """Search results of a block, drawn for all its RECS at the first request."""
 
     of: ReceiverTruth
-    # when the receiver has the last sample of each RECS, in s after the scenario's start
+    # reception of the last sample of each RECS, in s after the scenario's start
     received_s: Float[np.ndarray, "n m"]
 
     def e1(self, request: SearchRequest) -> SearchBlock:
@@ -145,7 +145,7 @@ class DrawnSearches:
                 values[of.rows, column] = getattr(one, name)
             return np.where(of.in_view & ~of.acquiring, single(values), np.nan)
 
-        # beyond the window there is no true signal for this receiver: the earliest is the one that E1 follows
+        # beyond the window this receiver finds no true signal: the earliest signal is the one that E1 follows
         window_m = WINDOW_S * SPEED_OF_LIGHT_MPS
         late_m = np.stack(
             [

@@ -1,7 +1,7 @@
-"""The simulated receiver: from the truth of a block of epochs to what it hands to the processor.
+"""The simulated receiver: from the truth of a block of epochs to the input of the processor.
 
-A block is a pure function of the truth, of the number of its first epoch and of the seed: any worker can make it, and
-how the epochs are cut into blocks changes no bit.
+A block is a pure function of the truth, of the number of its first epoch and of the seed. So any worker can make it,
+and the cut of the epochs into blocks changes no bit.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from vestige.records.times import GalileoTimes
 class SimulatedReceiver:
     """A receiver on one line of sight or under a sky."""
 
-    simulations: tuple[Simulation, ...]  # simulations of each satellite, by ascending SVID
-    fidelity: Fidelity  # whether E6 is drawn, or made as samples; E1's correlators and power as well
+    simulations: tuple[Simulation, ...]  # simulation of each satellite, by ascending SVID
+    fidelity: Fidelity  # whether E6, and E1's correlators and power, are drawn or made as samples
     interval_s: float  # between epochs
-    every: int = 1  # every how many of them there is a RECS
-    accelerometers: Accelerometers | None = None  # None without; only under a sky
+    every: int = 1  # number of epochs from one RECS to the next
+    accelerometers: Accelerometers | None = None  # None for none; only under a sky
     with_taps: bool = True  # whether E1 is tracked between RECS: its correlators and the power of its band
 
     @property
@@ -57,7 +57,7 @@ class SimulatedReceiver:
         return self.fidelity == "samples" and self.simulations[0].elevation is not None
 
     def truth(self) -> tuple[TruthProcess | TruthAround, ...]:
-        """Return the truth of each satellite at its beginning; for samples of a sky with the epochs around a block."""
+        """Return the initial truth of each satellite; samples of a sky also need the epochs around a block."""
         if not self._samples_of_a_sky:
             return tuple(one.truth() for one in self.simulations)
         return tuple(self._truth_around(one) for one in self.simulations)
@@ -68,13 +68,13 @@ class SimulatedReceiver:
         return TruthAround(one, before=before, after=after)
 
     def snapshots(self, first: int, truth: tuple[TruthBlock, ...]) -> SnapshotBlock:
-        """Return what the receiver hands over for the epochs from `first` on."""
+        """Return the receiver's output for the epochs from `first` on."""
         return self.snapshots_of(
             ReceiverTruth(simulations=self.simulations, truth=truth, first=first, every=self.every)
         )
 
     def snapshots_of(self, of: ReceiverTruth, pages: PagesReceived | None = None) -> SnapshotBlock:
-        """Return the same of a truth of which other quantities are wanted, too; of a sky, its `pages` may be one."""
+        """Return the output for a truth that the caller also needs; under a sky, its `pages` may be given."""
         e1, power = e1_block(of, fidelity=self.fidelity, with_taps=self.with_taps)
         e6 = DrawnE6(of) if self.fidelity == "correlators" else SimulatedE6Samples(of)
         time, elevation = self._times(of), self.simulations[0].elevation
@@ -101,18 +101,18 @@ class SimulatedReceiver:
         )
 
     def searches(self, of: ReceiverTruth) -> DrawnSearches:
-        """Return the searches of a block, which are drawn at both fidelities."""
+        """Return the searches of a block, drawn at both fidelities."""
         return DrawnSearches(of=of, received_s=of.received_s)
 
     def _times(self, of: ReceiverTruth) -> GalileoTimes:
-        """Return the epochs on the receiver's clock, times of transmission, exact in deciseconds."""
+        """Return the epochs on the receiver's clock: times of transmission, exact in deciseconds."""
         deciseconds = (of.first + np.arange(of.n, dtype=np.int64)) * round(10 * self.interval_s)
         return GalileoTimes(self.simulations[0].start.gst_seconds + deciseconds // 10, deciseconds % 10 / 10)
 
     def _increments(
         self, of: ReceiverTruth, time: GalileoTimes, elevation: ElevationEffects | None
     ) -> VelocityIncrements | None:
-        """Return the velocity that accelerometers say was gained since the epoch before; nothing at the first one."""
+        """Return the gain of velocity since the previous epoch from accelerometers; nothing at the first epoch."""
         if self.accelerometers is None or elevation is None:
             return None
         delta_velocity_mps = self.accelerometers.delta_velocity_mps(

@@ -1,19 +1,19 @@
-"""E1 correlators and received power of a sky, out of the samples that all its satellites share.
+"""E1 correlators and received power of a sky, from samples that all its satellites share.
 
 Theory of operation
 -------------------
 **Correlators.** The recorder makes the samples around each epoch (`sky_samples`): E1-B and E1-C of all satellites,
-multipath, spoofing signals, jammers and noise, behind one front end. The correlator of the processor takes 0.1 s of
-them with the E1-C code as BOC(1,1), as most receivers do. The replica begins where the code loop has settled: at the
-arrival of the chip that is sent at the epoch, and later by what noise, multipath and an attack make of the loop. So ξ
-has the meaning that it has in `e1_taps`: noise of the receiver has σ = 1 per dimension, and phases are relative to that
-of the line of sight when it brings that chip.
+multipath, spoofing signals, jammers and noise, behind one front end. The correlator of the processor correlates 0.1 s
+of samples with the E1-C code as BOC(1,1), as most receivers do. The replica begins where the code loop has settled: at
+the arrival of the chip that is sent at the epoch, plus the loop's error by noise, multipath and an attack. So ξ has the
+same meaning as in `e1_taps`. The noise of the receiver has σ = 1 per dimension, and phases are relative to the line of
+sight at the arrival of that chip.
 
-A signal on air is CBOC(6,1,1/11), of which BOC(1,1) correlates √(10/11), 0.4 dB less. All other components add their
-noise, as on E6. The model of the fidelity `correlators` is `sky_e1_model`.
+A signal on air is CBOC(6,1,1/11). A BOC(1,1) replica correlates √(10/11) of it, 0.4 dB less. All other components add
+their noise, as on E6. The model of the fidelity `correlators` is `sky_e1_model`.
 
-**Power.** It is measured in W = 2 MHz about the carrier over the 10 ms that hold the arrival at the epoch. Without an
-attack it is 1 + Σ P(0) C/N0_i / W times the noise, where P(0) of both components is within W.
+**Power.** The power is measured in W = 2 MHz about the carrier over the 10 ms that contain the arrival at the epoch.
+Without an attack it is 1 + Σ P(0) C/N0_i / W times the noise, where P(0) of both components is within W.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ from vestige.records import Band, Handover
 from vestige.sample_processor.correlator import correlate
 from vestige.signals.definitions import E1C
 
-_MARGIN_S = 5e-6  # duration of samples on both sides: the taps, and a Doppler that makes the code longer
+_MARGIN_S = 5e-6  # duration of samples on either side, for the taps and for a Doppler that makes the code longer
 _OFFSETS_M = np.array(TAP_CHIPS) / E1C.chip_rate_hz * SPEED_OF_LIGHT_MPS
 
 
 class SkyE1(NamedTuple):
     """E1 of a sky in n epochs of m satellites: correlators, power and saturation."""
 
-    taps: Complex128[np.ndarray, "n m n_taps"]  # ξ before the gain control, NaN where it is not wanted
+    taps: Complex128[np.ndarray, "n m n_taps"]  # ξ before the gain control, NaN where no correlation was requested
     rise_db: Float[np.ndarray, " n"]  # power over that without attack
     saturated: Bool[np.ndarray, " n"]  # whether the front end clips
 
 
 def sky_e1(sky: SkySamples, wanted: Bool[np.ndarray, "n m"], cn0_dbhz: Float[np.ndarray, "n m"]) -> SkyE1:
-    """Return correlators and power of E1, epoch after epoch, so that both come out of the same stretches.
+    """Return correlators and power of E1, epoch by epoch, so that both come from the same stretches.
 
     Parameters
     ----------
     sky
         The samples of E1.
     wanted
-        Which satellites are correlated at which epochs.
+        Satellites that are correlated at each epoch.
     cn0_dbhz
         C/N0 of each component of the true signals without interference.
     """
@@ -88,11 +88,11 @@ def _correlated(sky: SkySamples, begin_s: float, handover: Handover) -> Complex1
 
 
 def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
-    """Return where the replicas begin, in s after the start, with cycles of the line of sight, Doppler and its rate."""
+    """Return the starts of the replicas in s, with cycles of the line of sight, Doppler and Doppler rate."""
     found = []
     to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
     for path, truth, multipath_m in zip(sky.paths, sky.of.truth, sky.of.e1_multipath_m.T, strict=True):
-        rows = np.searchsorted(path.truth.time_s, truth.time_s)  # rows of the epochs, among those around them
+        rows = np.searchsorted(path.truth.time_s, truth.time_s)  # rows of the epochs in the truth around them
         settled = arriving(truth, multipath_m, with_rays=path.e1_multipath)
         direct_s = path.received_s(Band.E1)[rows]
         late_s = settled.settled_m / SPEED_OF_LIGHT_MPS
@@ -110,7 +110,7 @@ def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
 
 
 def _nominal_power(sky: SkySamples, cn0_dbhz: Float[np.ndarray, "n m"], width_hz: float) -> Float[np.ndarray, " n"]:
-    """Return the power within a bandwidth about the carrier over the noise there, without attack."""
+    """Return the power within a bandwidth about the carrier over the noise in it, without attack."""
     rate_hz = folding_rate_hz(sky.of.simulations[0].front_end)
     passed = passed_components(np.zeros(1), bandwidth_hz=width_hz, sample_rate_hz=rate_hz)
     return 1 + passed * np.sum(10 ** (cn0_dbhz / 10), axis=1) / width_hz

@@ -1,11 +1,11 @@
-"""The samples of a sky in one band: those of the recording that `vestige simulate` writes of the same scenario.
+"""The samples of a sky in one band, equal to the recording that `vestige simulate` writes for the same scenario.
 
 All satellites, multipath, spoofing signals, jammers and noise are summed once and go through one front end. Only the
-stretches of the recorder (10 ms) that hold a window are made. The last of them are kept for the other satellites: the
-windows of one RECS lie within some 40 ms, those of one epoch of E1 within some 130 ms.
+stretches of the recorder (10 ms) that overlap a window are made. The last stretches are kept for the other satellites:
+the windows of one RECS lie within some 40 ms, the windows of one epoch of E1 within some 130 ms.
 
-E6 is that of the recording to the last bit. E1 differs from it in the symbols of E1-B, which are random here; no
-receiver of a campaign decodes them.
+E6 equals the recording to the last bit. E1 differs in the symbols of E1-B, which are random here, because no receiver
+of a campaign decodes them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _KEPT = 16  # stretches, of 1 MB each at 12.5 MHz
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SkySamples:
-    """The samples of one band with all satellites of a block, made when they are asked for."""
+    """The samples of one band with all satellites of a block, made on request."""
 
     of: ReceiverTruth
     band: Band
@@ -67,14 +67,14 @@ class SkySamples:
         )
 
     def around(self, expected_s: float, n_chips: int) -> tuple[SampleBatch, FrontEndStatus]:
-        """Return the samples around a RECS, and what the front end says of them.
+        """Return the samples around a RECS and the status of the front end.
 
         Parameters
         ----------
         expected_s
-            When the receiver expects the first chip, in s after the scenario's start on its own clock.
+            Time at which the receiver expects the first chip, in s after the scenario's start on its own clock.
         n_chips
-            Chips of the RECS.
+            Number of chips of the RECS.
         """
         wanted = recording_window(expected_s, n_chips, self._recorder.front_end)
         stretches = [self._stretch(number) for number in self._numbers(wanted)]
@@ -83,14 +83,14 @@ class SkySamples:
     def between(self, start_s: float, stop_s: float) -> SampleBatch:
         """Return the samples between two times in s after the scenario's start, before gain control.
 
-        Noise has the power 1 in them. What a quantiser has made of a signal stays.
+        The noise has power 1 in these samples. The effects of a quantiser on the signal remain.
         """
         rate_hz = self._recorder.front_end.sample_rate_hz
         wanted = range(math.floor(start_s * rate_hz), math.ceil(stop_s * rate_hz))
         return self._batch(wanted, [self._before_gain(number) for number in self._numbers(wanted)])
 
     def power_near(self, time_s: float, bandwidth_hz: float) -> tuple[float, bool]:
-        """Return the power about the carrier in the stretch that holds a time, and whether it clips.
+        """Return the power about the carrier in the stretch that contains a time, and whether it is clipped.
 
         The power is relative to the noise in the same bandwidth.
 
@@ -110,17 +110,17 @@ class SkySamples:
         return power / min(share, 1.0), self._stretch(number)[1].saturated
 
     def _numbers(self, wanted: range) -> range:
-        """Return the numbers of the stretches that hold some samples."""
+        """Return the numbers of the stretches that overlap the wanted samples."""
         length = self._recorder.length
         return range(wanted.start // length, -(-wanted.stop // length))
 
     def _batch(self, wanted: range, stretches: list[Complex64[np.ndarray, " n"]]) -> SampleBatch:
-        """Return the samples that are wanted, out of all samples of their stretches."""
+        """Return the wanted samples, from all samples of their stretches."""
         skip = wanted.start % self._recorder.length
         return self._recorder.batch(wanted.start, np.concatenate(stretches)[skip : skip + len(wanted)])
 
     def _before_gain(self, number: int) -> Complex64[np.ndarray, " n"]:
-        """Return the samples of a stretch with the power that they had before gain control and quantiser."""
+        """Return the samples of a stretch with their power before gain control and quantiser."""
         samples, status = self._stretch(number)
         if self._recorder.front_end.bits is None:
             return samples
@@ -145,7 +145,7 @@ def _around(truth: TruthBlock) -> TruthBlock:
 
 
 def _status(stretches: list[FrontEndStatus]) -> FrontEndStatus:
-    """Return what a front end says of stretches: the mean of power and gain, and whether it clips in one of them."""
+    """Return the status of a front end over stretches: mean power and gain, and whether it clips in any."""
     return FrontEndStatus(
         agc_gain_db=float(np.mean([one.agc_gain_db for one in stretches])),
         total_power_db=float(np.mean([one.total_power_db for one in stretches])),

@@ -1,15 +1,16 @@
-"""Two signals at once, or one that jumps: what a sum over code periods cannot tell.
+"""Two signals at once, or one signal that jumps: a sum over code periods cannot tell these apart.
 
 Theory of operation
 -------------------
-Where a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and sees two
-peaks, as it does under spoofing; but they are never there at the same time. So for two peaks of a satellite the power
-of every single period is measured at both places. Against noise of variance 1 per dimension it is chi-squared with
-ν = 2 · components degrees of freedom, non-central by λ while the signal is there. Each place may have it all the time,
-only before, or only from some period k on, and λ is then its mean there. If the likeliest of all these is that one
-place has its signal before k and the other from k on, it is one signal, and the stronger place stands for it.
+If a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and sees two
+peaks, as under spoofing; but these peaks are never present at the same time. So for two peaks of a satellite the power
+of every single period is measured at both code phases. Against noise of variance 1 per dimension the power is
+chi-squared with ν = 2 · components degrees of freedom, non-central by λ while the signal is present. Each peak may be
+present all the time, only before, or only from some period k on, and λ follows from its mean power in that time. The
+most likely of these patterns decides. If one peak is present before k and the other from k on, both are one signal, and
+the stronger peak represents it.
 
-A second signal that comes or goes while the first stays is two signals.
+A second signal that appears or ends while the first stays is a signal of its own.
 """
 
 from __future__ import annotations
@@ -32,14 +33,14 @@ _MIN_PERIODS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jump:
-    """A signal that is at another code phase from some moment on.
+    """Jump of a signal to another code phase.
 
     Attributes
     ----------
     at_s
-        From the first sample, good to a code period.
+        Time of the jump after the first sample, to a code period.
     by_s
-        Later, modulo 4 ms, between ±2 ms: negative where samples are missing.
+        Increase of the delay, modulo 4 ms, between ±2 ms; negative if samples are missing.
     """
 
     svid: int
@@ -50,14 +51,14 @@ class Jump:
 def find_jump(
     batch: SampleBatch, one: Acquisition, other: Acquisition, signals: tuple[SignalDefinition, ...], periods: int
 ) -> Jump | None:
-    """Return the jump by which two peaks of a satellite are one signal, None if they are two.
+    """Return the jump by which two peaks of a satellite are one signal; None if they are two signals.
 
     Parameters
     ----------
     batch
-        E1 samples in which both were found.
+        E1 samples in which both peaks were found.
     signals, periods
-        Components whose powers are added; code periods at most.
+        Components whose powers are added, and the largest number of code periods.
     """
     powers = [_powers(batch, found, signals)[:periods] for found in (one, other)]
     n = min(power.size for power in powers)
@@ -79,7 +80,7 @@ def find_jump(
 
 
 def _patterns(n: int) -> Iterator[tuple[tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]], int, bool]]:
-    """Yield when both places may have their signals; with it the period of the jump, or 0, and whether one is first."""
+    """Yield when both peaks may be present, with the period of the jump, or 0, and whether one peak is first."""
     always = np.ones(n, bool)
     yield (always, always), 0, False
     for k in range(1, n):
@@ -91,9 +92,10 @@ def _patterns(n: int) -> Iterator[tuple[tuple[Bool[np.ndarray, " n"], Bool[np.nd
 
 
 def _log_likelihood(power: Float64[np.ndarray, " n"], on: Bool[np.ndarray, " n"], freedom: int) -> float:
-    """Return the logarithm of the likelihood of powers with a signal in some periods over that without any.
+    """Return the logarithm of the likelihood of powers with a signal in some periods over that without any signal.
 
-    The density of the non-central chi-squared distribution over that of the central one.
+    The likelihood ratio is the density of the non-central chi-squared distribution over that of the central
+    distribution.
     """
     x = power[on]
     shift = max(float(np.mean(x)) - freedom, 1e-6)
@@ -106,7 +108,7 @@ def _log_likelihood(power: Float64[np.ndarray, " n"], on: Bool[np.ndarray, " n"]
 def _powers(
     batch: SampleBatch, found: Acquisition, signals: tuple[SignalDefinition, ...]
 ) -> Float64[np.ndarray, " periods"]:
-    """Return the power of every period where a signal was found, in units of the noise variance per dimension."""
+    """Return the power of every period at a found signal, in units of the noise variance per dimension."""
     rows = []
     for signal in signals:
         taps, noise = period_taps(batch, signal, found.svid, found.code_start_s, found.doppler_hz)

@@ -1,8 +1,8 @@
-"""All signals on E1 at one time, measured: what `vestige search e1` lists.
+"""Measurements of all signals on E1 at one time, which `vestige search e1` lists.
 
-`search_e1` finds signals on a grid of 125 Hz and a quarter of a chip. Here each of them is measured (`measure_e1`) over
-the same samples, and all are referred to the first of those samples. Where samples are missing, every signal jumps.
-Then only the longer part, before or after the jump, is used, so that no two signals are of different parts.
+`search_e1` finds signals on a grid of 125 Hz and a quarter of a chip. This module measures each signal (`measure_e1`)
+over the same samples, and refers all signals to the first of these samples. If samples are missing, every signal jumps.
+Then only the longer part, before or after the jump, is used, so that all signals come from the same part.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from vestige.sample_processor.search.e1_jump import Jump
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.signals.definitions import E1C
 
-GUARD_S = 2 * E1_CODE_PERIOD_S  # around a jump, whose time is known to a code period
-_MOST_JUMPS = 4  # in 100 ms; with more of them, what is left is too short
-_SAME_CHIPS = 1.0  # a measured code phase farther from the found one belongs to another signal
+GUARD_S = 2 * E1_CODE_PERIOD_S  # margin around a jump, whose time is known to a code period
+_MOST_JUMPS = 4  # in 100 ms; with more jumps, the remaining parts are too short
+_SAME_CHIPS = 1.0  # a measured code phase at a larger distance from the found code phase belongs to another signal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,20 +28,20 @@ class E1Signal:
     """One signal on E1 at the first sample of `E1Signals.batch`."""
 
     found: Acquisition  # the cell of the search
-    code_start_s: float  # from the first sample to the start of the first code period, [0, 4 ms)
+    code_start_s: float  # time from the first sample to the start of the first code period, [0, 4 ms)
     doppler_hz: float
     cn0_dbhz: float  # C/N0 of E1-C alone
-    # satellite time of transmission of the first sample, modulo 100 ms; None if nothing was measured
+    # satellite time of transmission of the first sample, modulo 100 ms; None without a measurement
     transmit_phase_s: float | None
 
     @property
     def svid(self) -> int:
-        """Satellite whose codes it has."""
+        """SVID of the satellite whose codes the signal has."""
         return self.found.svid
 
     @property
     def is_measured(self) -> bool:
-        """Whether the values are measured; if not, they are those of the grid, ±63 Hz and up to 4 dB low."""
+        """Whether the values are measured; otherwise they come from the grid, ±63 Hz and up to 4 dB low."""
         return self.transmit_phase_s is not None
 
 
@@ -49,9 +49,9 @@ class E1Signal:
 class E1Signals:
     """The signals of all satellites at one time, that of the first sample of `batch`."""
 
-    batch: SampleBatch  # the samples that were used: without a jump in them
-    signals: tuple[E1Signal, ...]  # in the order of satellites, the strongest of each first
-    jumps: tuple[Jump, ...]  # that were found in the samples given
+    batch: SampleBatch  # the samples that were used, which contain no jump
+    signals: tuple[E1Signal, ...]  # sorted by satellite, and for each satellite from the strongest down
+    jumps: tuple[Jump, ...]  # jumps found in the given samples
 
 
 def list_e1(

@@ -1,21 +1,22 @@
-"""All signals of a satellite on E1, not only the strongest: the first step of the hand-over search [WFO, Sec. III-E].
+"""All signals of a satellite on E1, also the weaker: the first step of the hand-over search [WFO, Sec. III-E].
 
 Theory of operation
 -------------------
 The powers are those of `vestige.sample_processor.acquisition`: one code period (4 ms) coherently at every code phase
-and Doppler bin, K periods non-coherently, E1-B and E1-C added. Signals are taken out of them from the strongest down.
-What belongs to a signal that has been taken is not a second one:
+and Doppler bin, K periods non-coherently, E1-B and E1-C added. Signals are taken from the powers, the strongest first.
+The following parts of a taken signal do not count as a second signal:
 
 * its own correlation peak with the side peaks of BOC(1,1) and CBOC at ±½ chip, which ends one chip away, widened by
   the code Doppler of a wrong bin (0.6 chip over 100 ms and 10 kHz): all cells within `BLIND_CHIPS`;
-* its Doppler side lobes (−13 dB, −18 dB, …): they lie at its code phase, so the same cells at *every* Doppler;
+* its Doppler side lobes (−13 dB, −18 dB, …), which lie at its code phase, so the same cells at *every* Doppler;
 * its code side lobes, at any code phase: at most −20 dB for one code period of a memory code at a wrong Doppler, or
-  with a symbol that turns. So nothing counts that is `CROSS_CORRELATION_DB` below it.
+  with a symbol that changes. So a signal that is `CROSS_CORRELATION_DB` below it does not count.
 
-A peak that is only there while a stronger one is not is that signal after a jump: samples are missing (`e1_jump`).
+A peak may be present only while a stronger peak is absent. Such a peak is the same signal after a jump, because samples
+are missing (`e1_jump`).
 
-What is given up: a second signal within 2 chips (586 m) in code phase modulo 4 ms, where the correlator bank and the
-range checks watch, and one 16 dB below the strongest.
+The search cannot separate a second signal within 2 chips (586 m) in code phase modulo 4 ms; there the correlator bank
+and the range checks detect it. A signal 16 dB below the strongest is not found either.
 """
 
 from __future__ import annotations
@@ -59,15 +60,15 @@ def search_e1(
     overall_pfa
         Probability that noise alone gives any signal.
     doppler_span_hz, doppler_center_hz
-        Searched from centre − span to centre + span.
+        Middle of the searched Dopplers, and the span on either side of it.
     periods
-        K, code periods that are added non-coherently at most; 1 needs 8 ms of samples.
+        K, largest number of code periods that are added non-coherently; 1 needs 8 ms of samples.
     signals
         Components whose powers are added.
     progress
-        Called with the number of satellites that are done, and of all, as the search goes on.
+        Function that is called with the number of finished satellites, and of all satellites, during the search.
     jumped
-        Called with every jump of a signal whose second peak was left out.
+        Function that is called with every jump of a signal whose second peak was left out.
     """
     found = search_cells(
         batch,
@@ -93,7 +94,8 @@ def search_e1(
 
 def separate(powers: CellPowers) -> tuple[Acquisition, ...]:
     """Return the signals in the powers of one satellite, the strongest first."""
-    best = np.max(powers.powers, axis=0)  # over Doppler: a signal takes its code phases at every Doppler
+    # maximum over Doppler, because a signal occupies its code phases at every Doppler
+    best = np.max(powers.powers, axis=0)
     blind = int(np.ceil(BLIND_CHIPS / E1C.chip_rate_hz * powers.rate_hz))
     found: list[Acquisition] = []
     while True:
@@ -104,4 +106,4 @@ def separate(powers: CellPowers) -> tuple[Acquisition, ...]:
         if found and one.cn0_dbhz < found[0].cn0_dbhz - CROSS_CORRELATION_DB:
             return tuple(found)
         found.append(one)
-        best[(column + np.arange(-blind, blind + 1)) % best.size] = 0.0  # code phases are a circle
+        best[(column + np.arange(-blind, blind + 1)) % best.size] = 0.0  # code phases are cyclic

@@ -1,4 +1,4 @@
-"""The exact value of a cell of the exhaustive search, from the samples in complex128, and the peak that it belongs to.
+"""The exact value of a cell of the exhaustive search, from the samples in complex128, and the peak of that cell.
 
 A sum over chips n = 165 p + q at many frequencies is two small matrix products in place of one large table
 of exponentials: first over q within short pieces, then over pieces.
@@ -24,14 +24,14 @@ _FINE_BINS = np.linspace(-1.0, 1.0, 33)  # 1/32 of 1/(2 T) apart
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """A code offset of a pass.
+    """Code offset of a pass.
 
     Attributes
     ----------
     code
-        The chips that are correlated.
+        Chips that are correlated.
     start_time
-        When the first chip arrives.
+        Time at which the first chip arrives.
     middle_hz
         Doppler on carrier and code.
     """
@@ -44,14 +44,14 @@ class Cell:
 def exact_peak(
     source: SampleSource, cell: Cell, bins_hz: Float64[np.ndarray, " bins"], threshold: float
 ) -> Peak | None:
-    """Return the peak at a cell, fine in Doppler and code phase, if one of its bins is above the threshold.
+    """Return the peak at a cell, interpolated in Doppler and code phase, if one of its bins is above the threshold.
 
     Parameters
     ----------
     bins_hz
         Doppler bins from `cell.middle_hz`.
     threshold
-        On the magnitude, in standard deviations of the noise per dimension.
+        Threshold on the magnitude, in standard deviations of the noise per dimension.
     """
     wiped, noise = wiped_chips(source, cell)
     if noise == 0:

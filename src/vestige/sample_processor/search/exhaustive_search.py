@@ -2,20 +2,20 @@
 
 Theory of operation
 -------------------
-The samples are summed into chips on two grids half a chip apart (`half_chip_kernel`), scaled to int8 and handed to an
-engine in blocks of code offsets, which returns the largest power over the Doppler bins for every offset. So a file is
-read piece by piece, and a block's chips serve all codes. Blocks go in order of time: of what an interrupted search has
-found, too, the earliest is the true signal, and it can go on from there.
+The samples are summed into chips on two grids half a chip apart (`half_chip_kernel`) and scaled to int8. An engine
+receives the chips in blocks of code offsets and returns the largest power over the Doppler bins for every offset. So a
+file is read piece by piece, and a block's chips serve all codes. Blocks are searched in order of time. Therefore the
+earliest find is the true signal even in an interrupted search, and such a search can be continued.
 
-**Code Doppler.** A replica without it slides by f_d/f_c · R_c · T chips, 0.32 chip at 5 kHz and 16 ms, and loses up to
-0.72 dB. Where that is more than 0.3 dB the span is cut into passes, and each removes the Doppler of its own middle from
-carrier *and* code: two passes for 8 ms, three for 16 ms. What is left is at most 0.24 dB.
+**Code Doppler.** A replica without code Doppler slides by f_d/f_c · R_c · T chips, 0.32 chip at 5 kHz and 16 ms, and
+loses up to 0.72 dB. If the loss exceeds 0.3 dB, the span is cut into passes. Each pass removes the Doppler of its own
+middle from carrier *and* code: two passes for 8 ms, three for 16 ms. The remaining loss is at most 0.24 dB.
 
-**Decision.** Where a power comes within an engine's loss and `SCREEN_MARGIN_DB` of the threshold, the cell is computed
-again from the samples in complex128, over all bins, against the noise of its own samples (Σ|chip|², see
-`vestige.sample_processor.correlator`). That value alone is compared with the threshold. Then Doppler and code phase are
-made fine. The margin is there because noise falls differently on an engine's sum and the exact one; it costs a few
-exact cells an hour.
+**Decision.** If a power comes within an engine's loss and `SCREEN_MARGIN_DB` of the threshold, the cell is computed
+again. The exact value uses the samples in complex128, over all bins, against their own noise (Σ|chip|², see
+`vestige.sample_processor.correlator`). Only the exact value is compared with the threshold. Then Doppler and code phase
+are interpolated. The margin is needed because noise differs between an engine's sum and the exact sum; it costs a few
+exact cells per hour.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from vestige.sample_processor.search.peak import Peak, separated, shortened
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
-SCREEN_MARGIN_DB = 1.0  # 3 σ of the difference of the two sums, at the threshold of 30 s
-_CLUSTER_CHIPS = 2.0  # offsets over the screen that are nearer belong together
-_CELLS_OF_CLUSTER = 4  # that are tried: the strongest may be one that the exact sum puts just below the threshold
-_TRIANGLE_CHIPS = 1.25  # beyond a cell the signal next to it is over: ¼ chip off, and a chip wide
-_AHEAD = 2  # blocks for each worker that are read before they are asked for
+SCREEN_MARGIN_DB = 1.0  # 3 σ of the difference between engine's and exact sum, at the threshold of 30 s
+_CLUSTER_CHIPS = 2.0  # offsets over the screen at a smaller distance form a cluster
+_CELLS_OF_CLUSTER = 4  # cells tried per cluster: the exact sum may be just below the threshold in the strongest cell
+_TRIANGLE_CHIPS = 1.25  # a signal next to a cell ends at this distance: ¼ chip off, and a chip wide
+_AHEAD = 2  # blocks per worker that are read in advance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,14 +54,14 @@ class SearchState:
     done, total
         Numbers of hypotheses: tested so far, and of the whole search.
     peaks
-        Signals that it has found so far, in order of time.
+        Signals found so far, in order of time.
     block_start
-        Time of the first code offset of the block that was done last.
+        Time of the first code offset of the last block.
     block_magnitude
-        Magnitude of the strongest cell in that block, as the engine computed it, in standard deviations of the noise
-        per dimension; 0 if the engine left out all of them.
+        Magnitude of the strongest cell in that block, as computed by the engine, in standard deviations of the noise
+        per dimension; 0 if the engine left out all cells.
     blocks
-        Number of blocks that were searched, from the first on.
+        Number of searched blocks, counted from the first.
     """
 
     done: float
@@ -81,12 +81,12 @@ class ExhaustiveSearch:
     integration_s
         T_I: 1, 2, 4, 8 or 16 ms of the beginning of a RECS.
     doppler_span_hz
-        Searched from −span to +span.
+        Half width of the Doppler search, which goes from −span to +span.
     engine
-        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that runs here. Exact
-        cells decide, whatever the engine; `segment` leaves out a few of the weakest signals (`theory/screen_loss.py`).
+        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that runs here. With
+        every engine exact cells decide. `segment` leaves out a few of the weakest signals (`theory/screen_loss.py`).
     workers
-        Threads; None for all cores. What is found does not depend on it.
+        Number of threads; None for all cores. The result does not depend on this number.
     """
 
     integration_s: float = 4e-3
@@ -102,7 +102,7 @@ class ExhaustiveSearch:
 
     @property
     def n_chips(self) -> int:
-        """Chips that are correlated."""
+        """Number of chips that are correlated."""
         return round(self.integration_s * CHIP_RATE_HZ)
 
     @property
@@ -133,33 +133,34 @@ class ExhaustiveSearch:
         *,
         after: SearchState | None = None,
     ) -> Iterator[SearchState]:
-        """Yield the state of the search, block after block; whoever stops in between keeps what was found.
+        """Yield the state of the search after each block; a caller that stops early keeps the finds so far.
 
-        Interrupted from the keyboard, it lets the workers end their blocks, yields once more and passes that on.
+        After an interrupt from the keyboard, the method lets the workers end their blocks, yields once more and passes
+        the interrupt on.
 
         Parameters
         ----------
         source
-            E6 samples. Only offsets at which they hold the whole sum are searched.
+            E6 samples. Only offsets with the whole sum in the samples are searched.
         codes
             Decrypted RECS, of one or more satellites, each with at least the chips of the integration time.
         first_start, last_start
-            Time uncertainty: when the first chip may arrive at the earliest and at the latest.
+            Time uncertainty: earliest and latest arrival of the first chip.
         threshold
-            On the magnitude, in standard deviations of the noise per dimension.
+            Threshold on the magnitude, in standard deviations of the noise per dimension.
         after
-            State of the same search from which to go on: with the same samples and arguments, `workers` apart.
+            State of the same search from which to continue: with the same samples and arguments, except for `workers`.
 
         Raises
         ------
         ValueError
             If a code is too short.
         EngineUnavailableError
-            If this machine does not run the engine.
+            If the engine does not run on this machine.
         """
         chips = tuple(shortened(one, self.n_chips) for one in codes)
         if any(one.chips.size < self.n_chips for one in chips):
-            raise ValueError(f"a RECS holds fewer than the {self.n_chips} chips to be correlated")
+            raise ValueError(f"a RECS has fewer than the {self.n_chips} chips of the integration time")
         begin, uncertainty_s = searchable(source, self.integration_s, first_start, last_start)
         total = self.hypotheses(uncertainty_s, len(chips))
         if total <= 0 or not chips:
@@ -195,7 +196,7 @@ class ExhaustiveSearch:
                 yield state
         except KeyboardInterrupt:
             pool.shutdown(wait=True, cancel_futures=True)
-            for block, future in waiting:  # what the workers have begun is not lost; they begin in order
+            for block, future in waiting:  # blocks that the workers have begun are not lost; workers begin in order
                 if future.cancelled():
                     break
                 state = _next(state, block, *future.result(), done)
@@ -208,7 +209,7 @@ class ExhaustiveSearch:
 def _next(
     state: SearchState, block: _Block, found: list[Peak], magnitude: float, done: Float64[np.ndarray, " blocks"]
 ) -> SearchState:
-    """Return the state after one more block; `done` is hypotheses that are done after each."""
+    """Return the state after one more block; `done` is the number of hypotheses after each block."""
     return SearchState(
         done=float(done[state.blocks]),
         total=state.total,
@@ -222,7 +223,7 @@ def _next(
 def searchable(
     source: SampleSource, integration_s: float, first_start: GalileoTime, last_start: GalileoTime
 ) -> tuple[GalileoTime, float]:
-    """Return the first start and the width in s of what can be searched: the samples hold the whole sum there."""
+    """Return the first start and the width in s of the range in which the samples have the whole sum."""
     head = source.read(source.first_sample, 1)
     # a few chips for the code Doppler and the last half chip
     length_s = (source.end_sample - source.first_sample) / head.sample_rate_hz - integration_s - 2 / CHIP_RATE_HZ
@@ -260,7 +261,7 @@ class _Block:
     def _decide(self, source: SampleSource, code: ChipSequence, offsets: list[float], threshold: float) -> list[Peak]:
         """Return the peaks of a cluster: of its cells, strongest first, those whose exact value is above the threshold.
 
-        What lies on the triangle of a peak is not looked at again; beyond it there may be another signal.
+        Cells on the triangle of a peak are not tested again; beyond the triangle there may be another signal.
         """
         peaks: list[Peak] = []
         rest, tries = offsets, _CELLS_OF_CLUSTER
@@ -283,7 +284,7 @@ class _Block:
         return CHIP_RATE_HZ * (1 + self.middle_hz / CARRIER_HZ[source.read(source.first_sample, 1).band])
 
     def _chips(self, source: SampleSource) -> Int16[np.ndarray, "2 2 n"]:
-        """Return the chips of the block, grid, real and imaginary part, σ `SIGMA`; zeros behind the last sample."""
+        """Return the chips of the block by grid, real and imaginary part, with σ = `SIGMA`; zeros after the samples."""
         n = self.count + self.search.n_chips
         head = source.read(source.first_sample, 1)
         rate, code_rate = head.sample_rate_hz, self._code_rate(source)

@@ -1,11 +1,12 @@
-"""Samples turned into sums over half chips: the front of both searches in E6.
+"""Samples summed into half chips, the first step of both searches in E6.
 
-A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t² and is added, free of its carrier,
-to half chip ⌊2u⌋. The correlator at a delay of any multiple of half a chip is then a signed sum of these numbers, the
-same as over samples: `vestige.sample_processor.correlator` finds the same chip for every sample.
+A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t². The sample is added, free of its
+carrier, to half chip ⌊2u⌋. The correlator at a delay of any multiple of half a chip is then a signed sum of these
+numbers. The signed sum equals the sum over samples, because `vestige.sample_processor.correlator` finds the same chip
+for every sample.
 
-Phases of code and carrier are worked out in float64 for each block of 1024 samples; inside a block the code phase is an
-integer with 40 fraction bits, and the carrier a table.
+Phases of code and carrier are computed in float64 for each block of 1024 samples. Inside a block the code phase is an
+integer with 40 fraction bits, and the carrier is a table.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -23,7 +24,7 @@ _UNSIGNED_BITS = np.uint64(_PHASE_BITS)
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _wipe(x, cos, sin, turn_re, turn_im, slope, curve, y_re, y_im):
-    """Turn samples by the conjugate rotator, the block's turn and the small angle slope · k + curve · k²."""
+    """Rotate samples by the conjugate rotator, the block's phase and the small angle slope · k + curve · k²."""
     for i in range(y_re.size):
         a, b = x[2 * i], x[2 * i + 1]
         re = a * cos[i] + b * sin[i]
@@ -37,7 +38,7 @@ def _wipe(x, cos, sin, turn_re, turn_im, slope, curve, y_re, y_im):
 
 @njit(cache=True, nogil=True)
 def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, first_half, out_re, out_im):
-    """Fill float32 `out_re`, `out_im` with the sums of the samples in half chip `first_half` and on.
+    """Fill float32 `out_re`, `out_im` with the sums of the samples in half chips from `first_half` on.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, fi
     if_hz, doppler_rate
         Carrier frequency in the samples at t = 0 in Hz, and its rate of change in Hz/s.
     first_half
-        Number of the half chip that goes to the first place.
+        Number of the half chip in the first element.
     """
     out_re[:] = 0
     out_im[:] = 0
@@ -82,7 +83,8 @@ def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, fi
         dp = np.int64(np.round(halves_per_sample * 2.0**_PHASE_BITS))
         first = np.int64(base) - first_half
         if first >= 0 and first + ((p + n * dp) >> _PHASE_BITS) < n_halves:
-            start, phase, step = np.uint64(first), np.uint64(p), np.uint64(dp)  # unsigned: no index counts from the end
+            # unsigned, so that no index counts from the end
+            start, phase, step = np.uint64(first), np.uint64(p), np.uint64(dp)
             for i in range(n):
                 j = start + (phase >> _UNSIGNED_BITS)
                 out_re[j] += y_re[i]
@@ -99,7 +101,7 @@ def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, fi
 
 @njit(cache=True, nogil=True, fastmath=True)
 def chip_sums(halves, even, odd):
-    """Fill `even` with h_2j + h_2j+1 and `odd` with h_2j+1 + h_2j+2: chips, and chips half a chip later; Σ even².
+    """Fill `even` with h_2j + h_2j+1, `odd` with h_2j+1 + h_2j+2 (chips half a chip later), and return Σ even².
 
     Parameters
     ----------

@@ -1,23 +1,23 @@
-"""The hand-over search: E6 at every place where one signal on E1 says that it may be [WFO, Sec. III-E].
+"""The hand-over search: E6 at every position that is possible for one signal on E1 [WFO, Sec. III-E].
 
 Theory of operation
 -------------------
-A signal on E1 gives code phase and Doppler; what it leaves open is a multiple of its period, 4 ms, or 100 ms where the
-phase of the secondary code is known. So the first chip of a RECS can arrive at τ_m after a known moment, where
+A signal on E1 gives code phase and Doppler. A multiple of its period remains unknown: 4 ms, or 100 ms if the phase of
+the secondary code is known. So the first chip of a RECS can arrive at τ_m after a known moment, where
 
     u(τ) = R_c (1 + f_d/f_c) τ + ½ R_c (ḟ_d/f_c) τ²        u(τ_m) = m · period · R_c
 
-that is, on the *received* period: with Doppler a grid of nominal 4 ms would be 120 chips off after 30 s at 1 kHz.
+The grid is thus the *received* period: with Doppler a grid of nominal 4 ms would be 120 chips off after 30 s at 1 kHz.
 
 The samples are summed into chips along u, free of their carrier (`half_chip_kernel`), twice, half a chip apart: rows of
-4 ms. A RECS of 16 ms is four rows, and hypothesis m + 1 shares three of them with hypothesis m. So every row is
-multiplied once with all quarters of the RECS at all taps (`row_kernel`), on one of the two grids of chips:
+4 ms. A RECS of 16 ms has four rows, and hypothesis m + 1 shares three of them with hypothesis m. So every row is
+multiplied only once with all quarters of the RECS at all taps (`row_kernel`), on one of the two grids of chips:
 
     Y[row, quarter, tap] = Σ_j row[j] · chip[quarter, j − tap]        S[m, tap] = Σ_q Y[m + q, q, tap]
 
-Carrier and code run on through all rows, so no phase has to be joined. At a tap k half chips off the middle the k/2
-outermost chips of the RECS are left out (0.0001 dB). The noise under each hypothesis is Σ|chip sum|² of its rows, see
-`vestige.sample_processor.correlator`.
+Carrier and code phase are continuous through all rows, so no phases have to be joined. At a tap k half chips from the
+middle, the k/2 outermost chips of the RECS are left out (0.0001 dB). The noise of each hypothesis is Σ|chip sum|² of
+its rows, see `vestige.sample_processor.correlator`.
 """
 
 from __future__ import annotations
@@ -35,22 +35,22 @@ from vestige.sample_processor.search.row_kernel import OFFSETS_AT_ONCE, row_prod
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
-_CHUNK = 960  # places whose rows are summed up together
-_ROWS = 32  # whose samples are read at once
+_CHUNK = 960  # positions whose rows are computed together
+_ROWS = 32  # rows whose samples are read at once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateEpochs:
-    """Times at which the chips may arrive by one signal on E1: a known moment and every period before and after it.
+    """Possible arrivals of the chips by one signal on E1: a known moment and every period before and after it.
 
     Attributes
     ----------
     chips
-        The decrypted RECS.
+        Decrypted RECS.
     anchor
-        A receiver-clock time at which the first chip may arrive.
+        Receiver-clock time at which the first chip may arrive.
     period_s
-        4 ms, or a multiple of it, on the satellite's clock.
+        Period of 4 ms, or a multiple of 4 ms, on the satellite's clock.
     doppler_hz, doppler_rate_hz_per_s
         Doppler and its rate on the E6 carrier at `anchor`.
     """
@@ -70,7 +70,7 @@ class CandidateEpochs:
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """The received code along a line: chips after the anchor against seconds after it."""
+    """The received code of a line: chips after the anchor against seconds after the anchor."""
 
     code_rate: float
     code_rate_rate: float
@@ -93,24 +93,25 @@ def search_handover(
     progress: Callable[[int, int], None] | None = None,
     trace: Callable[[GalileoTime, float], None] | None = None,
 ) -> tuple[Peak, ...]:
-    """Return the signals at the places that a line allows, in order of time.
+    """Return the signals at the positions that a line allows, in order of time.
 
     Parameters
     ----------
     source
-        E6 samples. Places at which they do not hold the whole segment are not searched.
+        E6 samples. Positions without the whole segment in the samples are not searched.
     line
         Hand-over from one signal on E1.
     first_start, last_start
-        Time uncertainty: when the first chip may arrive at the earliest and at the latest.
+        Time uncertainty: earliest and latest arrival of the first chip.
     threshold
-        On the magnitude, in standard deviations of the noise per dimension.
+        Threshold on the magnitude, in standard deviations of the noise per dimension.
     taps
         Number of code offsets, half a chip apart, that are tested at each possible arrival; odd.
     progress
-        Called with the number of hypotheses that are done, and of all.
+        Function that is called with the number of finished hypotheses, and of all hypotheses.
     trace
-        Called for each place with its time and the magnitude of its strongest tap, in standard deviations of the noise.
+        Function that is called for each position with its time and the magnitude of its strongest tap, in standard
+        deviations of the noise.
     """
     if taps < 1 or taps % 2 == 0:
         raise ValueError(f"the number of taps must be odd, not {taps}")
@@ -136,7 +137,7 @@ def search_handover(
 def handover_positions(
     source: SampleSource, line: CandidateEpochs, first_start: GalileoTime, last_start: GalileoTime
 ) -> Int64[np.ndarray, " places"]:
-    """Return the numbers m of the places to search: in the time uncertainty, and with all their rows in the samples."""
+    """Return the numbers m of the searched positions: in the time uncertainty, with all rows in the samples."""
     scale, rows = _scale(source, line), _rows(line.chips)
     head = source.read(source.first_sample, 1)
     begin_s = head.start - line.anchor
@@ -151,10 +152,10 @@ def handover_positions(
 def _squares(
     source: SampleSource, line: CandidateEpochs, places: Int64[np.ndarray, " places"], taps: int
 ) -> Iterator[tuple[Int64[np.ndarray, " places"], Float64[np.ndarray, "places taps"]]]:
-    """Yield groups of places with the squared magnitudes of their hypotheses over the noise variance per dimension."""
+    """Yield groups of positions with the squared magnitudes of their hypotheses over the noise variance."""
     n_rows = _rows(line.chips)
     stride = round(line.period_s / E1_CODE_PERIOD_S)
-    size = _CHUNK if stride < n_rows else 1  # places far apart share no rows
+    size = _CHUNK if stride < n_rows else 1  # distant positions share no rows
     replica = _Replica.of(line.chips, taps)
     for begin in range(0, places.size, size):
         chunk = places[begin : begin + size]
@@ -167,9 +168,9 @@ def _squares(
 
 @dataclass(frozen=True, slots=True)
 class _Replica:
-    """A RECS with zeros around it, and where in it each quarter begins at each tap, on each of the two grids of chips.
+    """A RECS with zeros around it, and the start of each quarter at each tap, on each of the two grids of chips.
 
-    A tap that is later by a chip has its quarters begin a chip earlier in the code.
+    At a tap that is later by a chip, the quarters begin a chip earlier in the code.
     """
 
     code: Float32[np.ndarray, " _"]
@@ -179,7 +180,7 @@ class _Replica:
 
     @classmethod
     def of(cls, chips: ChipSequence, taps: int) -> _Replica:
-        """Return the replica for so many taps half a chip apart."""
+        """Return the replica for `taps` taps half a chip apart."""
         row_chips, n_quarters = _row_chips(chips), _rows(chips)
         code = np.zeros(n_quarters * row_chips + 2 * taps, np.float32)
         code[taps : taps + chips.chips.size] = chips.chips
@@ -195,7 +196,7 @@ class _Replica:
         """Return real and imaginary part of each of `n` rows times each quarter and tap, and Σ|chip|² of each row."""
         products = np.empty((2, n, self.n_quarters, self.tap_of[0].size + self.tap_of[1].size), np.float32)
         noise = np.empty(n)
-        # the last ones are computed once more where their number is not a multiple
+        # the last quarters are computed twice if their number is not a multiple
         padded = [np.resize(one, -(-one.size // OFFSETS_AT_ONCE) * OFFSETS_AT_ONCE) for one in self.offsets]
         for begin in range(0, n, _ROWS):
             end = min(begin + _ROWS, n)
@@ -240,7 +241,7 @@ def _fill(
 
 
 def _handover(source: SampleSource, line: CandidateEpochs, place: int, tap: int) -> Handover:
-    """Return the hypothesis at a place and tap."""
+    """Return the hypothesis at a position and tap."""
     scale = _scale(source, line)
     chips = place * line.period_s * line.chips.chip_rate_hz + tap / 2
     at_s = scale.time_of(chips)

@@ -1,4 +1,4 @@
-"""A signal that a search in E6 found, and its exact place."""
+"""A signal that a search in E6 found, with its interpolated position."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 
 _FINE_CHIPS = np.arange(-25, 26) / 20  # 0.05 chip apart, ±1.25 chips: the cell is within a chip of the peak
-_MARGIN_S = 1e-6  # duration of samples on both sides of the segment
+_MARGIN_S = 1e-6  # duration of samples on either side of the segment
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,11 +28,11 @@ class Peak:
     doppler_hz
         Carrier Doppler on E6 at that time.
     magnitude
-        At its exact place, in standard deviations of the noise per dimension.
+        Magnitude at the interpolated position, in standard deviations of the noise per dimension.
     threshold
-        Detection threshold in the same unit; the grid cell that was tested stood above it.
+        Detection threshold in the same unit; the tested grid cell exceeded it.
     cn0_dbhz
-        C/N0 of E6-C that the magnitude speaks for.
+        C/N0 of E6-C that corresponds to the magnitude.
     """
 
     svid: int
@@ -44,12 +44,12 @@ class Peak:
 
 
 def peak_at(source: SampleSource, handover: Handover, threshold: float) -> Peak | None:
-    """Return the peak within 1¼ chips of a hand-over, its Doppler as it is; None if the samples do not hold it.
+    """Return the peak within 1¼ chips of a hand-over at its Doppler; None if the samples do not contain it.
 
     Parameters
     ----------
     handover
-        Where the cell is, with the chips that were correlated.
+        Hand-over of the cell, with the chips that were correlated.
     threshold
         Threshold that the cell exceeded, in standard deviations of the noise per dimension.
     """
@@ -93,10 +93,10 @@ def shortened(chips: ChipSequence, n_chips: int) -> ChipSequence:
 
 
 def separated(peaks: Iterable[Peak]) -> tuple[Peak, ...]:
-    """Return the peaks in order of time; within one chip of a stronger one of its satellite a peak is the same signal.
+    """Return the peaks in order of time; a peak within one chip of a stronger peak of its satellite is the same signal.
 
-    A triangle is two chips wide, and all Doppler side lobes of a signal lie at its code offset: so whatever its
-    Doppler, a weaker peak within a chip is part of the stronger.
+    A triangle is two chips wide, and all Doppler side lobes of a signal lie at its code offset. So a weaker peak within
+    a chip is part of the stronger peak, at any Doppler.
     """
     kept: list[Peak] = []
     for peak in sorted(peaks, key=lambda one: -one.magnitude):

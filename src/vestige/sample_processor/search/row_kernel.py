@@ -1,9 +1,9 @@
-"""Samples turned into rows of chips, and each row multiplied with a code at many offsets: the hand-over search's work.
+"""Samples summed into rows of chips, and each row multiplied with a code at many offsets, for the hand-over search.
 
-All taps and all quarters of a RECS are the same code at other offsets. So there is no matrix of replicas, as a matrix
-product would want one, but one code of 330 kB. A row is summed up from its samples and multiplied before the next one
-is begun, a block at a time with all offsets: what is written stays in the second-level cache until it has been read,
-what is read again in the first. Blocks also keep the rounding of float32 low.
+All taps and all quarters of a RECS are the same code at different offsets. So a single code of 330 kB replaces the
+matrix of replicas that a matrix product would need. Each row is summed from its samples and multiplied before the next
+row is begun, a block at a time with all offsets. Written data thus stay in the second-level cache until they are read,
+and data that are read again stay in the first-level cache. Blocks also keep the rounding error of float32 low.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -15,7 +15,7 @@ import numpy as np
 from vestige.kernel_cache import njit
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
 
-OFFSETS_AT_ONCE = 4  # times real and imaginary part: eight sums that do not wait for one another
+OFFSETS_AT_ONCE = 4  # times real and imaginary part: eight independent sums
 _BLOCK = 1000  # chips
 _INVERSION_STEPS = 4  # steps of u(t); each gains five decimals
 
@@ -62,7 +62,7 @@ def _add_block(re, im, code, first, offsets, out_re, out_im):
 
 @njit(cache=True, nogil=True)
 def time_of(chips, code_rate, code_rate_rate):
-    """Return the time t at which u(t) = R t + ½ Ṙ t² is so many chips."""
+    """Return the time t at which u(t) = R t + ½ Ṙ t² equals `chips`."""
     t = chips / code_rate
     for _ in range(_INVERSION_STEPS):
         t = (chips - 0.5 * code_rate_rate * t**2) / code_rate
@@ -80,11 +80,11 @@ def row_products(
     x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate
         The same as for `half_chip_sums`; chip 0 is the first of row 0.
     first_row
-        Number of the row that goes to the first place.
+        Number of the row in the first element.
     code
-        float32, every offset + n within it.
+        float32; every offset + n lies within the code.
     offsets, odd_offsets
-        int64[multiple of `OFFSETS_AT_ONCE`], for the chips and for those half a chip later; may be empty.
+        int64[multiple of `OFFSETS_AT_ONCE`], for the chips and for the chips half a chip later; may be empty.
     out, odd
         float32[2, rows, offsets], real and imaginary part.
     noise

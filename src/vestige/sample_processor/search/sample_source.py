@@ -1,4 +1,4 @@
-"""Samples in memory as a search reads them; those of a file are read in pieces (`vestige.recording`)."""
+"""Samples in memory as input of a search; samples of a file are read in pieces (`vestige.recording`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from vestige.records import SampleBatch
 
 @dataclass(frozen=True, slots=True)
 class BatchSource:
-    """A batch as a source."""
+    """A batch as a sample source."""
 
     batch: SampleBatch
 
@@ -20,7 +20,7 @@ class BatchSource:
 
     @property
     def end_sample(self) -> int:
-        """Number after that of the last sample."""
+        """Number of the last sample plus 1."""
         return self.batch.first_sample + self.batch.samples.size
 
     def read(self, first: int, count: int) -> SampleBatch:

@@ -1,4 +1,4 @@
-"""One tracking channel: a satellite on E1, followed from its acquisition to its loss."""
+"""One tracking channel, which follows a satellite on E1 from its acquisition to its loss."""
 
 from __future__ import annotations
 
@@ -32,18 +32,19 @@ from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11, CBOC_MINUS, Pulse, band_limited_correlation
 
-MAX_SPACING_CHIPS = 1 / 3  # of a correlator from the prompt: BOC(1,1)'s main peak ends there
-MIN_SAMPLE_RATE_HZ = E1C.chip_rate_hz / MAX_SPACING_CHIPS  # below it a correlator one sample away leaves the peak
+MAX_SPACING_CHIPS = 1 / 3  # largest distance of a correlator from the prompt: BOC(1,1)'s main peak ends there
+# at a lower rate, a correlator one sample away leaves the peak
+MIN_SAMPLE_RATE_HZ = E1C.chip_rate_hz / MAX_SPACING_CHIPS
 _SLOPE_STEP_CHIPS = 1e-4
 
 
 def correlator_lags(settings: TrackingSettings, sample_rate_hz: float) -> list[int]:
-    """Return the places of the correlators in samples from the prompt, in ascending order; positive is later.
+    """Return the positions of the correlators in samples from the prompt, in ascending order; positive is later.
 
     Parameters
     ----------
     settings
-        Their number and the wished distance from early to late.
+        Number of correlators, and requested distance from early to late.
     sample_rate_hz
         Sampling rate in Hz.
 
@@ -70,9 +71,9 @@ def correlator_lags(settings: TrackingSettings, sample_rate_hz: float) -> list[i
 
 
 def code_discriminator_scale(settings: TrackingSettings, sample_rate_hz: float, bandwidth_hz: float) -> float:
-    """Return what turns the code discriminator over A² into the code error in chips, for small errors.
+    """Return the factor that turns the code discriminator over A² into the code error in chips, for small errors.
 
-    The discriminator is |L|² − |E|² or Re((L − E) P*), as the settings say.
+    The discriminator is |L|² − |E|² or Re((L − E) P*), depending on the settings.
 
     Parameters
     ----------
@@ -102,9 +103,9 @@ class TrackedPeriods:
     Attributes
     ----------
     periods
-        One `PERIOD` for each.
+        `PERIOD` record of each code period.
     banks
-        complex64[period, correlator] of E1-C, the secondary chip taken off.
+        complex64[period, correlator] of E1-C, with the secondary chip removed.
     """
 
     periods: np.ndarray
@@ -117,9 +118,9 @@ class Channel:
     Parameters
     ----------
     found
-        Result of an acquisition; the channel starts where the samples of it started.
+        Result of an acquisition; the channel starts at the first sample of that acquisition.
     batch
-        Those samples. Only their rate, centre frequency and counter are used.
+        Samples of the acquisition. Only their rate, centre frequency and counter are used.
     settings
         Loops and correlators.
     bandwidth_hz
@@ -128,12 +129,12 @@ class Channel:
     Raises
     ------
     VestigeError
-        If the sampling rate is too low for the correlators, or a loop for its bandwidth.
+        If the sampling rate is too low for the correlators, or if a loop cannot have its bandwidth.
 
     Notes
     -----
-    `run` is given samples that follow one another, and keeps none of them: the caller gives those again of which the
-    channel still needs some, from `first_sample` on.
+    `run` takes consecutive samples and keeps none of them. The caller must repeat the samples that the channel still
+    needs, from `first_sample` on.
     """
 
     def __init__(
@@ -190,7 +191,7 @@ class Channel:
         constants = self._constants[0]
         rate = E1C.chip_rate_hz * (1 + found.doppler_hz / E1_CARRIER_HZ) / batch.sample_rate_hz
         elapsed = (found.time - batch.start) * batch.sample_rate_hz
-        phase = found.transmit_phase_s * E1C.chip_rate_hz - elapsed * rate  # of the first sample
+        phase = found.transmit_phase_s * E1C.chip_rate_hz - elapsed * rate  # code phase of the first sample
         period = int(np.ceil(phase / CODE_LENGTH))
         skipped = int(np.ceil((period * CODE_LENGTH - phase) / rate))
         state = np.zeros(1, CHANNEL_STATE)
@@ -213,34 +214,35 @@ class Channel:
 
     @property
     def lost(self) -> bool:
-        """Whether the signal is lost: `run` does nothing any more."""
+        """Whether the signal is lost; `run` then has no effect."""
         return bool(self._state["mode"][0] == LOST)
 
     @property
     def doppler_hz(self) -> float:
-        """Doppler by the integrator of the carrier loop."""
+        """Doppler from the integrator of the carrier loop."""
         return float(self._state["doppler_hz"][0])
 
     def run(self, samples: Complex64[np.ndarray, " n"], first: int) -> TrackedPeriods:
-        """Track all code periods that lie in some samples whole; arguments and errors as for `track_together`."""
+        """Track all code periods that lie completely in some samples; arguments and errors as for `track_together`."""
         return track_together([self], samples, first)[0]
 
 
 def track_together(
     channels: Sequence[Channel], samples: Complex64[np.ndarray, " n"], first: int
 ) -> list[TrackedPeriods]:
-    """Track all code periods of some channels that lie in the same samples whole.
+    """Track all code periods of some channels that lie completely in the same samples.
 
-    The result of a channel does not depend on the others. Together they are faster, because they share the cache.
+    The result of a channel does not depend on the other channels. Together they are faster, because they share the
+    cache.
 
     Parameters
     ----------
     channels
-        With equally many correlators.
+        Channels with the same number of correlators.
     samples
-        E1, from `first_sample` of each channel or before on.
+        Samples of E1, from the smallest `first_sample` of the channels or earlier.
     first
-        Number of the first of them.
+        Number of the first sample.
 
     Raises
     ------
@@ -251,10 +253,10 @@ def track_together(
         return []
     needed = min(channel.first_sample for channel in channels)
     if first > needed:
-        raise ValueError(f"samples from number {first} on, a channel needs {needed}")
+        raise ValueError(f"samples begin with number {first}, but a channel needs {needed}")
     x: Float32[np.ndarray, " n"] = samples.view(np.float32)
     constants, states = np.zeros(len(channels), CONSTANTS), np.zeros(len(channels), CHANNEL_STATE)
-    for i, channel in enumerate(channels):  # np.concatenate compares the fields' types each time
+    for i, channel in enumerate(channels):  # faster than np.concatenate, which compares field types
         constants[i], states[i] = channel._constants[0], channel._state[0]
     totals = np.stack([channel._total for channel in channels])
     most = int(samples.size / (constants["sample_rate_hz"].min() * E1C.period_s) * 1.01) + 2

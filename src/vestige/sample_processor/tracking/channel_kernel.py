@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-The code oscillator cuts the samples into code periods: period k begins with the first sample whose code phase is not
-negative. Each period gives the bank P_j of E1-C, with the secondary chip taken off, and the prompt of E1-B. After every
-integration the discriminators tell the errors, with the early (E), prompt (P) and late (L) correlator:
+The code oscillator cuts the samples into code periods. Period k begins with the first sample whose code phase is not
+negative. Each period gives the bank P_j of E1-C, with the secondary chip removed, and the prompt of E1-B. After every
+integration the discriminators give the errors, from the early (E), prompt (P) and late (L) correlator:
 
     carrier phase     Im P / (2π A)                  of the pilot, which has no data; at most a quarter of a cycle;
                       or arg(P) / (2π), or arctan(Im P / Re P) / (2π)
@@ -12,13 +12,14 @@ integration the discriminators tell the errors, with the early (E), prompt (P) a
     code phase        (|L|² − |E|²) / (4 A² R(d) R'(d))   [BETZ09]; A is the smoothed amplitude of P;
                       or Re((L − E) P*) / (2 A² R(0) R'(d))
 
-with R the correlation of the received pulse with the replica at half the distance d from early to late. The gains are
-those of `loop_gains`. The carrier's frequency (the loop's integrator, not its momentary rate) aids the code.
+Here R is the correlation of the received pulse with the replica, and d is half the distance from early to late. The
+gains are those of `loop_gains`. The frequency of the carrier, from the loop's integrator and not its momentary rate,
+aids the code.
 
-Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 and the phase lock, (I² − Q²)/(I² + Q²) of
-their sum, the estimate of cos 2φ [VAN-DIERENDONCK96]. C/N0 = S/(2 V T) with S the square of the mean in-phase part,
-less the noise in it, and V its variance, both smoothed over 1 s. The quadrature part is not used: the loop's own phase
-noise is in it, which would take 0.3 dB from the C/N0.
+Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 and the phase lock. The phase lock (I² −
+Q²)/(I² + Q²) of their sum estimates cos 2φ [VAN-DIERENDONCK96]. C/N0 is S/(2 V T). S is the square of the mean in-phase
+part, less its noise, and V is the variance of the in-phase part; both are smoothed over 1 s. The quadrature part is not
+used, because it contains the loop's own phase noise, which would reduce the C/N0 by 0.3 dB.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -33,23 +34,23 @@ from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 
 CODE_LENGTH = 4092.0  # chips of E1-B and E1-C
 PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
-_PIECE = 1 << 15  # samples, 256 kB: a piece and a code period stay in the second-level cache
-_AMPLITUDE_TIME_S = 0.2  # over which the amplitude of the prompt is smoothed
-_CN0_SHARE = 0.1  # of the newest 100 ms in the smoothed signal and noise: 1 s
-_TURNED = 0.3  # of the amplitude: an in-phase part below it means that the carrier has slipped, or is about to
-_IN_PHASE_SHARE = 0.2  # of a new prompt in the smoothed in-phase part: 20 ms
-_LOCK_SHARE = 0.3  # and in the smoothed phase lock: 0.3 s
+_PIECE = 1 << 15  # samples, 256 kB; a piece and a code period stay in the second-level cache
+_AMPLITUDE_TIME_S = 0.2  # time over which the amplitude of the prompt is smoothed
+_CN0_SHARE = 0.1  # share of the newest 100 ms in the smoothed signal and noise: 1 s
+_TURNED = 0.3  # share of the amplitude; a smaller in-phase part means that the carrier has slipped, or is about to slip
+_IN_PHASE_SHARE = 0.2  # share of a new prompt in the smoothed in-phase part: 20 ms
+_LOCK_SHARE = 0.3  # share of a new value in the smoothed phase lock: 0.3 s
 
-# What a channel carries from period to period.
+# state that a channel carries from period to period
 CHANNEL_STATE = np.dtype(
     [
-        ("first_sample", "i8"),  # of the next code period
-        ("code_phase", "f8"),  # of that sample, in chips
-        ("code_rate", "f8"),  # chips a sample
+        ("first_sample", "i8"),  # first sample of the next code period
+        ("code_phase", "f8"),  # code phase of that sample, in chips
+        ("code_rate", "f8"),  # chips per sample
         ("carrier_cycles", "f8"),  # carrier phase of that sample
-        ("carrier_step", "f8"),  # cycles a sample
+        ("carrier_step", "f8"),  # cycles per sample
         ("doppler_hz", "f8"),  # integrator of the carrier loop
-        ("doppler_rate", "f8"),  # of order 3, in Hz/s
+        ("doppler_rate", "f8"),  # second integrator of an order-3 loop, in Hz/s
         ("code_drift", "f8"),  # integrator of the code loop in chips/s; not used by order 1
         ("period", "i8"),  # number of the next code period; 0 starts a secondary code
         ("mode", "i8"),
@@ -58,63 +59,63 @@ CHANNEL_STATE = np.dtype(
         ("amplitude", "f8"),  # smoothed amplitude of the prompt of an integration
         ("last_re", "f8"),
         ("last_im", "f8"),
-        ("sum_re", "f8"),  # of the prompts of the present secondary code
+        ("sum_re", "f8"),  # sum of the prompts of the present secondary code
         ("sum_im", "f8"),
-        ("sum_in_phase", "f8"),  # of the squares of their in-phase parts
+        ("sum_in_phase", "f8"),  # sum of the squares of their in-phase parts
         ("summed", "i8"),
         ("signal", "f8"),  # square of the mean in-phase part, smoothed
-        ("noise", "f8"),  # its variance, smoothed; 0 before the first
+        ("noise", "f8"),  # variance of the in-phase part, smoothed; 0 before the first
         ("cn0_dbhz", "f8"),
-        ("phase_lock", "f8"),  # of the last secondary code
-        ("mean_lock", "f8"),  # smoothed
+        ("phase_lock", "f8"),  # phase lock of the last secondary code
+        ("mean_lock", "f8"),  # smoothed phase lock
         ("bad", "i8"),  # secondary codes in a row below the thresholds
-        ("slipped", "i8"),  # whether the phase of the last secondary code is not to be trusted
+        ("slipped", "i8"),  # whether the phase of the last secondary code is unreliable
         ("in_phase", "f8"),  # in-phase part of the prompts, smoothed over 20 ms
-        ("turned", "i8"),  # whether it was far below the amplitude in the present secondary code
+        ("turned", "i8"),  # whether `in_phase` was far below the amplitude in the present secondary code
     ]
 )
 
-# What it does not change.
+# constants of a channel
 CONSTANTS = np.dtype(
     [
         ("sample_rate_hz", "f8"),
         ("chip_rate_hz", "f8"),
         ("carrier_hz", "f8"),
-        ("intermediate_hz", "f8"),  # where the carrier stands in the samples without Doppler
+        ("intermediate_hz", "f8"),  # frequency of the carrier in the samples without Doppler
         ("interval_s", "f8"),  # integration time
-        ("periods", "i8"),  # in an integration
+        ("periods", "i8"),  # code periods in an integration
         ("pll", "f8", (3,)),
         ("dll", "f8", (3,)),
         ("fll", "f8"),
-        ("code_scale", "f8"),  # 1 / (4 R R') in chips; of the dot product 1 / (2 R(0) R')
-        ("phase_kind", "i8"),  # place in `PLL_DISCRIMINATORS`
-        ("code_kind", "i8"),  # place in `DLL_DISCRIMINATORS`
-        ("early", "i8"),  # places of the correlators in the bank
+        ("code_scale", "f8"),  # 1 / (4 R R') in chips; for the dot product 1 / (2 R(0) R')
+        ("phase_kind", "i8"),  # index in `PLL_DISCRIMINATORS`
+        ("code_kind", "i8"),  # index in `DLL_DISCRIMINATORS`
+        ("early", "i8"),  # index of the correlator in the bank
         ("prompt", "i8"),
         ("late", "i8"),
-        ("pull_in", "i8"),  # integrations
+        ("pull_in", "i8"),  # number of integrations
         ("min_cn0_dbhz", "f8"),
         ("min_phase_lock", "f8"),
         ("slip_phase_lock", "f8"),
-        ("patience", "i8"),  # secondary codes
+        ("patience", "i8"),  # number of secondary codes
         ("high", "f8"),  # BOC(6,1) part of the replica
     ]
 )
 
-# What a code period says.
+# results of a code period
 PERIOD = np.dtype(
     [
         ("number", "i8"),
         ("first_sample", "i8"),
-        ("code_phase", "f8"),  # of the first sample, in chips
-        ("code_rate", "f8"),  # chips a sample
-        ("carrier_cycles", "f8"),  # of the first sample
-        ("carrier_step", "f8"),  # cycles a sample
+        ("code_phase", "f8"),  # code phase of the first sample, in chips
+        ("code_rate", "f8"),  # chips per sample
+        ("carrier_cycles", "f8"),  # carrier phase of the first sample
+        ("carrier_step", "f8"),  # cycles per sample
         ("doppler_rate", "f8"),
         ("data", "c16"),  # prompt of E1-B
         ("cn0_dbhz", "f8"),
         ("phase_lock", "f8"),
-        ("locked", "?"),  # the phase lock of the last secondary code was good
+        ("locked", "?"),  # whether the phase lock of the last secondary code was good
     ]
 )
 
@@ -123,31 +124,31 @@ PERIOD = np.dtype(
 def track_channels(
     x, x_first, secondary, pilot_windows, data_windows, lags, constants, states, totals, periods, banks, done
 ):
-    """Track as many code periods of some channels as the samples hold.
+    """Track as many code periods of some channels as the samples contain.
 
-    All channels pass a piece of `_PIECE` samples before any goes to the next one, so that the samples are read from
-    memory once and not once for each channel. The pieces change no number: channels have nothing in common.
+    All channels process a piece of `_PIECE` samples before any channel goes to the next piece. So the samples are read
+    from memory once and not once for each channel. The pieces change no number, because channels are independent.
 
     Parameters
     ----------
     x
         float32[2 · n], real and imaginary parts of the samples in turn.
     x_first
-        Number of the first of them.
+        Number of the first sample.
     secondary
         float64[channel, 25], the secondary codes of E1-C.
     pilot_windows, data_windows
         uint32[channel, window], `half_chip_windows` of E1-C and E1-B.
     lags
-        int64[channel, k], the places of the correlators in samples.
+        int64[channel, k], the positions of the correlators in samples.
     constants, states
-        `CONSTANTS`[channel] and `CHANNEL_STATE`[channel]; the states are carried on.
+        `CONSTANTS`[channel] and `CHANNEL_STATE`[channel]; the states are updated.
     totals
-        complex128[channel, k], the banks of the integrations that are under way; carried on.
+        complex128[channel, k], the banks of the unfinished integrations; updated.
     periods, banks
         `PERIOD`[channel, m] and complex64[channel, m, k], filled; m is at least the number of periods in the samples.
     done
-        int64[channel], zeros; the number of periods that were tracked is added.
+        int64[channel], zeros; the number of tracked periods is added.
     """
     x_end = x_first + x.size // 2
     for piece_end in range(min(x_first + _PIECE, x_end), x_end + _PIECE, _PIECE):
@@ -170,7 +171,7 @@ def track_channels(
 
 @njit(cache=True, nogil=True)
 def _track_periods(x, x_first, begin_before, secondary, pilot_windows, data_windows, lags, c, s, total, periods, banks):
-    """Track the code periods of a channel that begin before a sample and lie in `x` whole; return their number."""
+    """Track the code periods of a channel that begin before a sample and lie completely in `x`; return their number."""
     pilot = np.empty(lags.size, np.complex128)
     x_end = x_first + x.size // 2
     n_done = 0
@@ -221,7 +222,7 @@ def _update(c, s, total):
     """Close the loops with the bank of one integration."""
     early, prompt, late = total[c.early], total[c.prompt], total[c.late]
     t = c.interval_s
-    # the in-phase part has no noise in its mean; it is no measure while the phase is not locked
+    # the mean of the in-phase part contains no noise, but it is no measure while the phase is not locked
     size = np.hypot(prompt.real, prompt.imag) if s.mode == PULL_IN else prompt.real
     s.amplitude = size if s.amplitude == 0.0 else s.amplitude + t / _AMPLITUDE_TIME_S * (size - s.amplitude)
     rate_hz = 0.0
@@ -230,7 +231,7 @@ def _update(c, s, total):
         if s.pulled_in > 0:
             cross = prompt.imag * s.last_re - prompt.real * s.last_im
             dot = prompt.real * s.last_re + prompt.imag * s.last_im
-            gain = 1.0 / (1.0 / c.fll + s.pulled_in)  # narrows, so that all of the pull-in is averaged
+            gain = 1.0 / (1.0 / c.fll + s.pulled_in)  # decreases, so that the whole pull-in is averaged
             s.doppler_hz += gain * np.arctan2(cross, dot) / (2 * np.pi * t)
         s.pulled_in += 1
         if s.pulled_in == c.pull_in:
@@ -238,7 +239,7 @@ def _update(c, s, total):
             s.in_phase = s.amplitude / c.periods
             # the PLL starts without a phase error
             s.carrier_cycles += np.arctan2(prompt.imag, prompt.real) / (2 * np.pi)
-            # what was measured while the carrier still turned does not count
+            # measurements during the pull-in, with the carrier still rotating, do not count
             s.noise, s.signal, s.mean_lock = 0.0, 0.0, 0.0
             s.sum_re, s.sum_im, s.sum_in_phase, s.summed = 0.0, 0.0, 0.0, 0
     else:
@@ -265,7 +266,7 @@ def _update(c, s, total):
 def _phase_error(kind, prompt, amplitude):
     """Return the phase error in cycles.
 
-    The normalized quadrature is linear in the noise, where an arctangent makes more of it in weak signals.
+    The normalized quadrature is linear in the noise, while an arctangent increases the noise of weak signals.
     """
     if kind == 1:
         return np.arctan2(prompt.imag, prompt.real) / (2 * np.pi)
@@ -274,14 +275,14 @@ def _phase_error(kind, prompt, amplitude):
     size = max(amplitude, 0.5 * np.hypot(prompt.real, prompt.imag))
     if size <= 0.0:
         return 0.0
-    if prompt.real < 0.0:  # beyond a quarter of a cycle
+    if prompt.real < 0.0:  # the error exceeds a quarter of a cycle
         return 0.25 if prompt.imag > 0.0 else -0.25
     return min(max(prompt.imag / size / (2 * np.pi), -0.25), 0.25)
 
 
 @njit(cache=True, nogil=True)
 def _lock(c, s, prompt):
-    """Add a prompt to those of its secondary code; at the end tell C/N0, phase lock and whether the signal is lost."""
+    """Add a prompt to the sums of its secondary code; at the end determine C/N0, phase lock and loss of signal."""
     s.sum_re += prompt.real
     s.sum_im += prompt.imag
     s.sum_in_phase += prompt.real**2
@@ -312,7 +313,7 @@ def _lock(c, s, prompt):
             s.slipped = 1 if unlocked else 0
             s.turned = 0
     elif s.summed == PERIODS_PER_SECONDARY:
-        s.bad += 1  # no power at all
+        s.bad += 1  # there is no power
     if s.bad > c.patience:
         s.mode = LOST
     s.sum_re, s.sum_im, s.sum_in_phase, s.summed = 0.0, 0.0, 0.0, 0

@@ -17,10 +17,10 @@ from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 from vestige.signals.definitions import E1C
 from vestige.time import GalileoTime
 
-DOPPLER_SPAN_S = 0.1  # of carrier phase from which a Doppler is made
-HISTORY_S = 0.4  # of code periods that are kept for observables
-_WEEKS = 4096  # after which the week number in the message starts again [OS-ICD, 5.1.2]
-_PERIOD_MS = 4  # of the code
+DOPPLER_SPAN_S = 0.1  # duration of carrier phase from which a Doppler is computed
+HISTORY_S = 0.4  # duration of the code periods that are kept for observables
+_WEEKS = 4096  # number of weeks after which the week number of the message starts again [OS-ICD, 5.1.2]
+_PERIOD_MS = 4  # duration of a code period
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,9 +30,9 @@ class Observables:
     Attributes
     ----------
     transmit_s
-        Satellite time of transmission in s after that of the channel's code period 0.
+        Satellite time of transmission, in s after that of the channel's code period 0.
     carrier_phase_cycles
-        Accumulated carrier phase in cycles, growing when the range grows.
+        Accumulated carrier phase in cycles; it grows when the range grows.
     doppler_hz
         Doppler over `DOPPLER_SPAN_S` around the moment.
     cn0_dbhz
@@ -46,12 +46,12 @@ class Observables:
 
 
 class ChannelTrack:
-    """A channel with its message and its recent past.
+    """A channel with its message and its recent history.
 
     Parameters
     ----------
     channel
-        Loops that have just started.
+        Channel whose loops have just started.
     sample_rate_hz
         Sampling rate in Hz.
     center_frequency_hz
@@ -60,7 +60,7 @@ class ChannelTrack:
     Attributes
     ----------
     zero
-        Time of transmission of code period 0, once the message has told it; None before.
+        Time of transmission of code period 0, once a message has given it; None before.
     """
 
     def __init__(self, channel: Channel, sample_rate_hz: float, center_frequency_hz: float) -> None:
@@ -74,11 +74,11 @@ class ChannelTrack:
 
     @property
     def svid(self) -> int:
-        """The satellite."""
+        """SVID of the satellite."""
         return self.channel.svid
 
     def take(self, tracked: TrackedPeriods) -> list[ReceivedPage]:
-        """Keep what the channel has tracked; return the pages that are complete with it."""
+        """Store the tracked periods; return the pages that they complete."""
         kept = np.searchsorted(self._past["first_sample"], self._oldest(tracked), side="left")
         past = np.empty(self._past.size - kept + tracked.periods.size, PERIOD)
         past[: self._past.size - kept], past[self._past.size - kept :] = self._past[kept:], tracked.periods
@@ -94,13 +94,13 @@ class ChannelTrack:
 
     @property
     def reach(self) -> float:
-        """Number of the last sample for which there are observables."""
+        """Number of the last sample with observables."""
         return float(self.channel.first_sample) - DOPPLER_SPAN_S / 2 * self._rate_hz
 
     def newest(self) -> tuple[int, float] | None:
         """Return the first sample of the newest code period and its time of transmission, locked or not.
 
-        The time is in s after that of the channel's code period 0; None if nothing was tracked yet.
+        The time is in s after that of the channel's code period 0. The result is None if no period was tracked yet.
         """
         if not self._past.size:
             return None
@@ -109,14 +109,14 @@ class ChannelTrack:
         return int(period["first_sample"]), float(sent_s)
 
     def learn_time(self, page: ReceivedPage, week: int) -> GalileoTime | None:
-        """Return the time of transmission of a page if its word tells it, and remember it.
+        """Return the time of transmission of a page if its word contains it, and store it.
 
         Parameters
         ----------
         page
             A page of this channel.
         week
-            Galileo week to within half of 4096, and to within half a week for words without a week number.
+            Galileo week, within half of 4096 weeks; within half a week for words without a week number.
         """
         unplaced = InavPage(svid=self.svid, time=GalileoTime(week, 0), data=page.data)
         time = None if unplaced.is_alert else time_in_word(unplaced.word)
@@ -131,12 +131,12 @@ class ChannelTrack:
         return start
 
     def observables(self, samples: Float[np.ndarray, " n"]) -> Observables:
-        """Return what the channel says at some moments.
+        """Return the observables of the channel at some moments.
 
         Parameters
         ----------
         samples
-            Moments as numbers of samples, with fractions, in ascending order, none later than `reach`.
+            Sample numbers of the moments, with fractions, in ascending order, none later than `reach`.
         """
         past = self._past
         row = np.searchsorted(past["first_sample"], samples, side="right") - 1
@@ -157,7 +157,7 @@ class ChannelTrack:
         )
 
     def taps(self, sample: float) -> Complex64[np.ndarray, " k"]:
-        """Return the sum of the banks of the last 25 code periods that began before a sample, 100 ms.
+        """Return the sum of the banks of the last 25 code periods, or 100 ms, that began before a sample.
 
         Parameters
         ----------
@@ -168,7 +168,7 @@ class ChannelTrack:
         return np.sum(self._banks[max(end - PERIODS_PER_SECONDARY, 0) : max(end, 0)], axis=0)
 
     def _cycles(self, samples: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the cycles of the carrier beyond those of its nominal frequency."""
+        """Return the cycles of the carrier less those of its nominal frequency."""
         past = self._past
         row: Int64[np.ndarray, " n"] = np.maximum(np.searchsorted(past["first_sample"], samples, side="right") - 1, 0)
         turned = past["carrier_cycles"][row] + (samples - past["first_sample"][row]) * past["carrier_step"][row]

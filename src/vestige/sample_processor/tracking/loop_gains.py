@@ -1,21 +1,21 @@
-"""Gains of a digital tracking loop that has exactly the noise bandwidth it is asked for.
+"""Gains of a digital tracking loop that has exactly the requested noise bandwidth.
 
 Theory of operation
 -------------------
-The loop measures the error e_k of phase k (of a code or a carrier) over an integration time T, and sets the rate of its
-oscillator for the next one:
+The loop measures the error e_k of phase k (code or carrier) over an integration time T. The loop then sets the rate of
+its oscillator for the next integration:
 
     a_{k+1} = a_k + γ₃ e_k / T²        order 3
     f_{k+1} = f_k + a_{k+1} T + γ₂ e_k / T        order 2 and 3
     r_{k+1} = f_{k+1} + γ₁ e_k / T        rate of the oscillator
 
-The oscillator's phase, as the correlator sees it, is the one at the middle of an integration:
-φ_{k+1} = φ_k + T (r_k + r_{k+1})/2. With noise n_k that is white from one integration to the next, φ = Σ h_j n_{k−j},
-and the one-sided noise bandwidth is B = Σ h_j² / (2T): then σ_φ² = 2 B T σ_n² holds exactly.
+The correlator measures the oscillator's phase at the middle of an integration: φ_{k+1} = φ_k + T (r_k + r_{k+1})/2. The
+noise n_k is white from one integration to the next. With φ = Σ h_j n_{k−j}, the one-sided noise bandwidth is B = Σ h_j²
+/ (2T): then σ_φ² = 2 B T σ_n² is exact.
 
-The gains are γ₁ = b₁ x, γ₂ = b₂ x², γ₃ = x³ with x = ω T: damping 1/√2 for order 2, and (b₁, b₂) = (2.4, 1.1) for
-order 3 [KAPLAN06, Table 5.6]. The textbook has B as a function of ω for T → 0; here ω is chosen so that the digital
-loop with its delay has the B that was asked for.
+The gains are γ₁ = b₁ x, γ₂ = b₂ x², γ₃ = x³ with x = ω T: damping 1/√2 for order 2, and (b₁, b₂) = (2.4, 1.1) for order
+3 [KAPLAN06, Table 5.6]. The textbook gives B as a function of ω for T → 0. Here ω is chosen so that the digital loop
+with its delay has the requested B.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from scipy import optimize
 from vestige.errors import VestigeError
 
 _SHAPES = {1: (1.0, 0.0, 0.0), 2: (np.sqrt(2.0), 1.0, 0.0), 3: (2.4, 1.1, 1.0)}  # [KAPLAN06, Table 5.6]
-_LARGEST = {1: 1.3, 2: 0.8, 3: 0.45}  # x beyond which the loop rings so much that nobody wants it
+_LARGEST = {1: 1.3, 2: 0.8, 3: 0.45}  # largest useful x; above it the loop rings too much
 
 
 def gains_of(order: int, x: float) -> tuple[float, float, float]:
@@ -43,19 +43,19 @@ def noise_bandwidth_hz(gains: tuple[float, float, float], interval_s: float) -> 
     Parameters
     ----------
     gains
-        (γ₁, γ₂, γ₃).
+        Gains (γ₁, γ₂, γ₃).
     interval_s
         Integration time T in s.
     """
     g1, g2, g3 = gains
-    # State (φ, r, f, a), all in units of T. One step: φ' = φ + (r + r')/2 with e = n − φ.
+    # State (φ, r, f, a), all in units of T. Each step is φ' = φ + (r + r')/2 with e = n − φ.
     e = np.array([-1.0, 0.0, 0.0, 0.0])
     rate_rate = np.array([0.0, 0.0, 0.0, 1.0]) + g3 * e
     frequency = np.array([0.0, 0.0, 1.0, 0.0]) + rate_rate + g2 * e
     rate = frequency + g1 * e
     phase = np.array([1.0, 0.5, 0.0, 0.0]) + rate / 2
     step = np.stack((phase, rate, frequency, rate_rate))
-    kept = [0, 1] + [2] * (g2 > 0) + [3] * (g3 > 0)  # integrators that a lower order does not have
+    kept = [0, 1] + [2] * (g2 > 0) + [3] * (g3 > 0)  # without the integrators that a lower order does not have
     noise = np.array([(g1 + g2 + g3) / 2, g1 + g2 + g3, g2 + g3, g3])[kept]
     step = step[np.ix_(kept, kept)]
     if np.max(np.abs(np.linalg.eigvals(step))) >= 1.0:
@@ -73,7 +73,7 @@ def loop_gains(order: int, bandwidth_hz: float, interval_s: float) -> tuple[floa
     Parameters
     ----------
     order
-        1, 2 or 3.
+        Order of the loop: 1, 2 or 3.
     bandwidth_hz
         One-sided noise bandwidth B in Hz.
     interval_s

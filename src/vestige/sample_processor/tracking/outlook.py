@@ -1,11 +1,12 @@
 """Satellites that a tracking receiver should look for: those above its horizon, by the almanac.
 
-Every satellite sends the almanac of all in words 7 to 10, three satellites a minute [OS-ICD, 5.1.10]. With the ranges
-of four satellites, coarse orbits give the position to some kilometres, and elevations to a tenth of a degree. So a
-satellite that has risen is found within seconds; in a search of all satellites in turn it may wait for minutes.
+Every satellite sends the almanac of all satellites in words 7 to 10, three satellites a minute [OS-ICD, 5.1.10]. With
+the ranges of four satellites, coarse orbits give the position to some kilometres, and elevations to a tenth of a
+degree. So the receiver finds a satellite that has risen within seconds; a search of all satellites in turn may take
+minutes.
 
 The almanac only decides which satellites are tried first. A message may be forged, and an almanac may be old, so every
-fourth search is of another satellite. No verdict depends on it.
+fourth search is of another satellite. No verdict depends on the almanac.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ from vestige.navigation.position_fix import UNKNOWNS, position_fix, transmission
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
-HORIZON_DEG = -1.0  # satellites that are about to rise are tried, too
-_SET_S = 60  # in which a satellite sends one set of words 7 to 10
+HORIZON_DEG = -1.0  # satellites that are about to rise are also tried
+_SET_S = 60  # time in which a satellite sends one set of words 7 to 10
 _LOOK_S = 60.0
-_OTHERS_EVERY = 4  # searches, of which one is of a satellite that is not known to be above the horizon
+_OTHERS_EVERY = 4  # searches, including one search of a satellite that is not known to be above the horizon
 _ORBIT_SIGMA_M = 1e4
 
 
@@ -38,7 +39,7 @@ class Outlook:
     Attributes
     ----------
     position_m
-        ECEF position to some kilometres; None as long as it is not known.
+        ECEF position to some kilometres; None while it is unknown.
     """
 
     def __init__(self) -> None:
@@ -52,7 +53,7 @@ class Outlook:
 
     @property
     def known(self) -> frozenset[int]:
-        """Satellites of which the almanac is known."""
+        """Satellites with a known almanac."""
         return frozenset(self._orbits)
 
     def take(self, page: InavPage) -> None:
@@ -67,14 +68,14 @@ class Outlook:
         self._words[page.svid] = minute, words
         try:
             found = AlmanacSet.from_words(words, page.time)
-        except ValueError:  # a time of the almanac that no week has
+        except ValueError:  # a time of the almanac that lies in no week
             return
         for entry in () if found is None else found.entries:
             if found is not None and 1 <= entry.svid <= MAX_SVID:
                 self._orbits[entry.svid] = entry.ephemeris(found.t0a)
 
     def locate(self, epoch: ObservationEpoch) -> None:
-        """Learn the position from an epoch; nothing if fewer than four of its satellites are in the almanac."""
+        """Compute the position from an epoch; no effect if fewer than four of its satellites are in the almanac."""
         svids = sorted(self.known & set(epoch.observations))
         if len(svids) < UNKNOWNS:
             return
@@ -85,7 +86,7 @@ class Outlook:
             self.position_m = fix.position_m[0]
 
     def elevation_deg(self, svid: int, time: GalileoTime) -> float:
-        """Return the elevation of a satellite in degrees; NaN if its almanac or the position is not known."""
+        """Return the elevation of a satellite in degrees; NaN if its almanac or the position is unknown."""
         if self.position_m is None or svid not in self._orbits:
             return float("nan")
         rest = np.zeros((1, 3))
@@ -96,15 +97,15 @@ class Outlook:
     def next_search(self, unseen: Collection[int], time: GalileoTime) -> int | None:
         """Return the satellite to look for next; None if there is none to look for.
 
-        Three searches of four are of satellites above `HORIZON_DEG`, as far as there are any. Among those the satellite
-        comes first whose last search is longest ago.
+        Three of four searches are of satellites above `HORIZON_DEG`, as long as there are any. The satellite with the
+        oldest search comes first.
 
         Parameters
         ----------
         unseen
             Satellites that are not tracked.
         time
-            For which elevations are taken.
+            Time to which the elevations refer.
         """
         self._n_searches += 1
         self._look_up(time)
@@ -117,7 +118,7 @@ class Outlook:
         return found
 
     def _look_up(self, time: GalileoTime) -> None:
-        """Learn which satellites are above the horizon, once a minute: in a minute none moves by half a degree."""
+        """Determine the satellites above the horizon, once a minute; in a minute none moves by half a degree."""
         if self._looked_at is None or abs(time - self._looked_at) >= _LOOK_S:
             self._above = {svid for svid in self._orbits if self.elevation_deg(svid, time) >= HORIZON_DEG}
             self._looked_at = time if self._above else None

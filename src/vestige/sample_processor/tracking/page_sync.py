@@ -1,10 +1,10 @@
 """From the E1-B prompts of a tracking channel to I/NAV pages.
 
 A code period of E1-B is a symbol, so the symbols need no clock of their own. A half-page begins with a period of the
-secondary code of E1-C, because both begin with the Galileo second: of the 500 places at which a page may begin, 20 are
-left. At each, the sign of the symbols follows from the synchronisation pattern, and the checksum tells whether it is
-the right place [OS-ICD, 4.3.2]. From then on pages are taken every 500 symbols, until none of `LOST_PAGES` in a row is
-good.
+secondary code of E1-C, because both begin with the Galileo second. So of the 500 positions at which a page may begin,
+20 remain. At each position, the sign of the symbols follows from the synchronisation pattern, and the checksum tells
+whether the position is right [OS-ICD, 4.3.2]. After that, pages are read every 500 symbols, until `LOST_PAGES` in a row
+have a bad checksum.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from vestige.navigation.inav.page import InavPage
 from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 from vestige.time import GalileoTime
 
-LOST_PAGES = 15  # without a good one in 30 s the place of the pages is looked for again
+LOST_PAGES = 15  # without a good page in 30 s the position of the pages is searched again
 _PATTERN = 1.0 - 2.0 * np.array(SYNC_PATTERN, np.float64)
-_MAX_SYNC_ERRORS = 3  # of both patterns of a page, 20 symbols: more are not decoded
-_ANY_TIME = GalileoTime(0, 1)  # of a page whose time is not known yet
+_MAX_SYNC_ERRORS = 3  # errors in both patterns of a page, 20 symbols; pages with more errors are not decoded
+_ANY_TIME = GalileoTime(0, 1)  # start of a page whose time is not known yet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,14 +35,14 @@ class ReceivedPage:
 
 @dataclass(slots=True, kw_only=True)
 class PageSync:
-    """Takes the E1-B prompts of one channel in order and gives the pages in them.
+    """Reader that takes the E1-B prompts of one channel in order and returns their pages.
 
     Attributes
     ----------
     svid
-        The satellite.
+        SVID of the satellite.
     tried, good
-        Pages that were decoded since the place of the pages is known, and those of them with a good checksum.
+        Pages decoded since the position of the pages is known, and pages with a good checksum among them.
     """
 
     svid: int
@@ -59,10 +59,10 @@ class PageSync:
         Parameters
         ----------
         numbers
-            Numbers of the code periods, consecutive from those given before; a secondary code begins where 25 divides
-            them.
+            Numbers of the code periods, which continue those of the last call; a secondary code begins at multiples of
+            25.
         prompts
-            E1-B, its carrier locked to E1-C.
+            Prompts of E1-B, with the carrier locked to E1-C.
         """
         if numbers.size == 0:
             return []
@@ -78,7 +78,7 @@ class PageSync:
         return pages
 
     def _next(self) -> ReceivedPage | None:
-        """Return the next page, one with no data if it was not good, or None if there are too few symbols."""
+        """Return the next page, without data if its checksum was bad; None if there are too few symbols."""
         if self._place is not None:
             if self._place + PAGE_SYMBOLS > self._first + self._soft.size:
                 return None
@@ -107,7 +107,7 @@ class PageSync:
         self._first = until
 
     def _decode(self, at: int) -> bytes:
-        """Return the page that begins with a period, empty if it is not good."""
+        """Return the page that begins with a period; empty if its checksum is bad."""
         soft = self._soft[at - self._first : at - self._first + PAGE_SYMBOLS]
         signs = np.sign(soft.reshape(2, HALF_SYMBOLS)[:, : _PATTERN.size]) * _PATTERN
         if abs(signs.sum()) < signs.size - 2 * _MAX_SYNC_ERRORS:

@@ -1,8 +1,8 @@
 """Detect replayed E1-B symbols from correlations over their beginnings.
 
-An attacker who replays E1-B on time has to estimate each unpredictable symbol while it arrives, so the beginning of the
-symbol is wrong more often than its rest [SECO-GRANADOS20]. A receiver that tracks E1-B correlates both parts, wipes
-them with the symbol that it has decoded, and compares the beginnings. There are two references to compare them with.
+An attacker who replays E1-B without delay has to estimate each unpredictable symbol while it arrives. So the beginning
+of the symbol is wrong more often than its rest [SECO-GRANADOS20]. A receiver that tracks E1-B correlates both parts,
+wipes them with the decoded symbol, and compares the beginnings with one of two references.
 
 **The later parts of the same symbols** (`symbol_replay_test`). With the amplitude of the signal 1 and C/N0 = c, the
 mean over a part of w seconds has noise of variance 1/(2 c w) per dimension. For n unpredictable symbols b_k, with the
@@ -10,20 +10,20 @@ carrier in phase, the test uses
 
     d_k = b_k Re(later_k − first_k)        T = √n mean(d) / std(d)
 
-Without an attack d_k is Gaussian of mean 0, so T has Student's distribution with n − 1 degrees of freedom, whatever the
-C/N0 and the strength of the front end are. The alarm is T > t, P(T > t) = P_fa. A narrow filter of the front end breaks
-this: it smears the first chips of a symbol in another way than the average chip, so the mean of d_k is not 0.
+Without an attack d_k is Gaussian of mean 0. So T has Student's distribution with n − 1 degrees of freedom, for any C/N0
+and signal strength. The alarm is T > t, P(T > t) = P_fa. A narrow filter of the front end violates this assumption: its
+effect on the first chips of a symbol differs from that on the average chip, so the mean of d_k is not 0.
 
-**The beginnings of predictable symbols** (`predictable_reference_test`), which the attacker knows in time. The filter
-does the same to them, so it cancels. `vestige.theory.scer.partial_correlations` has the metrics of this test, the
-thresholds, and the detection probabilities of both tests.
+**The beginnings of predictable symbols** (`predictable_reference_test`). The attacker knows these symbols in time. The
+filter has the same effect on them, so it cancels. `vestige.theory.scer.partial_correlations` has the metrics of this
+test, the thresholds, and the detection probabilities of both tests.
 
-**Which symbols are unpredictable.** Those that nobody can foretell, for the attacker knows the others:
-`unpredictable_symbols` names them in an I/NAV page, 32 of 500 or 480 in an OSNMA subframe of 30 s.
+**Unpredictable symbols** are those that nobody can predict; an attacker knows all others. `unpredictable_symbols`
+returns them for an I/NAV page: 32 of 500 in a page, or 480 in an OSNMA subframe of 30 s.
 
-**What no such test can see**: a spoofing signal that is late by more than it takes to learn a symbol. The same test on
-chips of E6-C is not possible: the attacker estimates a chip as a whole, 195 ns, and transmits the estimate when the
-chip is over, so all parts of a transmitted chip are equally good.
+**Limit of these tests**: they cannot detect a spoofing signal whose delay is longer than an attacker needs to learn a
+symbol. The same test on chips of E6-C is not possible. The attacker estimates a whole chip of 195 ns and transmits the
+estimate when the chip is over, so all parts of a transmitted chip are equally good.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.theory.scer.partial_correlations import FIRST_CHIPS, ReferenceMetric, metric_threshold, metric_value
 
-MIN_SYMBOLS = 10  # of a test; fewer do not tell their own scatter
+MIN_SYMBOLS = 10  # symbols of a test; fewer symbols cannot give their own scatter
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +54,7 @@ class PartialPrompts:
     Attributes
     ----------
     numbers
-        Numbers of the code periods, as the channel counts them.
+        Numbers of the code periods, counted by the channel.
     first, later
         Correlation of the first chips and of the rest of the period, for each sample.
     """
@@ -66,7 +66,7 @@ class PartialPrompts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SymbolReplayTest:
-    """The test's answer: replay if `statistic` exceeds `threshold`; `n_symbols` unpredictable symbols were used."""
+    """Result of the test: a replay if `statistic` exceeds `threshold`; `n_symbols` unpredictable symbols were used."""
 
     statistic: float
     threshold: float
@@ -74,7 +74,7 @@ class SymbolReplayTest:
 
     @property
     def failed(self) -> bool:
-        """Whether the beginnings of the symbols are weaker than chance explains."""
+        """Whether the beginnings of the symbols are weaker than by chance."""
         return self.statistic > self.threshold
 
 
@@ -88,9 +88,9 @@ def partial_prompts(
     batch
         Samples of E1.
     tracked
-        Code periods of a channel; those that are locked and lie in the samples whole are taken.
+        Code periods of a channel; the locked periods that lie completely in the samples are used.
     svid
-        The satellite of the channel.
+        SVID of the satellite of the channel.
     first_chips
         Length of the first part in chips, 1 to 4091.
 
@@ -159,8 +159,8 @@ def symbol_replay_test(
     first, later
         Mean correlations of the two parts of each symbol, the carrier in phase (`PartialPrompts`).
     symbols
-        The symbols, ±1, as a page with a good checksum has them; either sign for all. None takes the sign of the later
-        part, which is right from an E1-B C/N0 of 33 dBHz on.
+        The symbols, ±1, as in a page with a good checksum; all may have the wrong sign. None takes the sign of the
+        later part, which is right from an E1-B C/N0 of 33 dBHz on.
     p_fa
         False-alarm probability.
 
@@ -197,16 +197,16 @@ def predictable_reference_test(
     metric: ReferenceMetric = "real",
     p_fa: float = 1e-6,
 ) -> SymbolReplayTest:
-    """Test whether the beginnings of unpredictable E1-B symbols are weaker than those of predictable ones.
+    """Test whether the beginnings of unpredictable E1-B symbols are weaker than those of predictable symbols.
 
     Parameters
     ----------
     first, later, symbols
         The same as for `symbol_replay_test`, for symbols of both kinds. The later parts give the amplitude.
     unpredictable
-        Which of them nobody can foretell.
+        Symbols that nobody can predict.
     metric
-        How the two means are compared. `real` has an exact threshold and needs a carrier in phase. `distance`,
+        Comparison of the two means. `real` has an exact threshold and needs a carrier in phase. `distance`,
         `magnitudes` and `ratio` do not depend on the carrier's phase.
     p_fa
         False-alarm probability, below 0.5.
@@ -230,7 +230,7 @@ def predictable_reference_test(
     kinds = [(signs * first)[unpredictable], (signs * first)[~unpredictable]]
     n_u, n_p = (kind.size for kind in kinds)
     if min(n_u, n_p) < MIN_SYMBOLS:
-        found = f"{n_u} unpredictable and {n_p} predictable ones"
+        found = f"{n_u} unpredictable and {n_p} predictable symbols"
         raise ValueError(f"a test of replayed symbols needs {MIN_SYMBOLS} symbols or more of each kind, found {found}")
     squares = sum(float(np.sum(np.square(kind.real - np.mean(kind.real)))) for kind in kinds)
     noise = float(np.sqrt(squares / (n_u + n_p - 2)))
@@ -241,18 +241,19 @@ def predictable_reference_test(
 
 
 def _signs(later: Complex128[np.ndarray, " n"], symbols: Float[np.ndarray, " n"] | None) -> Float[np.ndarray, " n"]:
-    """Return the symbols with the sign that the later parts have."""
+    """Return the symbols with the sign of the later parts."""
     return np.sign(later.real) if symbols is None else symbols * np.sign(np.sum(symbols * later.real))
 
 
 @cache
 def unpredictable_symbols() -> Bool[np.ndarray, " 500"]:
-    """Return which symbols of an I/NAV page nobody can foretell, in the order of transmission.
+    """Return which symbols of an I/NAV page nobody can predict, in the order of transmission.
 
-    The 32 bits of a page's MACK message are taken as unknown, all others as known. Every symbol that depends on them is
-    a sum of some of them (the code and the checksum are linear). A symbol whose sum follows from those of the symbols
-    before it is known to an attacker who has received these; so there are as many unpredictable symbols as unknown
-    bits. Bits of the MACK message that do not change between subframes (the header of each tag) make some fewer.
+    The 32 bits of a page's MACK message are taken as unknown, all others as known. Every symbol that depends on unknown
+    bits is a sum of some of them, because the code and the checksum are linear. A symbol may follow from sums of
+    earlier symbols. An attacker who has received these then knows it, so there are as many unpredictable symbols as
+    unknown bits. Some bits of the MACK message do not change between subframes (the header of each tag), so fewer
+    symbols are really unpredictable.
 
     Examples
     --------
@@ -262,7 +263,7 @@ def unpredictable_symbols() -> Bool[np.ndarray, " 500"]:
     """
     plain = page_symbols(encode_page(0))
     depends = [page_symbols(encode_page(0, osnma=(1 << bit).to_bytes(OSNMA_BYTES, "big"))) ^ plain for bit in range(32)]
-    basis: dict[int, int] = {}  # sums that are known, by their highest bit
+    basis: dict[int, int] = {}  # known sums, by their highest bit
     found = np.zeros(plain.size, np.bool_)
     for place, column in enumerate(np.array(depends).T):
         rest = sum(int(one) << bit for bit, one in enumerate(column))

@@ -3,16 +3,16 @@
 Theory of operation
 -------------------
 **Correlators at whole samples.** An early or late correlator is the same replica, moved by some samples. So the replica
-of each sample is made once and serves the whole bank; the distance of a correlator from the prompt is known exactly.
+of each sample is made once and serves the whole bank. The distance of a correlator from the prompt is exactly known.
 
 **Replica.** BOC(1,1) is a code of twice the rate: every chip is followed by its opposite. A window of 32 half chips and
-the fixed-point code phase give the sign of a sample by one shift, without a look-up [see
-`vestige.signals.chip_window_kernel`]. CBOC adds the six half cycles of BOC(6,1) in a half chip, from the same phase.
+the fixed-point code phase give the sign of a sample by one shift, without a look-up
+(`vestige.signals.chip_window_kernel`). CBOC adds the six half cycles of BOC(6,1) in a half chip, from the same phase.
 With BOC(1,1) the replicas of E1-C and E1-B are made together, because they share the shifts.
 
 **Sums.** Two correlators are summed in one loop, because loading the samples takes as long as multiplying them.
 
-**Carrier.** One rotator table for the period; the phase of each block is applied to its sums, in float64.
+**Carrier.** One rotator table serves the period. The phase of each block is applied to its sums, in float64.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -26,9 +26,9 @@ from vestige.kernel_cache import njit
 from vestige.signals.chip_window_kernel import FRACTION_BITS, PAD, chip_windows, float_of
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table
 
-HALF_CHIPS = 8184  # in a code period of E1-B and E1-C
-_MARGIN = 64  # half chips before and behind the period for which there are windows
-_AHEAD = _MARGIN + PAD  # place of the window that starts at half chip 0
+HALF_CHIPS = 8184  # half chips in a code period of E1-B and E1-C
+_MARGIN = 64  # half chips before and after the period for which there are windows
+_AHEAD = _MARGIN + PAD  # index of the window that starts at half chip 0
 _ONE = 0x3F800000  # bits of 1.0 as float32
 _SIGN = 0x80000000
 _WHOLE = float(1 << FRACTION_BITS)
@@ -52,7 +52,7 @@ def _fill_boc(window, fraction, step, replica):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _fill_two_boc(window_1, window_2, fraction, step, replica_1, replica_2):
-    """Fill the same piece of the replicas of two codes."""
+    """Fill the same piece with the replicas of two codes."""
     for i in range(replica_1.size):
         shift = np.uint32(fraction + np.uint32(i) * step) >> np.uint32(FRACTION_BITS)
         sign_1 = np.uint32(np.uint32(window_1 << shift) & np.uint32(_SIGN))
@@ -63,7 +63,7 @@ def _fill_two_boc(window_1, window_2, fraction, step, replica_1, replica_2):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _fill_cboc(window, fraction, step, second_half, high, replica):
-    """Fill a piece with CBOC; `high` is the signed amplitude of BOC(6,1), `second_half` 1 if it starts in one."""
+    """Fill a piece with CBOC; `high` is the signed amplitude of BOC(6,1), `second_half` is 1 in a second half chip."""
     for i in range(replica.size):
         phase = np.uint32(fraction + np.uint32(i) * step)
         shift = phase >> np.uint32(FRACTION_BITS)
@@ -84,7 +84,7 @@ def fill_replica(windows, phase, step, high, replica):
     windows
         `half_chip_windows` of the code.
     phase, step
-        Code phase of the first sample and its step in half chips; within a margin of 64 half chips of the period.
+        Code phase of the first sample and its step in half chips; at most 64 half chips outside the period.
     high
         Signed amplitude of the BOC(6,1) part; 0 for BOC(1,1).
     replica
@@ -162,7 +162,7 @@ def correlate_period(x, pilot_windows, data_windows, high, phase, step, cycles, 
     cycles, cycles_per_sample
         Carrier phase of the first sample and its step, in cycles.
     lags
-        int64[k]: by how many samples the replica of each correlator is late; k is odd.
+        int64[k], the delay of the replica of each correlator in samples; k is odd.
     pilot
         complex128[k], filled with the sums over the samples.
     """

@@ -1,4 +1,4 @@
-"""Settings of E1 tracking, with the names and the usual values of the field."""
+"""Settings of E1 tracking, with the usual names and values of the field."""
 
 from __future__ import annotations
 
@@ -22,34 +22,38 @@ class TrackingSettings:
     pll_bandwidth_hz
         One-sided noise bandwidth of the phase-locked loop in Hz.
     pll_order
-        2 or 3. A loop of order 3 follows a constant acceleration without a phase error.
+        Order of the phase-locked loop, 2 or 3. A loop of order 3 follows a constant acceleration without a phase error.
     fll_bandwidth_hz
-        Initial noise bandwidth in Hz of the frequency-locked loop that pulls the carrier in. It narrows from there on.
+        Initial noise bandwidth in Hz of the frequency-locked loop for the pull-in of the carrier. The bandwidth then
+        decreases.
     dll_bandwidth_hz
-        One-sided noise bandwidth of the delay-locked loop in Hz. The carrier aids it, so it follows what code and
-        carrier do not share: ionosphere, multipath, noise.
+        One-sided noise bandwidth of the delay-locked loop in Hz. The carrier aids this loop, so the loop only follows
+        differences between code and carrier: ionosphere, multipath, noise.
     pll_discriminator
-        Measure of the phase error, from the in-phase part I and the quadrature part Q of the prompt: `normalized
-        quadrature` is Q/A with the smoothed amplitude A, linear in the noise; `arctan2` is the angle of the prompt,
-        linear up to half a cycle; `arctan` is arctan(Q/I), which ignores a sign, so half a cycle is no error.
+        Measure of the phase error, from the in-phase part I and the quadrature part Q of the prompt. `normalized
+        quadrature` is Q/A with the smoothed amplitude A, linear in the noise. `arctan2` is the angle of the prompt,
+        linear up to half a cycle. `arctan` is arctan(Q/I), which ignores a sign, so half a cycle is no error.
     dll_discriminator
-        Measure of the code error, from the early, prompt and late correlators: `early-minus-late power` is |L|² − |E|²;
+        Measure of the code error, from the early, prompt and late correlators. `early-minus-late power` is |L|² − |E|².
         `dot product` is Re((L − E) P*), which loses less to noise because the prompt is stronger.
     integration_periods
         Code periods of 4 ms that are added coherently before the loops are updated: 1 or 5.
     early_late_chips
-        Wished distance from the early to the late correlator in chips. Correlators stand at whole samples from the
-        prompt, so the nearest distance is taken.
+        Requested distance from the early to the late correlator in chips. Correlators lie at whole samples from the
+        prompt, so the nearest possible distance is used.
     n_correlators
-        Correlators in the bank, 5 to 11, an odd number: evenly spaced around the prompt by half of the distance above.
+        Number of correlators in the bank, 5 to 11 and odd. The correlators are spaced around the prompt by half of the
+        distance above.
     replica
-        `BOC(1,1)`, which narrow front ends pass, or `CBOC`, with the BOC(6,1) part, for bands wider than 14 MHz.
+        `BOC(1,1)`, for narrow front ends, or `CBOC`, with the BOC(6,1) part, for bands wider than 14 MHz.
     pull_in_s
         Time for which the FLL runs before the PLL takes over.
     min_cn0_dbhz, min_phase_lock
-        A channel whose C/N0 or phase lock (mean of cos 2φ, over about 0.3 s) stays below for `patience_s` is lost.
+        Lower limits of C/N0 and phase lock (mean of cos 2φ, over about 0.3 s). A channel that stays below for
+        `patience_s` is lost.
     slip_phase_lock
-        There are no observations while the phase lock of 100 ms is below; the next phase is flagged as slipped.
+        Lower limit of the phase lock of 100 ms for observations; the first phase after a lower value is flagged as
+        slipped.
     """
 
     pll_bandwidth_hz: float = 15.0

@@ -1,15 +1,14 @@
 """A receiver of E1: it acquires satellites in a stream of samples, tracks them, and reads their message.
 
-Samples are given in stretches that follow one another; what comes out does not depend on how they are cut. All
-satellites are looked for at the beginning; then one that is not tracked every 5 s, those above the horizon by the
-almanac of the message first (`outlook.py`). Satellites that were lost are looked for every second for two minutes,
-around their last Doppler. Observables come `epochs_per_s` times a second at whole fractions of a second of the
-receiver's clock.
+Samples are given in consecutive stretches; the result does not depend on how they are cut. The receiver looks for all
+satellites at the beginning. Then it looks for an untracked satellite every 5 s, first for those above the horizon by
+the almanac of the message (`outlook.py`). Lost satellites are searched every second for two minutes, around their last
+Doppler. Observables are computed `epochs_per_s` times a second at whole fractions of a second of the receiver's clock.
 
-The time of transmission is known in steps: the secondary code tells it modulo 100 ms, the message tells it wholly,
-after up to 30 s. Until the message of some satellite has told it, the clock of the receiver places it
-(`time_tag_error_s`); from then on the median of those that were told it places all others, whose travel times differ by
-less than 25 ms.
+The time of transmission becomes known in steps. The secondary code gives it modulo 100 ms; the message gives it
+completely, after up to 30 s. Until a message of some satellite has given the time, the receiver's clock resolves it
+(`time_tag_error_s`). After that the median of the satellites with a known time resolves all others, whose travel times
+differ by less than 25 ms.
 """
 
 from __future__ import annotations
@@ -38,13 +37,14 @@ from vestige.signals.definitions import E1C
 from vestige.time import GalileoTime
 
 EPOCHS_PER_S = 10
-TRACKED_STRETCH_S = 0.2  # of samples between two looks at the loops; longer batches would be new memory each time
-_SEAM_S = 0.0085  # of a stretch that is joined to the rest of the one before: more than two code periods
-_SEARCHED_PERIODS = 8  # code periods in which satellites are looked for: enough for 30 dBHz
-_LOST_EVERY = 5  # stretches from one search for satellites that were lost to the next
-_FORGOTTEN_S = 120.0  # after which a lost satellite is one that is not tracked: its Doppler is another
-_MAX_WAITING = 60  # pages of a satellite that wait for the time, two minutes
-_LOST_SPAN_HZ = 500.0  # around their last Doppler, with all of 100 ms
+# duration of samples between two looks at the loops; longer batches would need new memory each time
+TRACKED_STRETCH_S = 0.2
+_SEAM_S = 0.0085  # duration of the previous stretch that is joined to the next: more than two code periods
+_SEARCHED_PERIODS = 8  # code periods in which satellites are searched: enough for 30 dBHz
+_LOST_EVERY = 5  # stretches from one search for lost satellites to the next
+_FORGOTTEN_S = 120.0  # time after which a lost satellite counts as untracked, because its Doppler has changed
+_MAX_WAITING = 60  # pages of a satellite that wait for the time: two minutes
+_LOST_SPAN_HZ = 500.0  # search width around their last Doppler, with all of 100 ms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,24 +57,24 @@ class TrackedStretch:
 
 @dataclass(slots=True, kw_only=True)
 class TrackingReceiver:
-    """Tracks E1 of all satellites.
+    """Receiver that tracks E1 of all satellites.
 
     Attributes
     ----------
     svids
-        Satellites that are looked for.
+        SVIDs of the searched satellites.
     settings
         Loop settings, the same for all channels.
     bandwidth_hz
         Two-sided bandwidth of the front end in Hz; None for the sampling rate.
     time_tag_error_s
-        Error of the samples' time tag in s, positive if it is late, as far as it is known.
+        Known error of the samples' time tag in s, positive if the time tag is late.
     epochs_per_s
-        Observations a second.
+        Number of observations per second.
     workers
-        Threads.
+        Number of threads.
     search_every_s
-        Time from the search for one satellite that is not tracked to the next.
+        Time between two searches for an untracked satellite.
     outlook
         Almanac of the message and the position that follows from it.
     """
@@ -88,46 +88,46 @@ class TrackingReceiver:
     search_every_s: float = 5.0
     outlook: Outlook = field(default_factory=Outlook)
     tracks: dict[int, ChannelTrack] = field(default_factory=dict)
-    time_is_told: bool = False  # whether a message has told the time
+    time_is_told: bool = False  # whether a message has given the time
     _rest: Complex64[np.ndarray, " n"] = field(default_factory=lambda: np.empty(0, np.complex64))
     _stretch: int = 0
-    _end_sample: int | None = None  # number after that of the last sample
+    _end_sample: int | None = None  # number of the last sample plus 1
     _origin: tuple[int, GalileoTime] | None = None  # number and time of the first sample
     _next_epoch: int | None = None  # in 1/epochs_per_s since the GST epoch
     _waiting: dict[int, list[ReceivedPage]] = field(default_factory=dict)  # pages without a time
-    _seen: set[int] = field(default_factory=set)  # satellites in the epoch before
-    _lost_at: dict[int, int] = field(default_factory=dict)  # satellite: stretch in which it was first seen to be lost
+    _seen: set[int] = field(default_factory=set)  # satellites in the previous epoch
+    _lost_at: dict[int, int] = field(default_factory=dict)  # stretch in which each satellite was first found to be lost
     _last_epoch: ObservationEpoch | None = None
 
     def run(self, batches: Iterable[SampleBatch]) -> Iterator[TrackedStretch]:
-        """Yield what each stretch of samples gives, `TRACKED_STRETCH_S` long; the last one is shorter.
+        """Yield the results of each stretch of samples, `TRACKED_STRETCH_S` long; the last stretch is shorter.
 
         Parameters
         ----------
         batches
-            Samples of E1 in pieces of any length. Where a piece does not follow the one before, as samples were lost
-            or the counter was set, tracking starts anew.
+            Samples of E1 in pieces of any length. If a piece does not follow the previous piece, because samples were
+            lost or the counter was set, tracking starts again.
         """
         with ThreadPoolExecutor(self.workers) as pool:
             for piece in recut(batches, TRACKED_STRETCH_S):
                 yield self.track(piece, pool)
 
     def track(self, piece: SampleBatch, pool: Executor | None = None) -> TrackedStretch:
-        """Return what one stretch of samples gives.
+        """Return the results of one stretch of samples.
 
         Parameters
         ----------
         piece
-            Samples of E1, `TRACKED_STRETCH_S` long. The last ones before an end or a gap may be fewer.
+            Samples of E1, `TRACKED_STRETCH_S` long. A stretch before an end or a gap may be shorter.
         pool
-            Where channels run side by side; None to run one after the other.
+            Executor that runs channels in parallel; None to run them one after the other.
         """
         if self._end_sample is not None and piece.first_sample != self._end_sample:
             self._start_anew()
         self._end_sample = piece.first_sample + piece.samples.size
         self._origin = self._origin or (piece.first_sample, piece.start)
         first, start = self._origin
-        # the same bits however the samples were cut
+        # the same bits for any cut of the samples
         batch = replace(piece, start=start + (piece.first_sample - first) / piece.sample_rate_hz)
         if self._stretch or piece.samples.size >= round(E1_WINDOW_S * piece.sample_rate_hz):
             self._search(batch)
@@ -135,9 +135,10 @@ class TrackingReceiver:
         return self._take(batch, map if pool is None else pool.map)
 
     def _start_anew(self) -> None:
-        """Forget the channels: the samples to come have nothing in common with those before.
+        """Forget the channels, because the next samples are not connected to the previous samples.
 
-        What is known of the time tag is the best guess still, but pages and ranges wait until a message tells it again.
+        The known error of the time tag is still the best guess. But pages and ranges wait until a message gives the
+        time again.
         """
         self.tracks.clear()
         self._waiting.clear()
@@ -191,7 +192,7 @@ class TrackingReceiver:
             if self._last_epoch is not None and self.time_is_told:
                 self.outlook.locate(self._last_epoch)
             unseen = [svid for svid in self.svids if svid not in self.tracks]
-            # a minute by which the clock may be wrong moves no satellite by a degree
+            # a clock error of a minute moves no satellite by a degree
             svid = self.outlook.next_search(unseen, batch.start + -self.time_tag_error_s)
             if svid is not None:
                 found += acquire(window, (svid,), max_stretches=_SEARCHED_PERIODS)
@@ -209,7 +210,7 @@ class TrackingReceiver:
             self._waiting.pop(measured.svid, None)
 
     def _forget_lost(self) -> None:
-        """Forget the satellites that have been lost for long: they are looked for as those that were never seen."""
+        """Forget the satellites that were lost long ago; they are then searched like satellites never seen."""
         lost = {svid for svid, track in self.tracks.items() if track.channel.lost}
         self._lost_at = {svid: self._lost_at.get(svid, self._stretch) for svid in sorted(lost)}
         for svid, stretch in tuple(self._lost_at.items()):
@@ -218,7 +219,7 @@ class TrackingReceiver:
                 self._waiting.pop(svid, None)
 
     def _place(self, pages: dict[int, list[ReceivedPage]], whole: SampleBatch) -> list[InavPage]:
-        """Return the pages whose time of transmission is known by now."""
+        """Return the pages whose time of transmission is known."""
         for svid, received in pages.items():
             track = self.tracks[svid]
             for page in received:
@@ -240,7 +241,7 @@ class TrackingReceiver:
         return sorted(placed, key=lambda page: (page.time, page.svid))
 
     def _learn_clock(self, whole: SampleBatch) -> None:
-        """Learn by how much the time tag is late from the satellites whose message has told the time."""
+        """Learn the error of the time tag from the satellites whose message has given the time."""
         errors_s = []
         for track in self._alive():
             newest = track.newest()
@@ -251,7 +252,7 @@ class TrackingReceiver:
             self.time_tag_error_s, self.time_is_told = statistics.median(errors_s), True
 
     def _zero(self, track: ChannelTrack, whole: SampleBatch) -> GalileoTime | None:
-        """Return the time of transmission of a channel's code period 0: told by its message, or placed by the clock."""
+        """Return the time of transmission of a channel's code period 0, from its message or from the clock."""
         if track.zero is not None:
             return track.zero
         newest = track.newest()
@@ -269,7 +270,7 @@ class TrackingReceiver:
         begin = whole.start
         if self._next_epoch is None or whole.first_sample == (self._origin or (None,))[0]:
             first = begin.gst_seconds * self.epochs_per_s + math.ceil(begin.fraction * self.epochs_per_s)
-            self._next_epoch = max(first, self._next_epoch or first)  # time never goes back
+            self._next_epoch = max(first, self._next_epoch or first)  # time never decreases
         numbers: list[int] = []
         places: list[float] = []
         number = self._next_epoch
@@ -301,7 +302,7 @@ class TrackingReceiver:
         ]
 
     def _tap_chips(self, sample_rate_hz: float) -> list[float]:
-        """Return the places of the correlators in chips from the prompt."""
+        """Return the positions of the correlators in chips from the prompt."""
         return [lag * E1C.chip_rate_hz / sample_rate_hz for lag in correlator_lags(self.settings, sample_rate_hz)]
 
     def _epoch(
@@ -328,12 +329,12 @@ class TrackingReceiver:
 
 
 def recut(batches: Iterable[SampleBatch], duration_s: float) -> Iterator[SampleBatch]:
-    """Yield the same samples in pieces of one length; the last one before the end or a gap is shorter.
+    """Yield the same samples in pieces of one length; the last piece before the end or a gap is shorter.
 
     Parameters
     ----------
     batches
-        Samples in the order in which they came. A gap is where the number of a first sample does not follow.
+        Samples in their original order. There is a gap if the number of a first sample does not follow.
     duration_s
         Length of a piece in s.
     """

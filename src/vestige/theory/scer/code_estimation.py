@@ -1,13 +1,13 @@
 """Estimation of unpredictable chips and symbols by an attacker who has received part of them.
 
-Security code estimation and replay (SCER) [HUMPHREYS13]: the attacker receives an unpredictable signal with an antenna
-of his own, estimates its signs as they arrive, and transmits the estimates. This module says how good these are.
-Decisions on chips of E6-C are those of [ANDERSON25], hard and soft.
+Security code estimation and replay (SCER) [HUMPHREYS13]: the attacker receives an unpredictable signal with a separate
+antenna, estimates its signs as they arrive, and transmits the estimates. This module computes the quality of these
+estimates. The decisions on chips of E6-C are the hard and soft decisions of [ANDERSON25].
 
 Theory of operation
 -------------------
-A sign s = ±1 is received for the time t with C/N0 = κ (the attacker's), its carrier phase known. The matched filter
-gives y = s + n with n Gaussian of variance 1/(2γ), γ = E/N0 = κ t. Three transmissions x follow from y:
+A sign s = ±1 is received for the time t with the attacker's C/N0 = κ, its carrier phase known. The matched filter gives
+y = s + n with n Gaussian of variance 1/(2γ), γ = E/N0 = κ t. The attacker can transmit one of three functions x of y:
 
     repeated     x = y                  in phase and in quadrature, as a repeater does
     hard         x = sign y             P(error) = P_e = Q(√(2γ)) = ½ erfc √γ
@@ -19,16 +19,16 @@ The share of the power of x that correlates with the true signs is ρ² = E[x s]
     hard         ρ² = (1 − 2 P_e)²
     soft         ρ² = E[tanh(2γ + √(2γ) z)]        z standard normal; for the estimate E[x s] = E[x²]
 
-The rest of the power, 1/ρ² − 1 of the part that correlates, is noise.
+The rest of the power is noise; it is 1/ρ² − 1 times the part that correlates.
 
-**Chips of E6-C.** Each lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. If the matching part of the spoofing signal
-has η times the power of the true signal, the rest is noise behind the victim's correlator, whose chips it does not
-match, of the density
+**Chips of E6-C.** Each lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. Let the matching part of the spoofing signal
+have η times the power of the true signal. The rest is noise behind the victim's correlator, because its chips do not
+match. The density of this noise is
 
     N/N0 = η (Ec/N0 of the victim) (1/ρ² − 1)
 
-which is η/G for a repeater that receives G times better. An attacker who drops the quadrature of what he repeats has
-half of it, without any decision: 1/ρ² − 1 = 1/(2γ).
+The density is η/G for a repeater that receives G times better. An attacker who drops the quadrature of the repeated
+signal halves the noise without any decision: 1/ρ² − 1 = 1/(2γ).
 
 **Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol: t is the time since the symbol began.
 """
@@ -47,9 +47,10 @@ from vestige.theory.marcum_q import Reals
 Decision = Literal["hard", "soft"]
 Estimation = Literal["repeated", "hard", "soft"]
 
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(201)  # of a standard normal, once the weights add up to 1
+# nodes of a standard normal variable, once the weights add up to 1
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(201)
 _WEIGHTS /= _WEIGHTS.sum()
-_LINE = np.linspace(-9.0, 9.0, 1801)  # of a standard normal, where the integrand has a step
+_LINE = np.linspace(-9.0, 9.0, 1801)  # values of a standard normal variable, for integrands with a step
 
 
 def chip_energy_over_n0(cn0_dbhz: Reals) -> Reals:
@@ -92,12 +93,12 @@ def matching_share(energy_over_n0: Reals, estimation: Estimation) -> Reals:
     energy_over_n0
         γ as a ratio, above 0.
     estimation
-        Chips or symbols that the attacker transmits: repeated, hard or soft decisions.
+        Chips or symbols that the attacker transmits: repeated, or hard or soft decisions.
 
     Raises
     ------
     ValueError
-        If there is no such estimation.
+        If `estimation` is unknown.
 
     Examples
     --------
@@ -122,9 +123,9 @@ def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimatio
     victim_cn0_dbhz
         C/N0 of E6-C with the victim's antenna in dBHz.
     reception_gain_db
-        G, C/N0 of the attacker's reception over it in dB.
+        G, C/N0 of the attacker's reception over that of the victim in dB.
     estimation
-        Chips or symbols that the attacker transmits: repeated, hard or soft decisions.
+        Chips or symbols that the attacker transmits: repeated, or hard or soft decisions.
 
     Examples
     --------
@@ -143,20 +144,20 @@ def replayed_mean(
 ) -> Float[np.ndarray, " n_chips"]:
     """Return the mean of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
 
-    The attacker renews the estimate with each chip that is transmitted. Chip j then rests on what was received in j
-    chips and the head start; without anything received it is a guess, of mean 0.
+    The attacker renews the estimate with each transmitted chip. Chip j then uses the signal received in j chips and the
+    head start. Without any reception it is a guess, of mean 0.
 
     Parameters
     ----------
     cn0_dbhz
         C/N0 of E1-B of the attacker's reception in dBHz.
     head_start_s
-        How much of the symbol the attacker has received when the spoofing signal's own symbol begins, in s: the
-        delay of the spoofing signal less the attacker's latency. Negative: so long is it only guessed.
+        Duration of the symbol that the attacker has received when the spoofing signal's own symbol begins, in s: the
+        delay of the spoofing signal less the attacker's latency. If negative, the attacker guesses for that duration.
     n_chips
         Chips from the beginning of the symbol, of 0.98 µs each, 1 to 4092.
     decision
-        Hard, ±1, or soft, E[s|y].
+        Decision of the attacker: hard, ±1, or soft, E[s|y].
 
     Examples
     --------
@@ -174,7 +175,7 @@ def replayed_covariance(
 ) -> Float[np.ndarray, "n_chips n_chips"]:
     """Return the covariance of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
 
-    Parameters are those of `replayed_mean`. Time grows with the square of `n_chips`.
+    Parameters are those of `replayed_mean`. The computing time grows with the square of `n_chips`.
 
     Examples
     --------
@@ -193,7 +194,7 @@ def replayed_covariance(
 
 
 def _received_over_n0(cn0_dbhz: float, head_start_s: float, n_chips: int) -> Float[np.ndarray, " n_chips"]:
-    """Return γ of what was received of a symbol when each chip is transmitted."""
+    """Return γ of the received part of a symbol at the transmission of each chip."""
     known_s = np.maximum(np.arange(n_chips) / E1B.chip_rate_hz + head_start_s, 0.0)
     return np.asarray(10 ** (cn0_dbhz / 10) * known_s)
 
@@ -205,14 +206,14 @@ def _mean_soft(gamma: Reals) -> Reals:
 
 
 def _sign_products(gamma: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n"]:
-    """Return E[sign y_i sign y_j] of one symbol; the later sum is the earlier one and what was received since."""
+    """Return E[sign y_i sign y_j] of one symbol; the later sum is the earlier sum plus the signal received since."""
     density = np.exp(-np.square(_LINE) / 2) / np.sqrt(2 * np.pi) * (_LINE[1] - _LINE[0])
     product = np.eye(gamma.size)
     for i, earlier in enumerate(gamma):
         later = gamma[i + 1 :]
         total = 2 * earlier + np.sqrt(2 * earlier) * _LINE  # 2γ y_i
         since = np.maximum(later - earlier, 1e-300)[:, None]
-        # a guess, of nothing received, is independent of the others
+        # a guess without reception is independent of the others
         sign = np.sign(total) if earlier > 0 else np.zeros(_LINE.size)
         found = erf((total + 2 * since) / np.sqrt(4 * since)) @ (sign * density)
         product[i, i + 1 :] = product[i + 1 :, i] = found

@@ -1,16 +1,16 @@
 """Partial correlations of E1-B symbols that show a replay: five metrics, their thresholds and detection probabilities.
 
 The detectors of [SECO-GRANADOS20] compare partial correlations over predictable and unpredictable parts of the signal.
-The attacker knows a predictable symbol from its beginning on and has to estimate an unpredictable one. The text of the
-publication was not at hand, so the formulas are ours, after the idea in its abstract.
+The attacker knows a predictable symbol from its beginning on and has to estimate an unpredictable symbol. The text of
+the publication was not available, so the formulas are derived here from the idea in its abstract.
 
 Theory of operation
 -------------------
 The receiver correlates the first w seconds of each symbol and multiplies by the symbol. B_u is the mean over n_u
-unpredictable symbols and B_p that over n_p predictable ones. Both are complex. With an authentic signal both have the
-amplitude A of the signal, whatever the filter of the front end does to the beginning of a symbol. The noise of one
-symbol has the variance s² = A²/(2 c w) per dimension, c = C/N0. It is estimated from the scatter of the real parts,
-with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics are
+unpredictable symbols and B_p the mean over n_p predictable symbols. Both are complex. With an authentic signal both
+have the amplitude A of the signal, for any effect of the front end's filter on the beginning of a symbol. The noise of
+one symbol has the variance s² = A²/(2 c w) per dimension, c = C/N0. The variance is estimated from the scatter of the
+real parts, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics are
 
     real         Re(B_p − B_u) / e             Student's t, ν degrees of freedom
     distance     |B_p − B_u|² / (2 e²)         F with 2 and ν degrees of freedom
@@ -18,10 +18,10 @@ with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the
     ratio        |B_p| / |B_u|                 ratio of two Rice variables
     paired       √n_u mean(d) / std(d)         Student's t, n_u − 1 degrees of freedom
 
-The last one needs no predictable symbols: d is the later part of an unpredictable symbol less its first part. The
-alarm is raised above a threshold. Those of `real`, `distance` and `paired` are exact. Those of `magnitudes` and `ratio`
-hold for known A and s. A is taken from the later parts. The estimate of s enters as s t/z, the quantiles of Student's t
-and of the normal distribution, which is exact for A ≫ s/√n.
+The `paired` metric needs no predictable symbols: d is the later part of an unpredictable symbol less its first part.
+The alarm is raised above a threshold. The thresholds of `real`, `distance` and `paired` are exact. The thresholds of
+`magnitudes` and `ratio` assume known A and s. A is taken from the later parts. The estimate of s enters as s t/z, the
+quantiles of Student's t and of the normal distribution, which is exact for A ≫ s/√n.
 
 **The ratio of Rice variables.** For independent complex Gaussian X and Y with the means x and y and the variances σ²
 and τ² per dimension, S = σ² + τ² [PROAKIS08, app. B]:
@@ -74,14 +74,14 @@ def metric_value(
     noise
         s, standard deviation of the first part of one symbol, per dimension, in the unit of the correlations.
     n_unpredictable, n_predictable
-        n_u and n_p, how many symbols each mean has.
+        n_u and n_p, the numbers of symbols in the two means.
     metric
-        Which metric.
+        Name of the metric.
 
     Raises
     ------
     ValueError
-        If there is no such metric.
+        If `metric` is unknown.
 
     Examples
     --------
@@ -108,14 +108,14 @@ def metric_threshold(
     Parameters
     ----------
     n_unpredictable, n_predictable
-        n_u and n_p, unpredictable and predictable symbols.
+        n_u and n_p, the numbers of unpredictable and predictable symbols.
     p_fa
         False-alarm probability, below 0.5.
     amplitude
         A/s, amplitude of the signal over the noise of the first part of one symbol. `real` and `distance` do not use
         it.
     metric
-        Which metric.
+        Name of the metric.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def metric_threshold(
     [3.09, 6.91, 1.66]
     """
     if not 0 < p_fa < 0.5:
-        raise ValueError(f"a false-alarm probability lies between 0 and 0.5, found {p_fa:g}")
+        raise ValueError(f"a false-alarm probability must lie between 0 and 0.5, found {p_fa:g}")
     freedom = n_unpredictable + n_predictable - 2
     student = -float(stdtrit(freedom, p_fa))
     if metric == "real":
@@ -157,24 +157,24 @@ def replay_detection_probability(
 ) -> float:
     """Return P_d of a test against an attacker who estimates the unpredictable symbols.
 
-    The spoofing signal is alone in the correlators, as strong as the authentic one would be, and noise is white.
+    The spoofing signal is alone in the correlators and as strong as the authentic signal would be. The noise is white.
 
     Parameters
     ----------
     cn0_dbhz
         C/N0 of E1-B at the victim in dBHz.
     reception_gain_db
-        G, C/N0 of the attacker's reception over it in dB.
+        G, C/N0 of the attacker's reception over that of the victim in dB.
     n_symbols
         Unpredictable symbols in the test.
     p_fa
-        False-alarm probability; below 0.5 but for `paired`.
+        False-alarm probability; below 0.5 except for `paired`.
     metric
-        Which metric of the partial correlations.
+        Name of the metric of the partial correlations.
     n_predictable
-        Predictable symbols in the test. None takes all that the pages of the unpredictable ones have.
+        Predictable symbols in the test. None takes all that are in the pages of the unpredictable symbols.
     head_start_s
-        How much of a symbol the attacker has received when its transmission begins, in s; negative for a latency.
+        Duration of a symbol that the attacker has received when its transmission begins, in s; negative for a latency.
     first_chips
         Length of the first part in chips.
     decision
@@ -213,7 +213,7 @@ def replay_detection_probability(
         return float(1 - nctdtr(n_symbols - 1, shift, -stdtrit(n_symbols - 1, p_fa)))
     n_p = round(n_symbols * PREDICTABLE_EACH) if n_predictable is None else n_predictable
     one, freedom = 1 / (2 * cn0 * first_s), n_symbols + n_p - 2  # s², ν
-    estimated = float(np.sqrt(one + own * (n_symbols - 1) / freedom))  # s as the receiver finds it
+    estimated = float(np.sqrt(one + own * (n_symbols - 1) / freedom))  # s as estimated by the receiver
     threshold = metric_threshold(n_symbols, n_p, p_fa, 1 / estimated, metric)
     spread = estimated * float(np.sqrt(1 / n_symbols + 1 / n_p))
     noise_u, noise_p = float(np.sqrt((one + own) / n_symbols)), float(np.sqrt(one / n_p))
@@ -253,7 +253,7 @@ def _magnitudes_exceed(difference: float, mean_u: float, noise_u: float, mean_p:
 
 
 def _solved(tail: Callable[[float], float], low: float, p_fa: float) -> float:
-    """Return t above `low` with tail(t) = p_fa; the tail falls."""
+    """Return t above `low` with tail(t) = p_fa; the tail decreases."""
     high = low + 10.0
     while tail(high) > p_fa:
         high = low + 2 * (high - low)

@@ -187,7 +187,7 @@ def test_too_little_is_refused(honest: tuple[SampleBatch, TrackedPeriods]) -> No
     for first_chips in (0, 4092):
         with pytest.raises(ValueError, match=f"has 1 to 4091 chips, found {first_chips}"):
             partial_prompts(*honest, SVID, first_chips=first_chips)
-    with pytest.raises(ValueError, match="of each kind, found 3 unpredictable and 17 predictable ones"):
+    with pytest.raises(ValueError, match="of each kind, found 3 unpredictable and 17 predictable symbols"):
         predictable_reference_test(np.ones(20) + 0j, np.ones(20) + 0j, np.arange(20) < 3)
     with pytest.raises(ValueError, match="needs 10 symbols or more, found 9"):
         symbol_replay_test(np.ones(9) + 0j, np.ones(9) + 0j)
