@@ -137,7 +137,7 @@ def approximate_position(options: dict[str, Any]) -> ApproximatePosition | None:
     if text is None:
         return None
     if options["navigation"] is None and options["track"] is False:
-        raise click.UsageError("--near needs orbits: add --navigation, or --track for those of the message")
+        raise click.UsageError("--near needs orbits: add --navigation, or --track for the orbits of the message")
     try:
         latitude_deg, longitude_deg, reach_km = (float(one) for one in text.split(","))
         if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 360):

@@ -109,7 +109,7 @@ def _only(folder: Path, suffix: str, what: str) -> Path | None:
     found = sorted(folder.glob(f"*{suffix}"))
     if len(found) > 1:
         names = ", ".join(one.name for one in found)
-        raise InputFileError(folder, "folder", names, f"one {what}; name the one that is meant")
+        raise InputFileError(folder, "folder", names, f"one {what}; name the file to use")
     return found[0] if found else None
 
 

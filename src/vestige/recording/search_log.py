@@ -19,7 +19,7 @@ from vestige.errors import InputFileError
 from vestige.output import replacement
 from vestige.sample_processor.search.exhaustive_search import SearchState
 
-EXPECTED_LOG = "what an exhaustive search has kept"
+EXPECTED_LOG = "the log of an exhaustive search"
 _MAX_BYTES = 1 << 26  # largest size of a log; a search needs some kB
 
 

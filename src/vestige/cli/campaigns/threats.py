@@ -86,11 +86,11 @@ def command(
     table that was stopped.
     """
     if quick and n_seeds is not None:
-        raise click.UsageError("--quick and --seeds say different numbers of runs")
+        raise click.UsageError("--quick and --seeds give different numbers of runs")
     if ids and files:
         raise click.UsageError("--only chooses rows of the table, and --attack takes its place")
     if expected and files:
-        raise click.UsageError("nothing is expected of a scenario of your own")
+        raise click.UsageError("there is no expected outcome for a scenario of your own")
     if expected and settings:
         raise click.UsageError("nothing else is expected with --set: it belongs to a measurement")
     for one in settings:

@@ -193,7 +193,7 @@ def _stdin_files(options: dict[str, Any], band_name: str) -> dict[Band, BandFile
     if len(names) == 1:
         needed["--center-frequency-hz"] = "center_frequency_hz"
     elif options["center_frequency_hz"] is not None:
-        raise click.UsageError("--center-frequency-hz: of both bands it is the carriers; state others in --description")
+        raise click.UsageError("--center-frequency-hz: both bands have their carriers; state others in --description")
     needed["--start"] = "start"
     if missing := [name for name, key in needed.items() if options[key] is None]:
         raise click.UsageError(f"samples on standard input need {', '.join(missing)}, or --description")

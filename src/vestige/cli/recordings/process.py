@@ -148,7 +148,7 @@ def prepared(
         message=_message(recording, tracked),
     )
     if options["near"] and tracked is None and options["navigation"] is None:
-        raise click.UsageError("--near needs orbits: add --navigation, or --track for those of the message")
+        raise click.UsageError("--near needs orbits: add --navigation, or --track for the orbits of the message")
     processor = processor_from_options(options, tracked, found.navigation)
     known = found.assistance
     open_code = open_code_warning(folder, known.segments, known.keys, cipher_mode=processor.cipher_mode)

@@ -256,5 +256,5 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
 def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
     """Return the estimator of the C/N0 of E1; usage error if one is named and E1 is not measured in the samples."""
     if options["cn0_estimator"] is not None and not measured:
-        raise click.UsageError("--cn0-estimator is for E1 out of samples; here a file of observations tells the C/N0")
+        raise click.UsageError("--cn0-estimator is for E1 measured in samples; here observations give the C/N0")
     return options["cn0_estimator"] or "noise-floor"

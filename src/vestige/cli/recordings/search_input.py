@@ -71,7 +71,7 @@ def clock_bound_s(recording: Recording, uncertainty_s: float | None) -> float:
     if math.isinf(around_s):
         warn(
             "the time tag's error has no upper limit (--uncertainty-s): "
-            "nothing that is found is provably from before the disclosure of its key"
+            "no signal that is found is provably older than the disclosure of its key"
         )
     return around_s
 

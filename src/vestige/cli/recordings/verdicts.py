@@ -205,7 +205,7 @@ def print_snapshot(step: Step) -> None:
             f"{verdict.status.name}{'' if verdict.status.name == 'AUTHENTIC' else f': {verdict.reason}'}"
         )
         if row["true_offset_m"] is not None:
-            echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true one")
+            echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true signal")
     _print_position(step)
     _print_not_run(step.verdicts)
 

@@ -270,7 +270,7 @@ def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
     """Return the trust anchors in the folder itself; None if there are none, or two Merkle trees."""
     public_keys, trees = files[FileKind.PUBLIC_KEY], files[FileKind.MERKLE_TREE]
     if len(trees) > 1:
-        raise InputFileError(trees[1], "Merkle tree", f"a second one beside {trees[0]}", "one; name the one you trust")
+        raise InputFileError(trees[1], "Merkle tree", f"a second tree beside {trees[0]}", "one tree; name yours")
     return FileTrust.load(public_keys, trees[0] if trees else None) if public_keys or trees else None
 
 

@@ -184,7 +184,7 @@ def _at_the_beginning(reader: SampleReader, followed: Sequence[E1Satellite]) -> 
             yield fault(
                 FindingKind.SEVERAL_SIGNALS, reader.band,
                 f"E1: {len(signals)} signals of E{one.svid:02d} at once ({weaker})",
-                "somebody repeats or simulates signals: see vestige search e1",
+                "a transmitter repeats or simulates signals: see vestige search e1",
             )  # fmt: skip
     if jumps:
         by_s, at_s = median(one.by_s for one in jumps), median(one.at_s for one in jumps)

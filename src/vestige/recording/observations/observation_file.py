@@ -113,7 +113,7 @@ class ObservationTrack:
         return interpolate(tuple(self._window), time, max_gap_s=max_gap_s)
 
     def settled(self, time: GalileoTime) -> bool:
-        """Return whether further epochs of a growing file cannot change `at` a time; raises the errors of `at`."""
+        """Return whether further epochs of a growing file cannot change `at` this time; raises the errors of `at`."""
         max_gap_s = self.max_gap_s
         self._read_around(time, 2 * max_gap_s)
         return max_gap_s > 0 and is_final(tuple(self._window), time, max_gap_s=max_gap_s)

@@ -194,7 +194,7 @@ def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], table: M
         if near == [unknown]:  # a key of another table, or of another kind of this table
             kind = f" of kind {table['kind']}" if "kind" in table else ""
             return f"an unknown key {unknown}", f"a key of this table{kind}: docs/scenarios.md has them"
-        return f"an unknown key {unknown}", near[0] if near else "one of those in docs/scenarios.md"
+        return f"an unknown key {unknown}", near[0] if near else "one of the keys in docs/scenarios.md"
     found = "nothing" if first["type"] == "missing" else first["input"]
     if (expected := _EXPECTED.get(first["type"])) is not None:
         if isinstance(found, str) and expected in (
