@@ -177,7 +177,7 @@ def test_a_detector_and_a_check_of_the_users_are_measured_against_the_table(tmp_
 def test_settings_reach_every_scene_and_a_scenario_of_the_users() -> None:
     words = ("--set", "epochs=50", "--set", "recs.every=7", "--seeds", 1, "--level", 1)
     text = measured("--only", "A1", "--only", "A2", *words)
-    assert text.startswith("Every scene with epochs=50, recs.every=7; what is expected is of the scenes without.")
+    assert text.startswith("Every scene with epochs=50, recs.every=7; expectations are for scenes without.")
     mine = measured("--attack", SCENARIOS / "quick.toml", "--seeds", 1, "--set", "epochs=20", "--json")
     assert json.loads(mine)["settings"] == ["epochs=20"]
 

@@ -1,1 +1,1 @@
-"""The command line: one file a verb; nothing numeric is imported before a command runs."""
+"""The command line: a file for each verb; no numeric module is imported before a command runs."""

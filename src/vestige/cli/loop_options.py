@@ -84,7 +84,7 @@ def loop_settings(options: dict[str, Any]) -> TrackingSettings:
 
 
 def check_no_loop_options() -> None:
-    """Raise a usage error if the command line has an option of the loops, although E1 is not tracked."""
+    """Raise a usage error if the command line has a loop option, although E1 is not tracked."""
     context = click.get_current_context()
     for name in LOOP_NAMES:
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:

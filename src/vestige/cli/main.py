@@ -1,4 +1,4 @@
-"""`vestige`: finds the verb, runs it, turns errors into exit codes. Nothing heavy is imported before a verb runs.
+"""`vestige`: finds and runs the verb, and turns errors into exit codes. No large module is imported before a verb runs.
 
 The help of `vestige` lists the exit statuses.
 """
@@ -50,7 +50,7 @@ VERBS = {
 
 
 class _LazyVerbs(click.Group):
-    """A group that imports a verb when it is used and knows its help line without importing it."""
+    """A group that imports a verb only when it is used; the help lines of the verbs are stored here."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(VERBS)
@@ -108,7 +108,7 @@ def main(arguments: list[str] | None = None) -> None:
         echo(*text.getvalue().rstrip("\n").split("\n"), err=True)
         sys.exit(error.exit_code)
     except click.Abort as abort:
-        # it logs a write that was cut off, which the notes report
+        # asyncio logs a write that was cut off, which the notes report
         logging.getLogger("asyncio").setLevel(logging.CRITICAL)
         echo(f"interrupted{_notes(abort.__cause__)}", err=True)
         sys.exit(130)
@@ -124,7 +124,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """Let SIGTERM, with which services and batch systems stop a program, be what Ctrl-C is."""
+    """Treat SIGTERM, with which services and batch systems stop a program, like Ctrl-C."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -140,13 +140,16 @@ def _terminable() -> Iterator[None]:
 
 
 def _one_line(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
-    """Print a warning of vestige as one line on stderr; those of libraries, which a user cannot act on, not at all."""
+    """Print a warning of vestige as a line on stderr.
+
+    Warnings of libraries, on which a user cannot act, are not printed.
+    """
     if category is VestigeWarning:
         warn(message)
 
 
 def _notes(error: BaseException | None) -> str:
-    """Return what a run that was interrupted or failed says of the work that is kept."""
+    """Return the notes of an interrupted or failed run about the work that is kept."""
     return "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
 
 

@@ -1,4 +1,4 @@
-"""Values that several verbs take on the command line."""
+"""Options and types of values that several verbs share."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def options_together(*options: Callable[..., Any]) -> Callable[..., Any]:
-    """Return one decorator that adds several options to a verb, in the order in which they are given."""
+    """Return a decorator that adds several options to a verb, in the given order."""
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         for option in reversed(options):
@@ -40,7 +40,7 @@ class FiniteNumber(click.types.FloatParamType):
 
 
 class FiniteRange(FiniteNumber, click.FloatRange):
-    """A number between two limits; NaN, which compares with nothing, is refused."""
+    """A number between two limits; NaN is refused."""
 
     name = "number"
 
@@ -49,17 +49,17 @@ PATH = click.Path(path_type=Path)
 
 
 def number_option(name: str, limits: tuple[float, float | None], **attributes: Any) -> Callable[..., Any]:
-    """Return an option whose value is a number within two limits; the second is None if there is none."""
+    """Return an option whose value is a number within two limits; the upper limit may be None."""
     return click.option(name, type=FiniteRange(*limits), **attributes)
 
 
 class WidthType(click.ParamType[tuple[float, bool]]):
-    """The width of an interval: `0.01`, or `20%` of what is estimated; gives (width, whether it is relative)."""
+    """The width of an interval: `0.01`, or `20%` of the estimate; gives (width, whether it is relative)."""
 
     name = "width"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, bool]:
-        """Return width and whether it is relative."""
+        """Return the width, and whether the width is relative."""
         if isinstance(value, tuple):
             return value
         text = str(value).strip()
@@ -77,7 +77,7 @@ def _name_folders(_context: click.Context, _parameter: click.Parameter, folders:
         own_parts_from(folder)
 
 
-# Scenarios may then name the user's own classes; see `own_parts`
+# With this option scenarios may name the user's own classes; see `own_parts`
 parts_option = click.option(
     "--parts",
     multiple=True,
@@ -92,7 +92,7 @@ DETECTOR_NAMES = ("early", "maximum")
 
 
 def detector_name(_context: click.Context, _parameter: click.Parameter, name: str) -> str:
-    """Return the name of a detector; a usage error if it is neither vestige's nor has the form of one of the user's."""
+    """Return the name of a detector; usage error if it is neither vestige's nor of the form `module:Name`."""
     if name not in DETECTOR_NAMES and not is_own(name):
         raise click.BadParameter(f"found {name!r}, expected {', '.join(DETECTOR_NAMES)} or module:Name")
     return name
@@ -128,7 +128,7 @@ scheduler_option = click.option(
 )
 
 
-# Verbs that read an assistance folder have these options; the folder may hold both files
+# Verbs that read an assistance folder have these options; the folder may contain both files
 trust_options = options_together(
     *(
         click.option(
@@ -142,13 +142,13 @@ trust_options = options_together(
 
 
 def check_trust(public_key: Path | None, merkle_tree: Path | None) -> None:
-    """Raise a usage error unless a key or a Merkle tree is given, which keys are worth nothing without."""
+    """Raise a usage error unless a public key or a Merkle tree is given, because OSNMA keys need a trust anchor."""
     if public_key is None and merkle_tree is None:
         raise click.UsageError("a key is worth nothing without its origin: give --public-key, --merkle-tree or both")
 
 
 def time_option(_context: click.Context, _parameter: click.Parameter, text: str | None) -> GalileoTime | None:
-    """Return the time that an option names, None without one; a usage error if it is none."""
+    """Return the time that an option gives, None without the option; usage error if the text is no time."""
     from vestige.time import GalileoTime
 
     try:
@@ -163,7 +163,7 @@ start_option = click.option(
 
 
 def assistance_folder(recording: Path, given: Path | None) -> Path:
-    """Return the assistance folder of a recording, if no other one is given."""
+    """Return the default assistance folder of a recording."""
     return given or (recording if recording.is_dir() else recording.parent) / "assistance"
 
 
@@ -183,7 +183,7 @@ def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
     return GroupDelayConvention(scale=scale, sign=-1 if text.startswith("minus-") else 1)
 
 
-# The two points on which the interface of the service is not public: the AES mode, and what a BGD value means
+# The two unpublished points of the service's interface: the AES mode, and the meaning of a BGD value
 def threads_option(what: str) -> Callable[..., Any]:
     """Return the option `-j` of a verb that works on the samples of a recording; `what` is its help."""
     return click.option("-j", "--workers", type=click.IntRange(1, 1024), default=2, help=what)
@@ -204,7 +204,10 @@ group_delay_option = click.option(
 
 
 def parse_svids(text: str) -> tuple[int, ...]:
-    """Return the satellites of `2,3,7-9`, () for an empty text; a usage error if there is no such satellite."""
+    """Return the satellites of a text such as `2,3,7-9`, () for an empty text.
+
+    A satellite that does not exist is a usage error.
+    """
     from vestige.constants import MAX_SVID
 
     svids: list[int] = []

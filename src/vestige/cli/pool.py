@@ -12,21 +12,21 @@ from vestige.cli.terminal import detail, warn
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-MAX_THREADS = 2  # beyond, threads wait for each other in the Python between the kernels; processes take 200 MB each
+MAX_THREADS = 2  # more threads wait for each other in Python code between the kernels; processes take 200 MB each
 _OF_DASK = ("asyncio", "distributed", "distributed.client", "distributed.comm", "distributed.core", "tornado")
 
 
 @contextmanager
 def pool(workers: int | None, threads: bool | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
-    """Give an executor and how many calls it runs at the same time.
+    """Yield an executor and the number of calls that it runs at the same time.
 
-    On this machine they are `workers`, 1 if it is not given, threads or not; `scheduler` is the address of a cluster's
-    scheduler, in place of this machine.
+    On this machine the number is `workers`, by default 1. `threads` chooses threads or processes; None chooses by the
+    number of workers. `scheduler` is the address of a cluster's scheduler, in place of this machine.
     """
     if scheduler is not None:
         from vestige.campaign.execution.cluster import connect
 
-        for name in _OF_DASK:  # what goes wrong is said in one line, by us
+        for name in _OF_DASK:  # vestige reports errors in one line
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         with connect(scheduler, warn=warn) as cluster:
             detail(f"number of workers on the cluster {scheduler}: {cluster.workers}")

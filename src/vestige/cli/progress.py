@@ -1,4 +1,4 @@
-"""Progress of long work on stderr: a bar for a person at a terminal, else a line for each step and each half minute.
+"""Progress of long work on stderr: a bar at a terminal, otherwise a line for each step and each half minute.
 
 With `--quiet` there is no progress. With `-v` the time that each step took is printed.
 """
@@ -17,7 +17,7 @@ from vestige.errors import printable
 if TYPE_CHECKING:
     from vestige.campaign.run import RunProgress
 
-LINE_EVERY_S = 30.0  # where there is no terminal
+LINE_EVERY_S = 30.0  # interval of lines without a terminal
 REDRAWS_PER_S = 4.0
 
 ProgressReport = Callable[[str, int, int], None]
@@ -25,7 +25,7 @@ ProgressReport = Callable[[str, int, int], None]
 
 @contextmanager
 def progress() -> Iterator[ProgressReport]:
-    """Yield `report(step, done, total)`, to be called as often as one likes while the work goes on."""
+    """Yield `report(step, done, total)`, which may be called at any rate during the work."""
     with _step_times() as begin, _shown_progress() as show:
 
         def report(step: str, done: int, total: int) -> None:
@@ -47,7 +47,7 @@ def _shown_progress() -> Iterator[ProgressReport]:
 
 @contextmanager
 def _step_times() -> Iterator[Callable[[str], None]]:
-    """Yield `begin(step)`, called again while the step goes on; its time is from then to the next step or the end."""
+    """Yield `begin(step)`, which may be called repeatedly; the time of a step ends with the next step or at the end."""
     step, begin_s = "", 0.0
 
     def end() -> None:
@@ -67,7 +67,7 @@ def _step_times() -> Iterator[Callable[[str], None]]:
 
 
 def _lines() -> Iterator[ProgressReport]:
-    began: dict[str, tuple[float, int]] = {}  # when a step was reported first, and how much of it was done then
+    began: dict[str, tuple[float, int]] = {}  # time and amount of each step at its first report
     last_s = time.monotonic()
 
     def report(step: str, done: int, total: int) -> None:
@@ -93,7 +93,7 @@ def _bar() -> Iterator[ProgressReport]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    # Results are printed meanwhile: above the bar on a terminal, and never to stderr if stdout is a file.
+    # Results that are printed meanwhile appear above the bar on a terminal, and never on stderr if stdout is a file.
     console, above = Console(stderr=True), sys.stdout.isatty()
     with Progress(*columns, console=console, transient=True, redirect_stdout=above) as bar:
         tasks: dict[str, TaskID] = {}
@@ -108,7 +108,7 @@ def _bar() -> Iterator[ProgressReport]:
 
 @contextmanager
 def campaign_progress() -> Iterator[Callable[[str, RunProgress], None]]:
-    """Yield `report(name, progress)` for campaigns one after the other: rate and time left of the one that runs."""
+    """Yield `report(name, progress)` for consecutive campaigns: rate and remaining time of the present campaign."""
     with _step_times() as begin, _shown_campaign() as show:
 
         def report(name: str, now: RunProgress) -> None:
@@ -158,7 +158,7 @@ def _campaign_bar() -> Iterator[Callable[[str, RunProgress], None]]:
 
 
 def _pace(now: RunProgress) -> str:
-    """Return rate and time left in words; at the beginning neither is known."""
+    """Return rate and remaining time in words; at the beginning neither is known."""
     if now.rate_epochs_per_s != now.rate_epochs_per_s:
         return "starting"
     return f"{now.rate_epochs_per_s:.0f} epochs/s, {_duration(now.remaining_s)} left"

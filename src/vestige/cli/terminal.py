@@ -1,6 +1,6 @@
-"""The one way to the terminal: what files and their names hold cannot move its cursor, nor change what a line says.
+"""The only output to the terminal: text from files and their names cannot move the cursor, nor change a printed line.
 
-Every command has the options `--quiet` and `-v`. They change what is printed on standard error only: results on
+Every command has the options `--quiet` and `-v`. These options change only the text on standard error: results on
 standard output, files and exit status stay the same.
 """
 
@@ -20,21 +20,21 @@ from vestige.errors import printable
 class Amount(Enum):
     """Amount of text on standard error beside errors."""
 
-    QUIET = auto()  # one line about warnings at most
+    QUIET = auto()  # at most one line about warnings
     USUAL = auto()  # warnings, notes and progress
-    DETAILED = auto()  # in addition details: each file read, thresholds, the time of each stage
+    DETAILED = auto()  # also details: each file read, thresholds, the time of each stage
 
 
 class _Terminal(logging.Handler):
-    """Amount of text that the terminal shows, and the handler of what modules log."""
+    """Amount of text that the terminal shows, and the handler of log messages."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
         self.amount, self.began_s = Amount.USUAL, 0.0
-        self.n_unsaid, self.first_unsaid = 0, ""  # warnings that `--quiet` kept back
+        self.n_unsaid, self.first_unsaid = 0, ""  # number of warnings that `--quiet` suppressed, and the first of them
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Print what a module of vestige logs."""
+        """Print a log message of a module of vestige."""
         detail(record.getMessage())
 
 
@@ -43,7 +43,7 @@ _log = logging.getLogger("vestige")
 
 
 def echo(*lines: object, err: bool = False, nl: bool = True) -> None:
-    """Print each of `lines` as one line; characters that a terminal does not show as themselves are escaped."""
+    """Print each of `lines` as a single line; characters that a terminal does not show literally are escaped."""
     click.echo("\n".join(printable(str(line)) for line in lines), err=err, nl=nl)
 
 
@@ -57,7 +57,7 @@ def warn(line: object) -> None:
 
 
 def note(*lines: object) -> None:
-    """Print lines on standard error that tell how the work goes; none with `--quiet`."""
+    """Print lines about the progress of the work on standard error; none with `--quiet`."""
     if not is_quiet():
         echo(*lines, err=True)
 
@@ -80,7 +80,7 @@ def is_detailed() -> bool:
 
 @contextmanager
 def usual_amount() -> Iterator[None]:
-    """Begin a command with the usual amount of text, which its options may change, and restore it at the end."""
+    """Set the usual amount of text for a command, whose options may change it, and restore it at the end."""
     _choose(Amount.USUAL)
     _terminal.began_s = time.monotonic()
     try:
@@ -134,7 +134,7 @@ def with_common_options(command: click.Command) -> click.Command:
 
 
 def raise_last(errors: Sequence[Exception]) -> None:
-    """Raise the last of some errors, and print those before it; nothing happens without any."""
+    """Raise the last of some errors, and print the earlier errors; do nothing without errors."""
     for earlier in errors[:-1]:
         echo(f"vestige: {earlier}", err=True)
     if errors:

@@ -1,6 +1,6 @@
-"""Options that state what a receiver expects: usual power and C/N0, errors of E1 ranges, and false alarms a day.
+"""Options for the expectations of a receiver: usual power and C/N0, errors of E1 ranges, and false alarms a day.
 
-A power or a C/N0 that is not stated is learned from the first RECS without an alarm.
+The receiver learns a power or a C/N0 that is not stated from the first RECS without an alarm.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vestige.navigation.ephemeris import Ephemeris
 
 
-# What the checks compare with, and how often they may fail without an attack
+# Reference values of the checks, and their rate of false alarms
 usual_level_options = options_together(
     *(
         number_option(
@@ -83,9 +83,9 @@ usual_level_options = options_together(
 
 
 def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
-    """Return the reference levels that the options state; the receiver learns the others.
+    """Return the reference levels that the options state; the receiver learns the other levels.
 
-    Raises `click.UsageError` if one C/N0 is given without the other, or the fall without both.
+    Raises `click.UsageError` if only one C/N0 is given, or the fall without both.
     """
     from vestige.acas_processor.monitoring.baseline import Antenna, ReferenceLevels
 
@@ -102,7 +102,7 @@ def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
 
 
 def expected_e6_over_e1_db(options: dict[str, Any]) -> float:
-    """Return what the options say of the C/N0 of E6-C over that of E1-C, or what the signals have at minimum power."""
+    """Return the C/N0 of E6-C over that of E1-C in dB that the options state, by default that at minimum power."""
     if options["e6_over_e1_db"] is not None:
         return float(options["e6_over_e1_db"])
     e1_dbhz, e6_dbhz = (options[f"usual_{band}_cn0_dbhz"] for band in ("e1", "e6"))
@@ -112,7 +112,7 @@ def expected_e6_over_e1_db(options: dict[str, Any]) -> float:
 def fix_settings(
     options: dict[str, Any], ephemerides: tuple[Ephemeris, ...], authenticated: frozenset[int] | None
 ) -> FixSettings:
-    """Return orbits with what the options say of E1 ranges and of the receiver's place."""
+    """Return orbits with the errors of E1 ranges and the receiver's approximate position that the options state."""
     from vestige.acas_processor.position.fix_measurement import FixSettings
 
     return FixSettings(
@@ -124,9 +124,9 @@ def fix_settings(
 
 
 def approximate_position(options: dict[str, Any]) -> ApproximatePosition | None:
-    """Return where the options say that the receiver is; None if they do not.
+    """Return the approximate position of the receiver that the options state, or None.
 
-    Raises `click.UsageError` if `--near` is no place, or nothing says where the satellites are.
+    Raises `click.UsageError` if `--near` is no position, or there are no orbits.
     """
     import numpy as np
 
@@ -137,7 +137,7 @@ def approximate_position(options: dict[str, Any]) -> ApproximatePosition | None:
     if text is None:
         return None
     if options["navigation"] is None and options["track"] is False:
-        raise click.UsageError("--near needs orbits: add --navigation, or --track for those of the message")
+        raise click.UsageError("--near needs orbits: add --navigation, or --track for the orbits of the message")
     try:
         latitude_deg, longitude_deg, reach_km = (float(one) for one in text.split(","))
         if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 360):

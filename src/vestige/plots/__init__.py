@@ -1,7 +1,7 @@
-"""Figures of the results of a campaign: results in, axes out. They compute nothing but bins and counts.
+"""Figures of the results of a campaign: functions that take results and return axes, and compute only bins and counts.
 
-`results` are those of a campaign; `detector` and `svid` choose among them, None is the only satellite. A figure is
-drawn on the axes `ax`; on new ones without them.
+`results` are the results of a campaign. `detector` and `svid` choose a detector and a satellite; None means the only
+satellite. A figure is drawn on the axes `ax`, by default on new axes.
 """
 
 from __future__ import annotations

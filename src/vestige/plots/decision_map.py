@@ -1,4 +1,4 @@
-"""The regions of power and distortion as a figure, with what a receiver measured in it [WESSON18]."""
+"""Figure of the decision regions of power and distortion, with the measurements of a receiver [WESSON18]."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from vestige.plots.figure import BLACK, BLUE, GREEN, LEGEND, ORANGE, RED, dot_size_pt, dress, figure_of, new_axes
 from vestige.records.checks import SignalClass
 
-_LIGHT = 0.35  # opacity of the colours, so that dots are seen on them
+_LIGHT = 0.35  # opacity of the colours, so that dots are visible on them
 CLASS_COLOURS = {
     SignalClass.CLEAN: GREEN,
     SignalClass.MULTIPATH: BLUE,
@@ -24,7 +24,7 @@ CLASS_COLOURS = {
 
 
 class Regions(Protocol):
-    """Decision regions of the power–distortion plane, as the processor's check has them."""
+    """Decision regions of the power–distortion plane in the processor's check."""
 
     @property
     def power_edges_db(self) -> Float[np.ndarray, " k"]:
@@ -48,10 +48,10 @@ def decision_map(
     attacked: Bool[np.ndarray, " n"] | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Return the axes of the map: power to the right, distortion upwards, the colour of each class.
+    """Return the axes of the map: power to the right, distortion upwards, a colour for each class.
 
-    What was measured is drawn as dots, from under attack as crosses; what lies beyond the map is drawn at its edge, as
-    it is decided.
+    Measurements are drawn as dots, or as crosses under attack. Measurements beyond the map are drawn at its edge, whose
+    class applies to them.
     """
     ax = new_axes() if ax is None else ax
     x, y = regions.power_edges_db, np.log10(1 + regions.distortion_edges)

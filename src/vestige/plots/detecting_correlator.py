@@ -1,4 +1,4 @@
-"""The output of the correlator that detects the signal, against time [WFO, Sec. VI-A, first figure]."""
+"""Figure of the output of the detecting correlator against time [WFO, Sec. VI-A, first figure]."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from vestige.plots.figure import (
     time_label,
 )
 
-MAGNITUDE_SHARE = 0.66  # share of the height for flags and magnitude; the phase lies above them
-_BELOW = 0.06  # share of the height, free below the flags
+MAGNITUDE_SHARE = 0.66  # share of the height for flags and magnitude, below the phase
+_BELOW = 0.06  # free share of the height below the flags
 _DOTS: dict[str, Any] = {"marker": ".", "markeredgewidth": 0, "rasterized": True}
-_FLAG_PT = 2.5  # a single miss in a long run is to be seen
-_CURVE_EPOCHS = 20_000  # beyond, a curve is a solid band, and dots show where it is dense
+_FLAG_PT = 2.5  # size of the flags, so that a single miss in a long run is visible
+_CURVE_EPOCHS = 20_000  # largest number of epochs drawn as a curve; more are drawn as dots, which show the density
 
 
 def detecting_correlator(
@@ -36,10 +36,10 @@ def detecting_correlator(
 ) -> Axes:
     """Return axes with magnitude (orange), phase (blue, right axis) and detection (red dots at 1 or 0) against time.
 
-    The phase is that against the carrier phase of E1, which the receiver knows, but for a constant; results of older
-    versions hold the absolute phase only. Where nothing is detected, magnitude and phase are not defined and the curves
-    have a gap. Flags and magnitude share the left axis: a magnitude lies above the
-    threshold, so the flags stand free below it.
+    The phase is relative to the carrier phase of E1, which the receiver knows except for a constant. Results of older
+    versions contain only the absolute phase. If nothing is detected, magnitude and phase are not defined and the curves
+    have a gap. Flags and magnitude share the left axis. A magnitude lies above the threshold, so the flags lie free
+    below it.
 
     Raises `VestigeError` if the results lack the detector or the satellite.
     """
@@ -71,11 +71,11 @@ def detecting_correlator(
 def _draw_phase(
     ax: Axes, time_s: Float[np.ndarray, " n"], phase: Float[np.ndarray, " n"], against: str, above: float
 ) -> None:
-    """Draw the phase in the part of the height that lies above the share `above`, with an axis on the right."""
+    """Draw the phase in the part of the height above the share `above`, with an axis on the right."""
     right = ax.twinx()
     size = dot_size_pt(time_s.size)
     right.plot(time_s, phase, linestyle="none", color=BLUE, markersize=size, **_DOTS)
-    end = 1.15 * np.pi  # keeps a little distance from the frame and from the magnitude
+    end = 1.15 * np.pi  # leaves a small distance to the frame and to the magnitude
     right.set_ylim(end - 2 * end / (1 - above), end)
     right.set_yticks([-np.pi, 0, np.pi], ["−π", "0", "π"])
     dress(right, title="", x="", y="phase (rad)")

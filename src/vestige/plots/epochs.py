@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from vestige.errors import VestigeError
 
-# variables that figures read: kinds of numbers and axes
+# kinds of numbers and axes of the variables that figures read
 VARIABLES = {
     "time_s": ("fiu", "epoch"),
     "taps": ("c", "epoch", "satellite", "tap"),
@@ -26,9 +26,9 @@ VARIABLES = {
 
 
 def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None = None) -> xarray.Dataset:
-    """Return one satellite and one detector of the results; what is large is not read yet.
+    """Return one satellite and one detector of the results; large variables are not read yet.
 
-    Without `svid` it is the only satellite.
+    Without `svid` the only satellite is chosen.
 
     Raises `VestigeError` if the results lack a variable, the detector or the satellite, hold several satellites and
     `svid` is None, or their times or taps do not ascend.
@@ -57,7 +57,7 @@ def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None
 
 
 def between(results: xarray.Dataset, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
-    """Return the epochs with start ≤ time < stop, in s after the beginning of the scenario.
+    """Return the epochs with start ≤ time < stop, in s after the start of the scenario.
 
     Raises `VestigeError` if there is no such epoch.
     """
@@ -79,22 +79,22 @@ def between(results: xarray.Dataset, start_s: float | None, stop_s: float | None
 
 
 def column(selected: xarray.Dataset, name: str) -> Float[np.ndarray, " n"]:
-    """Return the values of a variable with one axis; NaN in place of what is not finite."""
+    """Return the values of a variable with one axis; NaN in place of values that are not finite."""
     values = np.asarray(selected[name].values, dtype=np.float64)
     return np.where(np.isfinite(values), values, np.nan)
 
 
 def magnitudes_sigma(selected: xarray.Dataset) -> Float[np.ndarray, "n_epochs n_taps"]:
-    """Return |tap| in standard deviations of the noise per dimension; NaN where there is no correlation."""
+    """Return |tap| in standard deviations of the noise per dimension; NaN without a correlation."""
     magnitudes = np.abs(selected["taps"].transpose("epoch", "tap").values).astype(np.float64)
     sigma = np.sqrt(_noise_power(selected) / 2)
     return np.where(np.isfinite(magnitudes), magnitudes, np.nan) / sigma[:, None]
 
 
 def phase_rad(selected: xarray.Dataset) -> tuple[Float[np.ndarray, " n_epochs"], str]:
-    """Return the phase of the detecting correlator, against that which E1 predicts if it is stored; then it says so.
+    """Return the phase of the detecting correlator with its label, if possible relative to the prediction of E1.
 
-    From one epoch to the next the carrier itself makes thousands of turns. A receiver knows them from E1.
+    From each epoch to the next the carrier itself makes thousands of turns, which a receiver knows from E1.
     """
     phase = column(selected, "phase_rad")
     if "predicted_phase_rad" not in selected.variables:
@@ -104,7 +104,7 @@ def phase_rad(selected: xarray.Dataset) -> tuple[Float[np.ndarray, " n_epochs"],
 
 
 def is_attacked(results: xarray.Dataset) -> bool:
-    """Return whether the campaign has an attack, and with it the truth of spoofing signals."""
+    """Return whether the campaign has an attack, and so the truth of spoofing signals."""
     return {"truth_spoofer_offset_m", "truth_spoofer_power_db", "truth_prediction_error_m"} <= set(results.variables)
 
 
@@ -124,12 +124,12 @@ def _noise_power(selected: xarray.Dataset) -> Float[np.ndarray, " n_epochs"]:
 
 
 def thinned(n: int, limit: int) -> slice:
-    """Return every k-th of `n` places, such that there are at most `limit`."""
+    """Return every k-th of `n` indices, at most `limit` indices."""
     return slice(None, None, max(1, -(-n // limit)))
 
 
 def title_of(what: str, selected: xarray.Dataset, *, with_detector: bool = True) -> str:
-    """Return the title of a figure: what it shows, of which detector and satellite, at which C/N0."""
+    """Return the title of a figure: its subject, the detector, the satellite and the C/N0."""
     by_detector = [f"{selected['detector'].item()} detector"] if with_detector else []
     parts = [what, *by_detector, f"E{int(selected['svid']):02d}"]
     if (cn0_dbhz := attribute(selected, "cn0_dbhz")) is not None:
@@ -138,7 +138,7 @@ def title_of(what: str, selected: xarray.Dataset, *, with_detector: bool = True)
 
 
 def attribute(selected: xarray.Dataset, name: str) -> float | None:
-    """Return a number among the attributes of the results, None if it is not there or not finite."""
+    """Return a number among the attributes of the results, None if the number is missing or not finite."""
     value = selected.attrs.get(name)
     try:
         number = float(value) if isinstance(value, (int, float, np.number)) else math.nan

@@ -1,8 +1,8 @@
 """Common style of all figures: size, letters, colours, files.
 
-Figures are made for a column of a paper, 8 cm wide, where 7 pt letters are as large as a footnote. They are drawn by
-the Agg canvas on a `Figure` of their own: no window, no state shared with somebody else's figures, no global setting
-touched. Anything with as many points as there are epochs is drawn as pixels also in a PDF or SVG.
+Figures are made for a column of a paper, 8 cm wide, where 7 pt letters are as large as a footnote. The Agg canvas draws
+each figure on its own `Figure`: without a window, without shared state, and without a change of global settings.
+Artists with a point for each epoch are drawn as pixels even in a PDF or SVG.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ HEIGHT_CM = 5.6
 CM_PER_INCH = 2.54
 DPI = 300
 LETTERS_PT = 7.0
-PD_TEXT, PFA_TEXT = r"$P_\mathrm{d}$", r"$P_\mathrm{fa}$"  # as Matplotlib typesets the two probabilities
+PD_TEXT, PFA_TEXT = r"$P_\mathrm{d}$", r"$P_\mathrm{fa}$"  # text of the two probabilities for Matplotlib
 SMALL_LETTERS_PT = 6.0
 LEGEND: dict[str, Any] = {
     "fontsize": SMALL_LETTERS_PT,
@@ -35,9 +35,9 @@ LEGEND: dict[str, Any] = {
 }
 _LONG_S = 10_000.0
 
-# Okabe and Ito, Color Universal Design (2008): told apart with any kind of colour vision, and in grey
+# Okabe and Ito, Color Universal Design (2008): colours that differ for any kind of colour vision, and in grey
 ORANGE, BLUE, RED, GREEN, BLACK, GREY = "#E69F00", "#0072B2", "#D55E00", "#009E73", "#000000", "#767676"
-COLOUR_MAP = "cividis"  # the same lightness for every kind of colour vision
+COLOUR_MAP = "cividis"  # colour map with the same lightness for every kind of colour vision
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
 
@@ -52,14 +52,14 @@ def new_axes(*, width_cm: float = WIDTH_CM, height_cm: float = HEIGHT_CM, projec
 
 
 def new_panels(n: int) -> list[Axes]:
-    """Return the axes of n panels above each other with one abscissa, each 3 cm high."""
+    """Return the axes of n panels above each other with a common abscissa, each 3 cm high."""
     figure = Figure(figsize=(WIDTH_CM / CM_PER_INCH, n * 3.0 / CM_PER_INCH), dpi=DPI, layout="constrained")
     panels: list[Axes] = list(figure.subplots(n, sharex=True))
     return panels
 
 
 def figure_of(ax: Axes) -> Figure:
-    """Return the figure that the axes are part of, however deep."""
+    """Return the figure that contains the axes, also through subfigures."""
     figure: Figure | SubFigure | None = ax.figure
     while isinstance(figure, SubFigure):
         figure = figure.figure
@@ -69,7 +69,7 @@ def figure_of(ax: Axes) -> Figure:
 
 
 def dress(ax: Axes, *, title: str, x: str, y: str) -> None:
-    """Set title and labels, and the letters and lines of the axes to the sizes of all figures."""
+    """Set title and labels, and set the letters and lines of the axes to the common sizes."""
     ax.set_title(title, fontsize=LETTERS_PT, pad=4)
     ax.set_xlabel(x, fontsize=LETTERS_PT, labelpad=2)
     ax.set_ylabel(y, fontsize=LETTERS_PT, labelpad=2)
@@ -81,13 +81,13 @@ def dress(ax: Axes, *, title: str, x: str, y: str) -> None:
 
 
 def legend(ax: Axes, place: str = "best", columns: int = 1) -> None:
-    """Set a legend in small letters, if something has a label."""
+    """Set a legend in small letters if any artist has a label."""
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc=place, ncols=columns, framealpha=0.85, edgecolor="none", **LEGEND)  # type: ignore[call-overload]
 
 
 def typeset(number: float) -> str:
-    """Return a number as Matplotlib typesets it: a power of ten in place of an exponent, such as 1e-7."""
+    """Return a number as text for Matplotlib, with a power of ten in place of an exponent such as 1e-7."""
     digits, _, exponent = f"{number:g}".partition("e")
     if not exponent:
         return digits
@@ -96,12 +96,12 @@ def typeset(number: float) -> str:
 
 
 def dot_size_pt(n: int) -> float:
-    """Return the diameter of `n` dots in pt at which they neither vanish nor cover each other more than needed."""
+    """Return the diameter in pt at which `n` dots remain visible and hardly cover each other."""
     return 2.2 if n <= 1000 else 1.6 if n <= 10_000 else 1.0
 
 
 def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
-    """Return the label of a time axis in s, or in 1000 s if the run is so long that the numbers would collide."""
+    """Return the label of a time axis in s, or in 1000 s if the numbers of a long run would collide."""
     if np.max(time_s, initial=0.0) < _LONG_S:
         return "time (s)"
     axis.set_major_formatter(lambda at_s, _: f"{at_s / 1000:g}")
@@ -109,14 +109,14 @@ def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
 
 
 def write(ax: Axes, path: Path | str, *, width_cm: float | None = None) -> None:
-    """Write the figure of `ax` to a file, its format by the suffix (`FORMATS`).
+    """Write the figure of `ax` to a file in the format of its suffix (`FORMATS`).
 
     The figure is first scaled to `width_cm`. Its proportions and the size of its letters stay the same.
 
     Raises
     ------
     ValueError
-        If the suffix is none of `FORMATS`.
+        If the suffix is not one of `FORMATS`.
     OSError
         If the file cannot be written.
     """

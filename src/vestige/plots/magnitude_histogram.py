@@ -13,7 +13,7 @@ from vestige.theory.marcum_q import marcum_q
 from vestige.theory.thresholds import correlator_amplitude
 
 BIN_SIGMA = 0.25
-_BELOW_LEGEND = 0.84  # share of the height of the axes
+_BELOW_LEGEND = 0.84  # share of the height of the axes below the legend
 
 
 def magnitude_histogram(
@@ -27,17 +27,17 @@ def magnitude_histogram(
 ) -> Axes:
     """Return axes with the histogram of the detecting correlator's magnitude, split by detected or not.
 
-    Detections are cut off at the threshold, which is a border of two bins: below it the detecting correlator is not
-    defined. The epochs without a detection are counted by their strongest tap. The line is what theory expects of a
-    single correlator that is aligned with the signal, from C/N0 and integration time of the results: a Rice
-    distribution. The detecting one differs from it by misalignment, by multipath, and by being chosen.
+    Detections begin at the threshold, which is a border of two bins; below the threshold the detecting correlator is
+    not defined. The epochs without a detection are counted by their strongest tap. The line is the Rice distribution of
+    a single correlator that is aligned with the signal, from C/N0 and integration time of the results. The detecting
+    correlator differs from this distribution because of misalignment, multipath, and its selection.
 
     Parameters
     ----------
     bin_sigma
         Width of a bin in standard deviations of the noise per dimension; wider if there were more than 600.
     log
-        Whether counts are in log scale, without which some tens of misses in 100,000 cannot be seen.
+        Whether counts are in log scale; in linear scale some tens of misses in 100,000 are invisible.
 
     Raises
     ------

@@ -15,19 +15,19 @@ from vestige.plots.figure import BLACK, BLUE, ORANGE, SMALL_LETTERS_PT, dress, l
 from vestige.plots.histogram import bin_edges, log_counts, width_of
 
 BIN_M = 0.5
-# Detections on the early flank gather there: the second tap before the prediction, and the root of the s-curve at its
-# limit of half a tap. With taps of 15 m it is −22.5 m, within 4.5 m [WFO, Sec. VI-A]
+# Detections on the early flank cluster at this offset: the second tap before the prediction, and the root of the
+# s-curve at its limit of half a tap. With taps of 15 m the offset is −22.5 m, within 4.5 m [WFO, Sec. VI-A]
 CLUSTER_TAPS = -1.5
 CLUSTER_REACH_TAPS = 0.3
-_LEAST_M = 30.0  # shown on both sides, so that the cluster's place can be seen
+_LEAST_M = 30.0  # least range on both sides, so that the position of the cluster is visible
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RightFlank:
-    """An exponential law for the offsets beyond `start_m`: events · e^{−(x − start)/scale} of them lie beyond x."""
+    """Exponential law for the offsets beyond `start_m`: events · e^{−(x − start)/scale} offsets lie beyond x."""
 
-    start_m: float  # offset in m from which the law holds
-    scale_m: float  # mean distance beyond it in m
+    start_m: float  # offset in m beyond which the law is valid
+    scale_m: float  # mean distance beyond `start_m` in m
     events: int
 
     def __post_init__(self) -> None:
@@ -36,7 +36,7 @@ class RightFlank:
 
     @classmethod
     def fitted(cls, offsets_m: Float[np.ndarray, " n"], start_m: float) -> RightFlank | None:
-        """Return the most likely law beyond `start_m`, whose scale is the mean excess; None if nothing lies there."""
+        """Return the most likely law beyond `start_m`, whose scale is the mean excess, or None without offsets."""
         excess_m = offsets_m[offsets_m > start_m] - start_m
         if not excess_m.size:
             return None
@@ -47,7 +47,7 @@ class RightFlank:
         return self.events * bin_m / self.scale_m * np.exp(-(x_m - self.start_m) / self.scale_m)
 
     def last_m(self, bin_m: float, count: float = 0.5) -> float:
-        """Return where the expected count of a bin has fallen to `count`, in m."""
+        """Return the offset in m at which the expected count of a bin has fallen to `count`."""
         return self.start_m + self.scale_m * float(np.log(max(self.events * bin_m / self.scale_m / count, 1.1)))
 
 
@@ -67,14 +67,15 @@ def range_histogram(
     Parameters
     ----------
     bin_m
-        Width of a bin in m, 0 m is the middle of one; wider if there were more than 600.
+        Width of a bin in m; the width is doubled if there were more than 600 bins. 0 m is the middle of a bin.
     mark_cluster
-        Whether to mark where detections on the early flank gather if the detector's spacing is 1 tap: at −22.5 m for
-        taps of 15 m, with the number of epochs within 4.5 m.
+        Whether to mark the cluster of detections on the early flank for a detector's spacing of 1 tap. The cluster is
+        at −22.5 m for taps of 15 m; the mark gives the number of epochs within 4.5 m.
     right_flank
-        A law to draw over the right flank, a straight line in log scale; a number is where one is fitted from, in m.
+        A law to draw over the right flank, a straight line in log scale. A number is the offset in m beyond which a law
+        is fitted.
     limit_m
-        Largest range offset in m that passes the range check; dashed lines on both sides show it.
+        Largest range offset in m that passes the range check, drawn as dashed lines on both sides.
 
     Raises
     ------

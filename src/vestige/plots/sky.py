@@ -1,4 +1,4 @@
-"""Figures of a sky: where the satellites are, where the fix is, when the checks failed."""
+"""Figures of a sky: positions of the satellites, errors of the fix, and failures of the checks over time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _AXES, _DOTS = ("east", "north", "up"), "authenticated"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonitorLine:
-    """One check over time: whether it was run, and whether it failed for any satellite."""
+    """A check over time: whether it was run, and whether it failed for any satellite."""
 
     name: str
     run: Bool[np.ndarray, " n"]
@@ -40,9 +40,9 @@ class MonitorLine:
 
 
 def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
-    """Return the axes of a sky plot: zenith in the middle, north up; a dot where each satellite is last.
+    """Return the axes of a sky plot: zenith in the middle, north up; a dot at the last position of each satellite.
 
-    Raises `VestigeError` if the results are not those of a sky.
+    Raises `VestigeError` if the results are not from a sky.
     """
     _check(results, "elevation_deg", "azimuth_deg")
     ax = new_axes(width_cm=8.0, height_cm=8.0, projection="polar") if ax is None else ax
@@ -75,11 +75,11 @@ def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def position_error(results: xarray.Dataset) -> Axes:
-    """Return the lowest axes of the fix's error against time: east, north, up and clock, each with a panel.
+    """Return the lowest axes of the fix's error against time, with a panel each for east, north, up and clock.
 
-    Lines are the fixes of all satellites, dots the authenticated ones.
+    Lines show the fixes of all satellites, dots the fixes of the authenticated satellites.
 
-    Raises `VestigeError` if the results are not those of a sky, or there is not one fix.
+    Raises `VestigeError` if the results are not from a sky, or there is no fix.
     """
     _check(results, "fix_error_m", "fix_clock_error_m", "time_s")
     if not np.isfinite(results["fix_clock_error_m"].values).any():
@@ -102,7 +102,7 @@ def position_error(results: xarray.Dataset) -> Axes:
 
 
 def monitor_timeline(time_s: Float[np.ndarray, " n"], lines: Sequence[MonitorLine], ax: Axes | None = None) -> Axes:
-    """Return the axes of a time-line: for each check a line where it was run, and marks where it failed."""
+    """Return the axes of a time-line with a line for the tests of each check, and marks for its failures."""
     ax = new_axes(height_cm=1.6 + 0.4 * len(lines)) if ax is None else ax
     for row, line in enumerate(lines):
         ax.plot(time_s, np.where(line.run, float(row), np.nan), color=GREY, linewidth=0.8)

@@ -1,4 +1,4 @@
-"""A vestigial signal search: what was found on E1 and in E6, with real results in place of [WFO, Fig. 3]."""
+"""Figures of a vestigial signal search: results on E1 and in E6, as in the sketch [WFO, Fig. 3]."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ from matplotlib.axes import Axes
 
 from vestige.plots.figure import BLUE, GREEN, GREY, RED, dot_size_pt, dress, legend, new_axes
 
-_ROOM = 1.25  # above the strongest, for the legend
+_ROOM = 1.25  # room above the strongest signal for the legend, as a factor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchTrace:
-    """A search in E6."""
+    """Magnitudes and result of a search in E6."""
 
-    # places, after the RECS was sent, and the magnitude there: of a hand-over's place, or the strongest in a block of
-    # an exhaustive search; in standard deviations of the noise per dimension.
+    # Arrival times after the transmission of the RECS, and the magnitude at each arrival time of a hand-over search, or
+    # the strongest in each block of an exhaustive search. Magnitudes are in standard deviations of the noise per
+    # dimension.
     time_s: Sequence[float]
     magnitude: Sequence[float]
-    threshold: float  # in the same unit
+    threshold: float  # threshold in the same unit
     peaks: Sequence[tuple[float, float]]  # signals that were found: time and magnitude, the earliest first
 
 
 def vestigial_search(trace: SearchTrace, *, title: str) -> Axes:
-    """Return magnitude against time, the threshold, and the peaks: the earliest is the true signal."""
+    """Return axes with magnitude against time, the threshold, and the peaks; the earliest peak is the true signal."""
     ax = new_axes()
     size = dot_size_pt(len(trace.time_s))
     ax.plot(trace.time_s, trace.magnitude, ".", color=GREY, markersize=size, label="searched", rasterized=True)
@@ -49,9 +50,9 @@ def code_phases(
     *,
     title: str,
 ) -> Axes:
-    """Return the power of the strongest Doppler bin over the threshold, against code phase, with the signals found.
+    """Return axes with the power of the strongest Doppler bin over the threshold against code phase.
 
-    The signals found have code phase and power, the strongest first.
+    The axes also show the signals in `found`, given as code phase and power, the strongest first.
     """
     ax = new_axes()
     ax.plot(phase_ms, power, color=GREY, linewidth=0.4, rasterized=True)

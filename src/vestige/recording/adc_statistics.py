@@ -1,10 +1,10 @@
-"""Statistics of the first samples of a recording: they show a wrong format, a dead front end, a wrong frequency.
+"""Statistics of the first samples of a recording, which show a wrong format, a dead front end or a wrong frequency.
 
 The numbers describe the stored components (the real samples, or I and Q together), in the unit of the file. A 2-bit
-front end has 4 distinct values and a third of its samples at the outermost ones; an 8-bit one has many values and next
-to none there, unless it clips. The spectral centre is where the front end's pass band lies: the mean frequency of the
-power above the flat floor that quantisation and image leave, as a radio frequency. For real samples the half of the
-spectrum that holds the band's carrier is looked at.
+front end has 4 distinct values and a third of its samples at the outermost values. An 8-bit front end has many values
+and hardly any sample at the outermost values, unless the front end clips. The spectral centre tells the position of the
+front end's pass band. The centre is the mean frequency of the power above the flat floor that quantisation and image
+leave, as a radio frequency. For real samples only the half of the spectrum that holds the band's carrier is used.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ SEGMENT = 1024  # samples of one spectrum
 class AdcStatistics:
     """Statistics of the first samples."""
 
-    n_samples: int  # that were looked at
+    n_samples: int  # number of samples used
     deviation: float  # standard deviation of the samples (both components together)
     rms: float  # root mean square of the components
     mean: complex  # mean of the components, complex for complex samples
     n_distinct: int  # distinct values of the components
     outermost: float  # largest magnitude of a component
-    # fraction of the components that have it: the clipping, if there are many distinct values
+    # fraction of the components with that magnitude: the clipping, if there are many distinct values
     outermost_fraction: float
-    # centre of the pass band as a radio frequency in Hz; None for too few samples, or none that differ
+    # centre of the pass band as a radio frequency in Hz; None if there are too few samples, or all are equal
     spectral_center_hz: float | None
 
 
 def adc_statistics(reader: SampleReader, *, at_most: int = LOOKED_AT) -> AdcStatistics:
     """Return the statistics of the first `at_most` samples.
 
-    Raises `InputFileError` if they cannot be read, or are not finite numbers.
+    Raises `InputFileError` if the samples cannot be read, or are not finite numbers.
     """
     samples = reader.samples(reader.first_sample, min(at_most, reader.n_samples))
     components = samples.view(np.float32) if reader.file.form.is_complex else samples.real
@@ -70,6 +70,6 @@ def _spectral_center(reader: SampleReader, samples: Complex64[np.ndarray, " n_sa
         upper = CARRIER_HZ[file.band] >= file.center_frequency_hz
         half = (frequency >= file.center_frequency_hz) == upper
         power, frequency = power[half], frequency[half]
-    above = np.maximum(power - 2 * np.quantile(power, 0.1), 0.0)  # twice: the floor's own scatter stays below
+    above = np.maximum(power - 2 * np.quantile(power, 0.1), 0.0)  # the floor's own scatter stays below twice the floor
     total = float(above.sum())
     return float((above * frequency).sum() / total) if total > 0 else None

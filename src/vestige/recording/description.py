@@ -1,10 +1,10 @@
-"""Description of a recording, before a sample of it is read: file, sample format and start of each band.
+"""Description of a recording before any sample is read: file, sample format and start of each band.
 
-A recording has up to two bands, sampled by one clock and numbered by one counter: sample 0 of both bands is the same
-moment, and sample n of a band is n sampling intervals of that band later. A file may start at any number
-(`first_sample`), so two front ends that started at different moments still share the counter.
+A recording has up to two bands, which share one clock and one sample counter. Sample 0 of both bands is the same
+moment. Sample n of a band is n sampling intervals of that band later. A file may start at any number (`first_sample`),
+so two front ends that started at different moments still share the counter.
 
-`center_frequency_hz` is the radio frequency that stands at 0 Hz in the *stored* samples. A real IF recording with a
+`center_frequency_hz` is the radio frequency that appears at 0 Hz in the *stored* samples. A real IF recording with a
 local oscillator at 1572.42 MHz has 1572.42e6 there and finds E1 at +3 MHz.
 """
 
@@ -26,7 +26,7 @@ from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_time_uncertainty
 
-# What a value in a description may be; beyond it is a slip of the pen, not a receiver.
+# Smallest and largest plausible value of each number in a description.
 SAMPLE_RATE_RANGE_HZ = (1e5, 1e10)
 FIRST_SAMPLE = (0, 1 << 53)  # 28 years at 10 MHz
 TIME_UNCERTAINTY_S = (0.0, 1e6)
@@ -38,30 +38,30 @@ class BandFile:
 
     band: Band
     path: Path
-    described_in: Path  # the file that says so; errors about the description name it
+    described_in: Path  # the file with this description, which errors about the description name
     form: SampleFormat
     sample_rate_hz: float
-    center_frequency_hz: float  # radio frequency that stands at 0 Hz in the stored samples
-    spectral_inversion: bool = False  # whether the stored spectrum is inverted; reading undoes it
+    center_frequency_hz: float  # radio frequency that appears at 0 Hz in the stored samples
+    spectral_inversion: bool = False  # whether the stored spectrum is inverted; the reader inverts it again
     first_sample: int = 0  # number of the file's first sample on the counter that the bands share
     start: GalileoTime | None = None  # time of the file's first sample on the receiver's clock; None if nothing tells
     bandwidth_hz: float | None = None  # bandwidth of the front end, two-sided; None if not stated
-    header_bytes: int = 0  # before the first sample
-    trailing_bytes: int = 0  # after the last sample
-    stated_samples: int | None = None  # how many samples the description claims; None if it does not
-    sha512: str | None = None  # hash of the file that the description claims, as lower-case hex; None if it does not
+    header_bytes: int = 0  # bytes before the first sample
+    trailing_bytes: int = 0  # bytes after the last sample
+    stated_samples: int | None = None  # number of samples that the description states, or None
+    sha512: str | None = None  # hash of the file that the description states, as lower-case hex, or None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingDescription:
-    """Everything that is known of a recording before its samples are read."""
+    """Description of a recording, known before its samples are read."""
 
     path: Path  # the file that describes the recording, or the folder that holds it
-    bands: Mapping[Band, BandFile]  # the sample file of each band that there is
+    bands: Mapping[Band, BandFile]  # the sample file of each recorded band
     # upper limit of the error of the receiver's clock against Galileo System Time in s; infinite if not stated
     time_uncertainty_s: float = math.inf
     observations: Path | None = None  # file with E1 observations
-    notes: tuple[str, ...] = ()  # what a person should know, one line each
+    notes: tuple[str, ...] = ()  # notes for the user, one line each
 
     def __post_init__(self) -> None:
         require_time_uncertainty(self.time_uncertainty_s)
@@ -75,7 +75,7 @@ class RecordingDescription:
 
 
 def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
-    """Return the band whose carrier lies in the sampled spectrum (the nearest one), or None."""
+    """Return the band whose carrier lies in the sampled spectrum, the nearest if both do, or None."""
     band = min(CARRIER_HZ, key=lambda band: abs(center_frequency_hz - CARRIER_HZ[band]))
     return band if abs(center_frequency_hz - CARRIER_HZ[band]) <= sample_rate_hz / 2 else None
 
@@ -91,7 +91,7 @@ def sample_file(described_in: Path, place: str, name: str) -> Path:
         if stat.S_ISREG(mode) or stat.S_ISFIFO(mode):
             return path
         found = f"{name}, which is not a regular file"
-    except (OSError, ValueError):  # no such file, or a name that no file can have
+    except (OSError, ValueError):  # the file does not exist, or its name is impossible
         found = f"{name}, which is not there"
     raise InputFileError(described_in, place, found, "the name of a file")
 
@@ -102,7 +102,7 @@ def counter_seconds(band: BandFile) -> Fraction:
 
 
 def redated(description: RecordingDescription, start: GalileoTime) -> RecordingDescription:
-    """Return the recording with its earliest sample at `start`; the distance of the bands follows from the counter."""
+    """Return the recording with its earliest sample at `start`; the counter gives the start of the other band."""
     if not description.bands:
         return description
     earliest = min(description.bands.values(), key=counter_seconds)

@@ -1,7 +1,7 @@
 """Times of samples, and times as text, without loss.
 
-A counter of 10¹¹ samples divided by its rate is a float that steps by a nanosecond, that is 30 cm. So the whole seconds
-are split off in exact arithmetic first, and only the fraction is rounded, once.
+A counter of 10¹¹ samples divided by its rate is a float with a resolution of a nanosecond, which is 30 cm. So the whole
+seconds are split off in exact arithmetic first. Only the fraction is rounded, and only once.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def samples_later(start: GalileoTime, count: int, sample_rate_hz: float) -> Gali
 
 
 def exact_second(time: GalileoTime) -> str:
-    """Return the second of the week with the shortest fraction that reads back as the same float: `348018.1`."""
+    """Return the second of the week as the shortest text that reads back as the same float: `348018.1`."""
     digits = np.format_float_positional(time.fraction, unique=True, trim="-")
     return str(time.second) + digits.removeprefix("0")
 

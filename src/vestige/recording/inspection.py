@@ -1,9 +1,9 @@
-"""Inspection of a recording: its content, and what is missing before ACAS can authenticate it.
+"""Inspection of a recording: its content, and the data that ACAS lacks to authenticate it.
 
-ACAS needs, for one verdict: E6 samples that hold a RECS, the RECS itself, the OSNMA key that decrypts it, E1 (samples
-or observations) to tell where in E6 to look, the group delay of the satellite, and a receiver clock that is provably
-right to better than the time between the reception and the disclosure of the key, 30 s for a key delay of one
-subframe [WFO, Sec. III-D].
+For each verdict ACAS needs E6 samples that contain a RECS, the RECS itself and the OSNMA key that decrypts the RECS. E1
+(samples or observations) predicts the position of the RECS in E6; the group delay of the satellite corrects that
+prediction. The error of the receiver clock must be provably smaller than the time between reception and disclosure of
+the key. This time is 30 s for a key delay of one subframe [WFO, Sec. III-D].
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from vestige.records import Assistance, Band, EncryptedSegment
 from vestige.signals.definitions import CARRIER_HZ, E6C
 from vestige.time import GalileoTime
 
-FEW_VALUES = 16  # distinct values of a front end of at most 4 bits, whose outermost values are no clipping
-CLIPPING = 0.01  # fraction of components at the outermost value from which on it distorts
-CENTER_TOLERANCE = 0.25  # share of the sampling rate between the pass band's centre and the carrier
+FEW_VALUES = 16  # number of distinct values of a 4-bit front end, whose outermost values are not counted as clipping
+CLIPPING = 0.01  # fraction of components at the outermost value above which clipping distorts
+CENTER_TOLERANCE = 0.25  # largest distance of the pass band's centre from the carrier, as a share of the sampling rate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandInspection:
-    """The samples of one band and what the first of them look like; `hash_agrees` is None if not checked or stated."""
+    """The samples of a band and the statistics of the first samples; `hash_agrees` is None if not checked or stated."""
 
     reader: SampleReader
     adc_statistics: AdcStatistics
@@ -45,7 +45,7 @@ class BandInspection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationCoverage:
-    """Coverage of a file of E1 observations: `span` is from the first to the last epoch, None if there is none."""
+    """Coverage of a file of E1 observations: `span` is from the first to the last epoch, None if there is no epoch."""
 
     file: ObservationFile
     n_epochs: int
@@ -63,11 +63,11 @@ class Inspection:
     observations: ObservationCoverage | None
     assistance: AssistanceFolder
     recorded_segments: tuple[EncryptedSegment, ...]  # the RECS that can be in the E6 samples
-    notes: tuple[str, ...]  # what is odd, one line each
+    notes: tuple[str, ...]  # unusual features of the recording, one line each
     # what ACAS lacks, one line each: first what no verdict is possible without, then what the assistance folder says of
     # itself
     missing: tuple[str, ...]
-    examination: Examination | None = None  # what the signals say; None if they were not looked for
+    examination: Examination | None = None  # result of the search for signals; None if there was no search
 
 
 def inspect_recording(
@@ -82,10 +82,10 @@ def inspect_recording(
     signals: bool = False,
     progress: Progress = lambda _step, _done, _total: None,
 ) -> Inspection:
-    """Return what is at `path`, a recording, an observation file or a folder, and what is missing for ACAS.
+    """Return the content of `path`, a recording, an observation file or a folder, and the data that ACAS lacks.
 
-    Raises `InputFileError` or `UnsupportedError` if there is nothing at `path` that can be read, or its description,
-    samples or observations are not usable.
+    Raises `InputFileError` or `UnsupportedError` if nothing at `path` can be read, or its description, samples or
+    observations are not usable.
 
     Parameters
     ----------
@@ -100,9 +100,9 @@ def inspect_recording(
     check_hash
         Compare sample files with the hashes in their descriptions, which reads all of them.
     signals
-        Look for satellites, and for errors of the description, which takes 10 to 40 s.
+        Search for satellites, and for errors of the description, which takes 10 to 40 s.
     progress
-        Called with the step of that, and with the parts of the step that are done and of all.
+        Called with the name of the search step, the number of its parts that are done and the number of all.
     """
     description, observation_path = _find(path)
     if description is not None and start is not None:
@@ -171,7 +171,7 @@ def _span(bands: tuple[BandInspection, ...]) -> tuple[GalileoTime, GalileoTime] 
 
 def _transmission(span: tuple[GalileoTime, GalileoTime] | None) -> tuple[GalileoTime, GalileoTime] | None:
     """Return the first and last time of transmission of a segment that can reach the receiver within `span`."""
-    if span is None or span[0] < GalileoTime(0, 1):  # before it, there is no Galileo time
+    if span is None or span[0] < GalileoTime(0, 1):  # Galileo time does not exist before week 0
         return span
     return span[0] + -TRAVEL_TIME_S[1], span[1] + -TRAVEL_TIME_S[0]
 
@@ -231,7 +231,7 @@ def _missing_time(uncertainty_s: float) -> Iterator[str]:
 
 
 def _missing_margin(uncertainty_s: float, assistance: Assistance) -> Iterator[str]:
-    """Yield a line if the clock is too uncertain to prove, for some RECS, reception before the key's disclosure."""
+    """Yield a line if the clock is too uncertain to prove that every RECS was received before its key's disclosure."""
     disclosed = {key.time: key.disclosed_at for key in assistance.keys}
     margins_s = [
         disclosed[segment.key_time] - segment.transmit_time - TRAVEL_TIME_S[1] - segment.n_chips / E6C.chip_rate_hz

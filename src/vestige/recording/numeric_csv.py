@@ -1,4 +1,4 @@
-"""Tables of numbers as CSV: a header with the column names, then one row a line, the first column a time that rises."""
+"""Tables of numbers as CSV: a header with the column names, then a row a line with a rising time first."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ WAYPOINTS: Mapping[str, tuple[float, float]] = {
 
 
 def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> Float[np.ndarray, "n k"]:
-    """Return the rows of a table with just these columns, two or more.
+    """Return the rows of a table that has exactly these columns, two or more.
 
-    `columns` give the smallest and the largest value of each, in the order of the file.
+    `columns` gives the smallest and the largest value of each column, in the order of the file.
 
-    Raises `InputFileError` if the header is another, a row is not as long, a value is no number within its limits, or
-    the first column does not rise.
+    Raises `InputFileError` if the header differs, a row has another length, a value is not a number within its limits,
+    or the first column does not rise.
     """
     lines = numbered_lines(path)
     check_header(path, next(lines, (1, ""))[1], columns)
@@ -49,13 +49,13 @@ def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> 
 
 
 def check_header(path: Path, line: str, columns: Mapping[str, tuple[float, float]]) -> None:
-    """Raise InputFileError unless the first line of a file names just these columns."""
+    """Raise InputFileError unless the first line of a file names exactly these columns."""
     if line.strip() != (header := ",".join(columns)):
         raise InputFileError(path, "line 1", line.strip() or "nothing", header)
 
 
 def numeric_row(path: Path, number: int, line: str, columns: Mapping[str, tuple[float, float]]) -> list[float]:
-    """Return the values of a line; raises as `read_numeric_csv`."""
+    """Return the values of a line; raises the errors of `read_numeric_csv`."""
     texts = line.split(",")
     if len(texts) != len(columns):
         raise InputFileError(path, f"line {number}", f"{len(texts)} fields", f"{len(columns)}: {','.join(columns)}")

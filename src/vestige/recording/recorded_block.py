@@ -1,6 +1,6 @@
-"""Blocks of one epoch for the processor: a snapshot of a recording, or what E1 tracking says between two of them.
+"""Blocks of one epoch for the processor: a snapshot of a recording, or the state of E1 tracking between two snapshots.
 
-What other channels say since the block before is with it.
+A block includes the data of other channels since the block before.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from vestige.records.snapshot_block import OBSERVED, E1Block, FrontEndBlock, Sna
 from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 
-OSNMA_SUBFRAMES = 20  # in which keys are looked for at first, 10 minutes
+OSNMA_SUBFRAMES = 20  # 10 minutes, searched for keys before the first block
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherChannels:
-    """Data that a receiver has beside samples and assistance: second OSNMA channel, inertial sensors."""
+    """Data of a receiver beside samples and assistance: second OSNMA channel and inertial sensors."""
 
-    # OSNMA keys, and pages if there are any, that came over another channel [WFO, Sec. IV-C]; None without one.
+    # OSNMA keys, and pages if there are any, of a second channel [WFO, Sec. IV-C]; None without such a channel.
     second_channel: Assistance | None = None
-    accelerations: Accelerations | None = None  # readings of inertial sensors; None without any
+    accelerations: Accelerations | None = None  # readings of inertial sensors; None without sensors
 
     def block(self, snapshot: Snapshot, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
         """Return a snapshot as a block of one epoch.
 
-        `since` is the time of the snapshot before; None at first.
+        `since` is the time of the snapshot before; None for the first snapshot.
         """
         return self.joined(block_of(snapshot, since=since, accelerations=self.accelerations), assistance, since)
 
     def joined(self, block: SnapshotBlock, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
-        """Return a block of one epoch with the OSNMA of the second channel beside that of the message."""
+        """Return a block of one epoch with the OSNMA data of both the message and the second channel."""
         now = block.time.at(0)
         if self.second_channel is None or not block.svids:
             return block
@@ -51,7 +51,7 @@ class OtherChannels:
 def tracked_block(
     index: int, epoch: ObservationEpoch, *, time_uncertainty_s: float, increments: VelocityIncrements | None
 ) -> SnapshotBlock:
-    """Return what E1 tracking says at an epoch without RECS.
+    """Return a block with the state of E1 tracking at an epoch without RECS.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def tracked_block(
 
 
 def with_correlators(block: SnapshotBlock, epoch: ObservationEpoch) -> SnapshotBlock:
-    """Return a block of one epoch with the E1 correlators and the power of E1 that tracking has at that time."""
+    """Return a block of one epoch with the tracked E1 correlators and the power of E1 at that time."""
     if not epoch.tap_chips:
         return block
     nothing = np.full(len(epoch.tap_chips), np.nan + 0j)

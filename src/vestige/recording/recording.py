@@ -1,14 +1,14 @@
-"""A recording, opened: its samples by band and time, and its E1 observations.
+"""Access to an opened recording: its samples by band and time, and its E1 observations.
 
-What a recording may be:
+A recording is given as:
 
 * a folder with a `recording.toml`, or that file (raw samples, described by hand);
 * a folder with a `.sigmf-collection`, or that file;
 * a folder with one `.sigmf-meta` for each band, or one such file;
 * a folder with an `.sdrx` file, or that file, or an `.xml` file: ION GNSS SDR metadata.
 
-In a folder the first of these that is there counts. Observations lie in the same folder (RINEX or CSV, told by their
-first line) or are named in `recording.toml`.
+If a folder contains several of these, the first in this list counts. E1 observations are in the same folder (RINEX or
+CSV, told by their first line) or are named in `recording.toml`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from vestige.records import Band, SampleBatch
 from vestige.time import GalileoTime
 
 OBSERVATION_NAMES = re.compile(r".*\.(rnx|obs|csv|\d\do|crx|\d\dd)", re.IGNORECASE)
-SAMPLE_TOLERANCE = 1e-3  # share of a sampling interval: a time that is this near to a sample is that sample's
+SAMPLE_TOLERANCE = 1e-3  # share of a sampling interval: a time this near to a sample counts as the time of that sample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,16 +57,17 @@ class Recording:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on the recording for a person, one line each."""
+        """Notes on the recording for the user, one line each."""
         readers = [reader for reader in (self.e1, self.e6) if reader is not None]
         return self.description.notes + tuple(note for reader in readers for note in reader.notes)
 
     def batch(self, band: Band, start_time: GalileoTime, duration_s: float) -> SampleBatch | None:
-        """Return the samples of a band in a window of receiver-clock time, or None if it has none there.
+        """Return the samples of a band in a window of receiver-clock time, or None if there are none in the window.
 
-        The batch begins with the first sample at or after `start_time` (one that is a thousandth of a sampling
-        interval early counts) and has ⌈duration · rate⌉ samples, the same number wherever the window lies. What lies
-        outside the recording is cut away: `start`, `first_sample` and the length of the batch say what is left.
+        The batch begins with the first sample at or after `start_time`; a sample that is early by a thousandth of a
+        sampling interval also counts. The batch has ⌈duration · rate⌉ samples, the same number for every position of
+        the window. Samples outside the recording are left out: `start`, `first_sample` and the length of the batch
+        describe the rest.
 
         Raises `InputFileError` if the samples cannot be read.
         """
@@ -83,7 +84,7 @@ class Recording:
 
 
 def find_recording(path: Path) -> Path | None:
-    """Return the file that describes the recording at `path`, the folder if several do together, or None.
+    """Return the file that describes the recording at `path`, the folder if several files do together, or None.
 
     Raises `InputFileError` if a folder has more than one collection, or more than one `.sdrx` file and no SigMF. Raises
     `UnsupportedError` for a SigMF archive.
@@ -104,19 +105,19 @@ def find_recording(path: Path) -> Path | None:
 
 
 def _only(folder: Path, suffix: str, what: str) -> Path | None:
-    """Return the only file of a suffix in a folder, None if there is none."""
+    """Return the only file with a suffix in a folder, or None."""
     found = sorted(folder.glob(f"*{suffix}"))
     if len(found) > 1:
         names = ", ".join(one.name for one in found)
-        raise InputFileError(folder, "folder", names, f"one {what}; name the one that is meant")
+        raise InputFileError(folder, "folder", names, f"one {what}; name the file to use")
     return found[0] if found else None
 
 
 def describe_recording(path: Path) -> RecordingDescription:
     """Return the description of the recording at `path` without reading samples.
 
-    Raises `InputFileError` if there is no recording, or a description is not usable. Raises `UnsupportedError` if it is
-    valid, but of a kind that vestige does not read.
+    Raises `InputFileError` if there is no recording, or a description is not usable. Raises `UnsupportedError` if the
+    description is valid, but of a kind that vestige does not read.
     """
     found = find_recording(path)
     if found is None:
@@ -135,9 +136,9 @@ def describe_recording(path: Path) -> RecordingDescription:
 
 
 def find_observations(folder: Path) -> Path | None:
-    """Return the one file of E1 observations in a folder, or None.
+    """Return the only file of E1 observations in a folder, or None.
 
-    Raises `InputFileError` if there are several.
+    Raises `InputFileError` if there are several such files.
     """
     paths = [
         path for path in sorted(folder.iterdir()) if OBSERVATION_NAMES.fullmatch(path.name) and observation_kind(path)
@@ -149,12 +150,12 @@ def find_observations(folder: Path) -> Path | None:
 
 
 def named_observations(description: RecordingDescription) -> bool:
-    """Return whether observations are what a description names, not what lies in the folder of the recording."""
+    """Return whether the description names the observations, in contrast to a file found in the folder."""
     return description.path.suffix == ".toml" or description.path == Path("-")
 
 
 def observation_names(description: RecordingDescription) -> list[Path]:
-    """Return the files that may be a recording's observations, by their names."""
+    """Return the files that may contain a recording's observations, by their names."""
     if named_observations(description):
         return []
     folder = description.path if description.path.is_dir() else description.path.parent
@@ -162,7 +163,7 @@ def observation_names(description: RecordingDescription) -> list[Path]:
 
 
 def unread_observations(description: RecordingDescription) -> tuple[InputFileError, ...]:
-    """Return the faults of the files of a recording that are observations by name and not by content."""
+    """Return the faults of the files of a recording whose names, but not contents, are those of observations."""
     wrong = []
     for path in observation_names(description):
         if "obs" in path.name.lower():
@@ -193,9 +194,10 @@ def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Rec
     Raises
     ------
     InputFileError
-        If there is no recording, its description or samples are not usable, or neither it nor `start` tells the time.
+        If there is no recording, its description or samples are not usable, or its time is not known from the
+        description or `start`.
     UnsupportedError
-        If it is valid, but of a kind that vestige does not read.
+        If the description is valid, but of a kind that vestige does not read.
 
     Examples
     --------
@@ -211,7 +213,7 @@ def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Rec
         description = redated(description, start)
     readers = {band: open_samples(file) for band, file in description.bands.items()}
     for reader in readers.values():
-        _ = reader.start  # fails now, not at the first sample, if nothing tells the time
+        _ = reader.start  # raises here, and not at the first sample, if the time is unknown
     observations = None if description.observations is None else open_observations(description.observations)
     if observations is None:
         notes = tuple(f"{wrong}; not used" for wrong in unread_observations(description))

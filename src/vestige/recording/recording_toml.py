@@ -10,25 +10,25 @@
     file = "L1.bin"                       # relative to this file, or absolute
     format = "int8"                       # int8, uint8 (offset binary), int16, uint16, float32; little endian
     layout = "real"                       # real, iq, qi
-    center_frequency_hz = 1572.42e6       # radio frequency that stands at 0 Hz in the samples
+    center_frequency_hz = 1572.42e6       # radio frequency that appears at 0 Hz in the samples
     [e6]
-    file = "L6.bin"                       # "-": standard input, of a recording that is followed
+    file = "L6.bin"                       # "-": standard input, for vestige live
     format = "int8"
     layout = "iq"
     center_frequency_hz = 1278.75e6
-    spectral_inversion = true             # optional, as all that follow
+    spectral_inversion = true             # optional, like all keys below
     bandwidth_hz = 8.7e6                  # bandwidth of the front end, two-sided
-    first_sample = 0                      # number of the first sample on the counter that the bands share
-    header_bytes = 0                      # to skip before the first sample
-    sample_rate_hz = 12e6                 # if it differs from the other band's
+    first_sample = 0                      # number of the first sample on the shared counter
+    header_bytes = 0                      # bytes to skip before the first sample
+    sample_rate_hz = 12e6                 # if different from the other band's rate
     [observations]                        # optional
     file = "observations.rnx"             # RINEX 3 or 4, or CSV
 
-With `frame` the file has one sample of each band in turn, in that order, as a recorder with two front ends writes
-them: `E1[0] E6[0] E1[1] E6[1] …`. Then both tables have the same file (not those of this example), format, layout,
-sampling rate, first sample and header.
+With `frame` the file contains a sample of each band in turn, in that order: `E1[0] E6[0] E1[1] E6[1] …`. Recorders with
+two front ends write such files. Then both tables have the same file (unlike in this example), format, layout, sampling
+rate, first sample and header.
 
-`start` may be left out if it is given when the recording is opened. Unknown keys are errors.
+`start` may be left out if the caller gives the start when opening the recording. Unknown keys are errors.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class _RecordingTable(_Table):
 def read_recording_toml(path: Path) -> RecordingDescription:
     """Return the recording that `path` describes.
 
-    Raises `InputFileError` if the file is not TOML, lacks a key or has one too many, or a value or file name is not
+    Raises `InputFileError` if the file is not TOML, lacks a key, has an unknown key, or a value or file name is not
     usable.
     """
     table = _table(path)
@@ -130,7 +130,7 @@ def recording_schema() -> dict[str, Any]:
     ['sample_rate_hz']
     """
     schema = _RecordingTable.model_json_schema()
-    del schema["properties"]["time_uncertainty_s"]["default"]  # infinite, which JSON cannot write
+    del schema["properties"]["time_uncertainty_s"]["default"]  # the default is infinite, which JSON cannot express
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | schema | {"title": "vestige recording.toml"}
 
 
@@ -139,7 +139,7 @@ def _table(path: Path) -> _RecordingTable:
     try:
         return _RecordingTable.model_validate(content)
     except ValidationError as error:
-        # A misspelt key is unknown and missing at once; unknown says more.
+        # A misspelt key gives two errors, unknown and missing; the message names the unknown key.
         first = min(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
         found, expected = first["input"], first["msg"]
         if first["type"] == "missing":
@@ -190,7 +190,8 @@ def _band_file(path: Path, band: Band, entry: _BandTable, sample_rate_hz: float,
 def _framed(path: Path, frame: list[Literal["e1", "e6"]], bands: dict[Band, BandFile]) -> dict[Band, BandFile]:
     """Return the bands as channels of one file.
 
-    Raises `InputFileError` if a band is missing or there twice, or if the tables differ where one file cannot.
+    Raises `InputFileError` if a band is missing or repeated, or if the tables differ in a value that the common file
+    fixes.
     """
     order = [Band[name.upper()] for name in frame]
     if len(set(order)) < 2 or len(bands) < 2:

@@ -1,7 +1,8 @@
 """Log file of exhaustive searches: after an interruption the same search continues, and no finding is lost.
 
-The file is replaced as a whole, after the new one is on the disk, so it is complete at any moment. It holds the
-identity of the searches (`of`), so that no search continues from the state of another one, and one state for each name.
+The file is replaced as a whole, after the new file is on the disk, so the log is complete at any moment. The log
+contains the identity of the searches (`of`), so that no search continues from the state of another search. The log has
+a state for each name.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from vestige.errors import InputFileError
 from vestige.output import replacement
 from vestige.sample_processor.search.exhaustive_search import SearchState
 
-EXPECTED_LOG = "what an exhaustive search has kept"
-_MAX_BYTES = 1 << 26  # a search keeps some kB
+EXPECTED_LOG = "the log of an exhaustive search"
+_MAX_BYTES = 1 << 26  # largest size of a log; a search needs some kB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,14 +34,14 @@ class SearchLog:
     """The states of searches, and the file that keeps them."""
 
     path: Path
-    of: Mapping[str, str | float]  # what identifies the searches: recording, codes, settings; text and numbers
-    states: dict[str, SearchState] = field(default_factory=dict)  # by name
+    of: Mapping[str, str | float]  # identity of the searches: recording, codes and settings as text and numbers
+    states: dict[str, SearchState] = field(default_factory=dict)  # state of each search by name
 
     @classmethod
     def open(cls, path: Path, of: Mapping[str, str | float]) -> SearchLog:
-        """Return the log of a file, an empty one if there is no such file.
+        """Return the log of a file, an empty log if the file does not exist.
 
-        Raises `InputFileError` if the file is something else, or of other searches.
+        Raises `InputFileError` if the file is not a log, or belongs to other searches.
         """
         if not path.exists():
             return cls(path=path, of=of)
@@ -62,7 +63,7 @@ class SearchLog:
         return cls(path=path, of=of, states=content.states)
 
     def keep(self, name: str, state: SearchState) -> None:
-        """Take over a state, and write the file."""
+        """Store a state, and write the file."""
         self.states[name] = state
         content = {"of": dict(self.of), "states": {key: asdict(one) for key, one in self.states.items()}}
         with replacement(self.path) as part:

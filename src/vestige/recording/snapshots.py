@@ -1,9 +1,9 @@
-"""A recording as a source of snapshots: one for each RECS epoch that its E6 samples hold.
+"""A recording as a source of snapshots: a snapshot for each RECS epoch that its E6 samples contain.
 
-For every time of transmission in the RECS that can have reached the receiver during the recording, the E6 samples are
-cut from just before the earliest to just after the latest satellite, and E1 gives the observations: from the
-observation file, or, without one, out of 100 ms of E1 samples around the same moment. Only these windows are read, so
-a recording may be far larger than memory.
+A snapshot is made for every time of transmission of the RECS that can have reached the receiver during the recording.
+The E6 samples are cut from just before the earliest to just after the latest satellite. The observations come from the
+observation file, or from 100 ms of E1 samples around the same moment. Only these windows are read, so a recording may
+be far larger than memory.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_time_uncertainty
 
-MARGIN_S = 1e-3  # duration of E6 samples on both sides: hardware bias, taps, error of the observation
+MARGIN_S = 1e-3  # margin of E6 samples on both sides for hardware bias, taps and errors of the observation
 ALL_SVIDS = range(1, MAX_SVID + 1)
 
 
@@ -50,20 +50,21 @@ class RecordingSource:
     assistance
         RECS, group delays, keys and corrections.
     tracked
-        Observations that the receiver has tracked in the E1 samples, in place of an observation file; None without.
+        Observations that the receiver has tracked in the E1 samples, in place of an observation file; None without
+        tracking.
     time_uncertainty_s
         Upper limit of the receiver clock's error, in place of the recording's own.
     time_tag_error_s
-        Error of the samples' time tag in s, positive if it is late, from the message or `time_tag_search`. It decides
-        where in the recording a RECS is, and resolves the multiple of 100 ms that 100 ms of E1 leave open.
+        Error of the samples' time tag in s, positive if it is late, from the message or `time_tag_search`. This error
+        gives the position of a RECS in the recording, and resolves the ambiguity of 100 ms of E1.
     searchable
-        Whether snapshots hold what mitigation levels 2 and 3 look at: E1 samples, and all of E6 to search in.
+        Whether snapshots contain the E1 samples, and the whole of E6 for searches, that mitigation levels 2 and 3 need.
     cn0_estimator
-        Estimator of the C/N0 of E1, as of `measure_e1`, where E1 is measured in the samples.
+        Estimator of the C/N0 of E1 as for `measure_e1`, if E1 is measured in the samples.
     channels
         Second OSNMA channel and accelerations, if there are any.
     progress
-        Called during long steps with what is done, how much of it is done, and how much there is.
+        Called during long steps with the name of the step, the amount that is done and the whole amount.
 
     Raises
     ------
@@ -94,9 +95,10 @@ class RecordingSource:
             require_time_uncertainty(self.time_uncertainty_s)
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
-        """Yield a block for each snapshot of `snapshots`, and between them one a second of what E1 tracking says.
+        """Yield a block for each snapshot of `snapshots`, and between two snapshots a block of E1 tracking each second.
 
-        The second needs `tracked` and `searchable`: the checks of level 1 do not look at E1 between two RECS.
+        The blocks between snapshots need `tracked` and `searchable`; the checks of level 1 do not use E1 between two
+        RECS.
         """
         between = deque(self.tracked if self.tracked is not None and self.searchable else ())
         since, index, last = None, 0, None
@@ -156,7 +158,7 @@ class RecordingSource:
     ) -> Snapshot:
         """Return the snapshot of one epoch.
 
-        Without `track` observations are measured in the E1 samples.
+        Without `track` the observations are measured in the E1 samples.
         """
         svids = frozenset(segment.svid for segment in segments)
         time, observations = self._observe(transmit_time, svids, track)
@@ -174,7 +176,7 @@ class RecordingSource:
         )
 
     def _for_searches(self, transmit_time: GalileoTime, e6: SampleBatch | None) -> _E1AndFrontEnds:
-        """Return E1 around the RECS, and what the samples say of both front ends."""
+        """Return E1 around the RECS, and the status of both front ends from their samples."""
         e1 = None if self.recording.e1 is None else self._e1(self.recording.e1, transmit_time)
         readers = ((self.recording.e1, e1), (self.recording.e6, e6))
         status = {
@@ -223,9 +225,9 @@ class RecordingSource:
 def time_span(
     recording: Recording, time_tag_error_s: float = 0.0, uncertainty_s: float = 0.0
 ) -> tuple[GalileoTime, GalileoTime] | None:
-    """Return the first and last time of transmission that can be in the E6 samples, or None if there are none.
+    """Return the first and last time of transmission that can be in the E6 samples, or None without E6 samples.
 
-    The time tag of the samples is late by `time_tag_error_s`, give or take `uncertainty_s`.
+    The time tag of the samples is late by `time_tag_error_s` ± `uncertainty_s`.
     """
     reader = recording.e6
     if reader is None:
@@ -237,7 +239,7 @@ def time_span(
 
 
 def e1_window(reader: SampleReader, middle: GalileoTime) -> SampleBatch:
-    """Return up to 100 ms of E1 samples around a time, moved inward where the recording ends."""
+    """Return up to 100 ms of E1 samples around a time; at the ends of the recording the window is moved inward."""
     count = min(round(E1_WINDOW_S * reader.file.sample_rate_hz), reader.n_samples)
     wish = reader.first_sample + round((middle - reader.start) * reader.file.sample_rate_hz) - count // 2
     return reader.read(min(max(wish, reader.first_sample), reader.end_sample - count), count)

@@ -1,4 +1,4 @@
-"""Numbered lines of a text file from outside, one at a time and of limited length."""
+"""Numbered lines of an untrusted text file, read one at a time and with limited length."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield (number from 1, line without its end); a byte is a character, so columns count bytes.
+    """Yield (number from 1, line without its end); each byte becomes a character, so columns count bytes.
 
-    Raises `InputFileError` if the file cannot be read, a line is too long for text, or the last line has no end: then
-    the file was cut off, and the last number in it may lack digits.
+    Raises `InputFileError` if the file cannot be read, a line is too long for text, or the last line has no end. A file
+    without a last line end was cut off, and its last number may lack digits.
     """
     with open_file(path) as stream:
         try:
@@ -38,7 +38,7 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 class GrowingLines:
-    """The lines of a file that another process is still writing; a line counts when its end is there."""
+    """The lines of a file that another process is still writing; a line counts when its end is written."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -47,9 +47,9 @@ class GrowingLines:
         self._lines: deque[bytes] = deque()
 
     def take(self) -> tuple[int, str] | None:
-        """Return the next line and its number from 1, as `numbered_lines` gives them, or None if there is none yet.
+        """Return the next number from 1 and line, as `numbered_lines`, or None if no line is complete yet.
 
-        Raises `InputFileError` if the file cannot be read, is shorter than it was, or a line is too long for text.
+        Raises `InputFileError` if the file cannot be read, became shorter, or a line is too long for text.
         """
         if not self._lines and self._path.exists():
             self._read()
@@ -61,7 +61,7 @@ class GrowingLines:
         return self._number, text.decode("latin-1").rstrip("\r")
 
     def _read(self) -> None:
-        """Read the next whole lines; the file is never left open."""
+        """Read the next whole lines, and close the file again."""
         with open_file(self._path) as stream:
             try:
                 size = os.fstat(stream.fileno()).st_size

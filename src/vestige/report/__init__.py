@@ -1,4 +1,4 @@
-"""One self-contained page for results: a campaign's store, or the folder of a threat table. A page computes nothing."""
+"""Self-contained pages for the results of a campaign's store, or for the folder of a threat table."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Reduction of many epochs to a drawing of some kilobytes, and what is left out of it.
+"""Reduction of many epochs to a drawing of some kilobytes.
 
-There are two ways, and the page says which of them was used. *Stretches* are runs of epochs with one value each (a
-mean, a largest value, or the statuses that occurred), to which every epoch contributes. *Chosen rows* are single
-epochs: every k-th, and those of interest besides, each kind thinned only if it has more than its share. Counts and
-statistics come from neither: they are computed from all epochs.
+There are two methods, and the page states the method that was used. *Stretches* are runs of epochs with a common value
+(a mean, a largest value, or the statuses that occurred), to which every epoch contributes. *Chosen rows* are single
+epochs: every k-th epoch, and also epochs of interest. Each kind of epoch is thinned only if it has more than its share.
+Counts and statistics do not use these reductions, but all epochs.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ _NOTHING_8 = 0xFF
 
 
 def packed(values: Shaped[np.ndarray, "*n"]) -> dict[str, str]:
-    """Return an array as the script reads it: type, and values in base64, the lowest byte first."""
+    """Return an array in the form that the script reads: type, and values in base64, the lowest byte first."""
     little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
     return {"type": values.dtype.name, "base64": base64.b64encode(little.tobytes()).decode()}
 
 
 def scaled(values: Float[np.ndarray, "*n"], top: float, *, bits: int) -> dict[str, str]:
-    """Return values between 0 and `top` as whole numbers of 8 or 16 bits; the largest number is NaN."""
+    """Return values between 0 and `top` as whole numbers of 8 or 16 bits; the largest number means NaN."""
     nothing, kind = (_NOTHING_8, np.uint8) if bits == 8 else (_NOTHING_16, np.uint16)
     steps = np.round(np.nan_to_num(values) / top * (nothing - 1))
     return packed(np.where(np.isnan(values), nothing, steps).astype(kind))
@@ -35,32 +35,32 @@ def scaled(values: Float[np.ndarray, "*n"], top: float, *, bits: int) -> dict[st
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretches:
-    """Epochs cut into runs of `length`, the last one perhaps shorter."""
+    """Epochs cut into runs of `length` epochs; the last run may be shorter."""
 
-    starts: Int[np.ndarray, " n_stretches"]  # first epoch of each
-    # when each begins, and when it ends: one interval after its last epoch
+    starts: Int[np.ndarray, " n_stretches"]  # first epoch of each stretch
+    # begin and end of each stretch; the end is one interval after its last epoch
     begin_s: Float[np.ndarray, " n_stretches"]
     end_s: Float[np.ndarray, " n_stretches"]
     length: int
 
     def mean(self, values: Float[np.ndarray, "n_epochs ..."]) -> Float[np.ndarray, "n_stretches ..."]:
-        """Return the mean of what is known in each stretch, NaN without any."""
+        """Return the mean of the finite values in each stretch, NaN if there are none."""
         known = np.isfinite(values)
         total = np.add.reduceat(np.where(known, values, 0.0), self.starts, axis=0)
         count = np.add.reduceat(known.astype(np.int64), self.starts, axis=0)
         return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
     def largest(self, values: Float[np.ndarray, "n_epochs ..."]) -> Float[np.ndarray, "n_stretches ..."]:
-        """Return the largest of what is known in each stretch, NaN without any."""
+        """Return the largest of the known values in each stretch, NaN if there are none."""
         return np.fmax.reduceat(values, self.starts, axis=0)
 
     def occurring(self, places: Int[np.ndarray, " n_epochs"], where: Bool[np.ndarray, " n_epochs"]) -> UInt8Array:
-        """Return which of the numbers 0 to 7 occur in each stretch, as bits."""
+        """Return the numbers from 0 to 7 that occur in each stretch, as bits."""
         bits = np.where(where, 1 << places.astype(np.int64), 0).astype(np.uint8)
         return np.bitwise_or.reduceat(bits, self.starts)
 
     def drawn(self) -> dict[str, Any]:
-        """Return what the script must know of the stretches."""
+        """Return the begin and end of the stretches for the script."""
         return {"begin": packed(self.begin_s), "end": packed(self.end_s)}
 
 
@@ -68,7 +68,7 @@ UInt8Array = UInt8[np.ndarray, " n_stretches"]
 
 
 def stretches(time_s: Float[np.ndarray, " n_epochs"], interval_s: float, limit: int) -> Stretches:
-    """Return at most `limit` stretches of epochs at these times; each has the same number of them.
+    """Return at most `limit` stretches of epochs at the given times, each with the same number of epochs.
 
     Raises `ValueError` if there is no epoch.
     """
@@ -85,13 +85,13 @@ class Rows:
     """Single epochs chosen for a drawing."""
 
     places: Int[np.ndarray, " n_rows"]
-    every: dict[str, int]  # kind of epoch to k, where every k-th of them is there: 1 is all
+    every: dict[str, int]  # kind of epoch to k, if every k-th epoch of the kind is drawn; 1 means all
 
 
 def chosen_rows(
     of_interest: Mapping[str, Bool[np.ndarray, " n_epochs"]], everything: Bool[np.ndarray, " n_epochs"], limit: int
 ) -> Rows:
-    """Return at most `limit` epochs: all, if they are so few; else every k-th, and those of interest.
+    """Return at most `limit` epochs: all epochs if they are few; otherwise every k-th epoch, and epochs of interest.
 
     The epochs of interest share half the limit; every k-th epoch has the other half.
     """
@@ -108,7 +108,7 @@ def chosen_rows(
 
 
 def outermost(values: Float[np.ndarray, " n"], count: int) -> Bool[np.ndarray, " n"]:
-    """Return where the smallest and the largest value of each of `count` equal parts is."""
+    """Return the indices of the smallest and the largest value in each of `count` equal parts."""
     found = np.zeros(values.size, dtype=bool)
     for part in np.array_split(np.arange(values.size), min(count, max(1, values.size))):
         known = part[np.isfinite(values[part])]

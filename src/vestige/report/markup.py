@@ -1,6 +1,6 @@
-"""HTML out of text that may hold anything: what is no `Html` is escaped.
+"""HTML from untrusted text: everything but `Html` is escaped.
 
-Scenarios, stores and tables are files from outside. Their text becomes markup only here, and only escaped.
+Scenarios, stores and tables are untrusted files. Only this module turns their text into markup, and only escaped.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ class Html(str):
 
 
 def markup(content: object) -> Html:
-    """Return content as markup: as it is if it is `Html`, else escaped."""
+    """Return content as markup: `Html` unchanged, all other content escaped."""
     return content if isinstance(content, Html) else Html(html.escape(str(content), quote=True))
 
 
 def element(tag: str, *content: object, **attributes: object) -> Html:
-    """Return an element; attribute `class_` is `class`, an underscore is a hyphen, and None leaves one out."""
+    """Return an element; `class_` means `class`, an underscore means a hyphen, and None omits an attribute."""
     names = {name: name.rstrip("_").replace("_", "-") for name in attributes}
     text = "".join(f' {names[name]}="{markup(value)}"' for name, value in attributes.items() if value is not None)
     return Html(f"<{tag}{text}>{''.join(map(markup, content))}</{tag}>")
 
 
 def joined(parts: Iterable[object]) -> Html:
-    """Return several contents, one behind the other."""
+    """Return several contents in sequence."""
     return Html("\n".join(map(markup, parts)))
 
 
 def section(name: str, title: str, *content: object) -> Html:
-    """Return a section of the page with a heading that a link can name."""
+    """Return a section of the page with a heading to which a link can point."""
     heading = element("h2", title, id=f"{name}-title")
     return element("section", heading, *content, id=name, aria_labelledby=f"{name}-title")
 
 
 def table(caption: str, head: Sequence[object], rows: Iterable[Sequence[object]], *, numbers_from: int = 1) -> Html:
-    """Return a table that scrolls by itself where the screen is narrow.
+    """Return a table that scrolls by itself on a narrow screen.
 
-    The first cell of a row is its heading; a row of one cell is the heading of those below it. Columns are set to the
-    right, as numbers are, from `numbers_from` on.
+    The first cell of a row is its heading; a row with a single cell is the heading of the rows below. Columns from
+    `numbers_from` on are aligned to the right, as usual for numbers.
     """
 
     def kind(place: int) -> str | None:
@@ -64,15 +64,15 @@ def table(caption: str, head: Sequence[object], rows: Iterable[Sequence[object]]
 
 
 def card(name: str, value: object, small: object) -> Html:
-    """Return a number with its name above and a word on it below; several of them stand in a `dl` of class `cards`."""
+    """Return a number with its name above and a note below; several cards belong in a `dl` of class `cards`."""
     return element("div", element("dt", name), element("dd", value, element("small", small)), class_="card")
 
 
 def figure(kind: str, title: str, alt: str, note: object = "") -> Html:
     """Return a figure that the script of the page draws.
 
-    `kind` names the script's drawing. The title stands above it, the note below. `alt` says what it shows, for
-    who does not see it.
+    `kind` names the script's drawing. The title is above the figure, the note below. `alt` describes the figure for
+    readers who cannot see it.
     """
     canvas = element("canvas", alt, role="img", aria_label=alt, data_figure=kind, height=10, width=10)
     caption = element("figcaption", note) if note else ""
@@ -80,7 +80,7 @@ def figure(kind: str, title: str, alt: str, note: object = "") -> Html:
 
 
 def number(value: float, digits: int = 3, unit: str = "") -> str:
-    """Return a number for people: some significant digits, all of them before the point, a dash for what is none."""
+    """Return a number as text: some significant digits, all digits before the point, a dash for a missing number."""
     if not math.isfinite(value):
         return "–"
     size = abs(value)
@@ -95,7 +95,7 @@ def number(value: float, digits: int = 3, unit: str = "") -> str:
 
 
 def _short(text: str) -> str:
-    """Return a number without zeros behind the point that say nothing."""
+    """Return a number without trailing zeros after the point."""
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 

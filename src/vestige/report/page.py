@@ -1,6 +1,6 @@
-"""A page as one file: template, style, script and data in it, and nothing that a browser would have to fetch.
+"""A page as a single file with template, style, script and data; a browser has to fetch nothing.
 
-The content security policy of the page allows its own script, by its hash, and no address at all.
+The content security policy of the page allows only its own script, by its hash, and no address.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from vestige.output import replacement
 from vestige.report.markup import Html, joined, markup
 
 MARK = '<meta name="generator" content="vestige report'
-SCRIPTS = ("chart.js", "timeline.js", "waterfall.js", "offsets.js", "main.js")  # in the order of their use
-_HEAD_BYTES = 1000  # in which the mark stands
+SCRIPTS = ("chart.js", "timeline.js", "waterfall.js", "offsets.js", "main.js")  # files in the order of their use
+_HEAD_BYTES = 1000  # number of first bytes that contain the mark of a report
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
     """Content of a page."""
 
-    # what it is about, and what it answers
+    # subject of the page, and the question that it answers
     title: str
     question: str
     body: tuple[Html, ...]
     version: str
-    # what its script draws: numbers, text, and arrays by `drawing.packed`
+    # data that its script draws: numbers, text, and arrays by `drawing.packed`
     data: Mapping[str, Any] = field(default_factory=dict)
 
     def html(self) -> str:
-        """Return the whole file."""
+        """Return the page as HTML."""
         script = _script()
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
         return Template(_part("page.html")).substitute(
@@ -55,9 +55,9 @@ class Page:
 
 
 def write_page(page: Page, path: Path) -> None:
-    """Write a page; the file is there as a whole or not at all.
+    """Write a page; the file is written as a whole or not at all.
 
-    Raises `InputFileError` if something else than a report has that name.
+    Raises `InputFileError` if a file that is no report has that name.
     """
     if path.exists() and not is_report(path):
         raise InputFileError(path, "output", "something that is no report", "a new name, or that of an earlier report")
@@ -84,6 +84,6 @@ def _script() -> str:
 
 
 def _json(data: Mapping[str, Any]) -> str:
-    """Return data as JSON in which nothing can end the element that it stands in."""
+    """Return data as JSON that cannot close the HTML element around it."""
     text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

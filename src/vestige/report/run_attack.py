@@ -13,7 +13,7 @@ from vestige.scenario.stored import StoredScenario
 
 
 def attack_reports(results: xarray.Dataset, scenario: StoredScenario) -> dict[str, dict[str, AttackReport]]:
-    """Return satellite to detector to what came of the attack on it."""
+    """Return the outcome of the attack by satellite and detector."""
     if not scenario.attack:
         return {}
     reports: dict[str, dict[str, AttackReport]] = {}
@@ -25,7 +25,7 @@ def attack_reports(results: xarray.Dataset, scenario: StoredScenario) -> dict[st
 
 
 def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str) -> list[Html]:
-    """Return when the first alarm was, and the worst error that was accepted, of all satellites.
+    """Return the time of the first alarm, and the worst accepted error of all satellites.
 
     `chosen` is the detector that gives the verdicts.
     """
@@ -46,7 +46,7 @@ def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str)
 
 
 def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Html]:
-    """Return which signal each detector had, when it was alarmed and when it had the true signal again."""
+    """Return the signal that each detector found, and the times of its alarm and of its return to the true signal."""
     words = {
         DetectedSignal.TRUE: "the true signal",
         DetectedSignal.SPOOFER: "the spoofing signal",

@@ -1,4 +1,4 @@
-"""Checks and thresholds of a run, and its false alarms, as sections of its page."""
+"""Sections of a run's page about its checks, thresholds and false alarms."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vestige.records.checks import CheckSeries
 from vestige.report.markup import Html, element, figure, number, section, table
 from vestige.scenario.stored import StoredScenario
 
-_SURE = 0.05  # level of the two-sided test against a budget: that of the 95 % intervals
+_SURE = 0.05  # level of the two-sided test against a budget, as for the 95 % intervals
 
 
 def checks_section(
@@ -26,7 +26,7 @@ def checks_section(
     checks: Sequence[CheckSeries],
     of_level: Sequence[Html],
 ) -> Html:
-    """Return the checks behind the verdicts, and those that a receiver with a sky can run besides."""
+    """Return the checks behind the verdicts, and the further checks of a receiver with a sky."""
     processor, attributes = scenario.processor, attributes_of(results)
     offset_m = results["range_offset_m"].sel(detector=processor.detector).values
     beyond = int(np.count_nonzero(np.abs(offset_m) > range_limit_m(results)))
@@ -74,7 +74,7 @@ def checks_section(
 
 
 def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks: Sequence[CheckSeries]) -> Html:
-    """Return the false alarms: of the verdicts, of single correlators on noise, and of each check of a sky."""
+    """Return the false alarms of the verdicts, of single correlators on noise, and of each check of a sky."""
     taps = false_alarms(results)
     rows = [
         ("verdicts without an attack", "", *_counted(counts.false_alarms)),
@@ -123,7 +123,7 @@ def _budget(check: CheckSeries) -> str:
 
 
 def _judged(check: CheckSeries) -> Html:
-    """Return whether the rate of alarms is what the budget says."""
+    """Return whether the rate of alarms agrees with the budget."""
     found = failures(check)
     if not found.trials:
         return element("span", "not run", class_="mark unmeasured", data_sign="○")
@@ -135,7 +135,7 @@ def _judged(check: CheckSeries) -> Html:
 
 
 def _span(threshold: np.ndarray) -> str:
-    """Return the threshold, or the least and the greatest."""
+    """Return the threshold as text, or the smallest and the largest threshold."""
     known = threshold[np.isfinite(threshold)]
     if not known.size:
         return "–"

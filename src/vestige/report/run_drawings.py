@@ -1,4 +1,4 @@
-"""Data of the drawings on a run's page: time-lines, correlators, range offsets, checks, position."""
+"""Data of the drawings on a run's page: time-lines, correlators, range offsets, checks and position."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from vestige.records import Status
 from vestige.records.checks import CheckSeries
 from vestige.report.drawing import Rows, chosen_rows, outermost, packed, scaled, stretches
 
-ROWS = 24_000  # epochs drawn one by one, of all satellites
-ROW_BYTES = 1_200_000  # and how much they may be: fewer rows of long banks and of many attacks
-STRETCHES = 720  # stretches of a time-line: more than a screen has columns for it
+ROWS = 24_000  # largest number of epochs drawn individually, of all satellites
+ROW_BYTES = 1_200_000  # largest size of these epochs: long banks and many attacks have fewer rows
+STRETCHES = 720  # number of stretches of a time-line: more than the columns of a screen
 STRETCH_BYTES = 400_000
-BINS = 80  # bins of a histogram
-_OF_NONE = 0.5  # threshold in the drawing of a count of what must not be at all
-_OUTERMOST = 250  # parts of a run whose smallest and largest offsets are kept
+BINS = 80  # number of bins of a histogram
+_OF_NONE = 0.5  # threshold in the drawing of a count that must be 0
+_OUTERMOST = 250  # number of parts of a run whose smallest and largest offsets are drawn
 
 
 def run_drawings(
     results: xarray.Dataset, checks: tuple[CheckSeries, ...]
 ) -> tuple[dict[str, Any], dict[str, dict[str, int]]]:
-    """Return the data of a run's page, and for each satellite what was thinned (see `Rows.every`).
+    """Return the data of a run's page, and the thinning of each satellite (see `Rows.every`).
 
-    The checks are those of a sky, or of a user who has some; none for a single line of sight without these.
+    The checks are those of a sky, and the user's own; a single line of sight without own checks has none.
     """
     detectors = [str(name) for name in results["detector"].values]
     svids = [int(svid) for svid in results["svid"].values]
@@ -69,7 +69,7 @@ def run_drawings(
 def _satellite(
     results: xarray.Dataset, svid: int, due: Bool[np.ndarray, " n"], n_satellites: int, top: float, interval_s: float
 ) -> tuple[dict[str, Any], Rows]:
-    """Return the drawings of one satellite, of the epochs in which a verdict was due, and which of them are rows."""
+    """Return the drawings of a satellite for the epochs in which a verdict was due, and its chosen rows."""
     of = {
         str(name): select(results, detector=str(name), svid=svid).isel(epoch=np.flatnonzero(due))
         for name in results["detector"].values
@@ -111,7 +111,7 @@ def _satellite(
 
 
 def _truth(one: xarray.Dataset) -> dict[str, Any]:
-    """Return where the true signal and each spoofing signal with chips of the satellite are; NaN while it is off."""
+    """Return the range offsets of the true signal and of spoofing signals with true chips; NaN while off."""
     power_db, place_m = spoofing_power_and_offset(one)
     matching = ~one["forged"].values.astype(bool) if "forged" in one.variables else np.ones(power_db.shape[1], bool)
     names = [str(name) for name in one["attack"].values]
@@ -129,7 +129,7 @@ def _truth(one: xarray.Dataset) -> dict[str, Any]:
 
 
 def _top(results: xarray.Dataset) -> float:
-    """Return the largest magnitude of all correlators, and no less than a little above the threshold."""
+    """Return the largest magnitude of all correlators, but at least 1.5 times the threshold."""
     sigma = np.sqrt(results["noise_power"].transpose("epoch", "satellite").values.astype(np.float64) / 2)[..., None]
     magnitude = np.abs(results["taps"].transpose("epoch", "satellite", "tap").values) / np.where(
         sigma > 0, sigma, np.nan
@@ -138,7 +138,7 @@ def _top(results: xarray.Dataset) -> float:
 
 
 def _histogram(results: xarray.Dataset, detectors: list[str], due: Bool[np.ndarray, "n m"]) -> dict[str, Any]:
-    """Return how many range offsets of all epochs and satellites lie in each bin."""
+    """Return the number of range offsets of all epochs and satellites in each bin."""
     offsets = results["range_offset_m"].transpose("detector", "epoch", "satellite").values.astype(np.float64)
     found = {name: offsets[place][due & np.isfinite(offsets[place])] for place, name in enumerate(detectors)}
     everything = np.concatenate(list(found.values()))
@@ -152,7 +152,7 @@ def _histogram(results: xarray.Dataset, detectors: list[str], due: Bool[np.ndarr
 
 
 def _checks(time_s: Float[np.ndarray, " n"], interval_s: float, checks: tuple[CheckSeries, ...]) -> dict[str, Any]:
-    """Return for each check the largest |statistic| over its threshold in each stretch, of all satellites."""
+    """Return for each check the largest |statistic|/threshold of all satellites in each stretch."""
     parts = stretches(time_s, interval_s, STRETCHES)
     lanes = []
     for check in checks:
@@ -165,7 +165,7 @@ def _checks(time_s: Float[np.ndarray, " n"], interval_s: float, checks: tuple[Ch
 
 
 def _position(results: xarray.Dataset, time_s: Float[np.ndarray, " n"]) -> dict[str, Any]:
-    """Return the error of the fixes along each axis: of all satellites, and of the authenticated ones."""
+    """Return the error of the fixes along each axis, from all satellites and from the authenticated satellites."""
     errors = results["fix_error_m"].transpose("fix", "local_axis", "epoch").values
     fixes = {}
     for place, fix in enumerate(map(str, results["fix"].values)):

@@ -1,7 +1,7 @@
 """Verdicts at the mitigation level of a run's scenario, as sections of its page.
 
-The status that a store keeps is that of each epoch, at the level of the scenario. A verdict of the page is that of a
-RECS: the gravest status since the RECS before (`campaign/levels.py`), so that it includes any suspicion in between.
+A store has the status of each epoch at the level of the scenario. A verdict of the page belongs to a RECS: the gravest
+status since the RECS before (`campaign/levels.py`), including any suspicion between the two RECS.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from vestige.report.markup import Html, card, element, number, table
 
 
 def level_cards(found: LevelVerdicts | None) -> list[Html]:
-    """Return how many alarms a user saw, and the worst range that was in use."""
+    """Return the number of alarms that a user saw, and the worst range in use."""
     if found is None:
         return []
     error_m = found.range_error_m[np.isfinite(found.range_error_m)]
@@ -28,7 +28,7 @@ def level_cards(found: LevelVerdicts | None) -> list[Html]:
 
 
 def level_content(found: LevelVerdicts | None, results: xarray.Dataset) -> list[Html]:
-    """Return every check of the level: where it was made, with which false-alarm probability, where it failed."""
+    """Return every check of the level: its tests, its false-alarm probability, and its failures."""
     if found is None:
         return []
     time_s = results["time_s"].values

@@ -1,4 +1,4 @@
-"""The page of a run: what was asked, what came of it, how it looked, and how to get it again."""
+"""The page of a run: the question, the results, the figures, and the commands to repeat the run."""
 
 from __future__ import annotations
 
@@ -30,10 +30,9 @@ _NEEDED = ("status", "taps", "noise_power", "range_offset_m", "tap_index", "time
 def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
     """Return the page of a run.
 
-    A run that has not ended is told by its coordinate `epoch`. `question` stands in place of what such a run is usually
-    made for.
+    The coordinate `epoch` tells whether a run has ended. `question` replaces the usual question of such a run.
 
-    Raises `VestigeError` if the results are not those of `vestige run`.
+    Raises `VestigeError` if the results are not from `vestige run`.
     """
     scenario = _scenario(results)
     sky = scenario.constellation is not None
@@ -67,7 +66,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
 
 
 def _scenario(results: xarray.Dataset) -> StoredScenario:
-    """Return the scenario of the results, if they are what `vestige run` writes."""
+    """Return the scenario of the results if these are from `vestige run`."""
     for name in _NEEDED:
         if name not in results.variables:
             raise VestigeError(f"results of a campaign: found no {name}, expected those of `vestige run`")
@@ -75,7 +74,7 @@ def _scenario(results: xarray.Dataset) -> StoredScenario:
     scenario = scenario_of(results)
     if not results.sizes["epoch"] or not due_verdicts(results).any():
         raise VestigeError("results of a campaign: found no epoch with a verdict, expected one at least")
-    select(results, svid=int(results["svid"].values[0]))  # raises if axes or times are not those of results
+    select(results, svid=int(results["svid"].values[0]))  # raises if axes or times are not as in results
     return scenario
 
 
@@ -164,7 +163,7 @@ def _unfinished(results: xarray.Dataset, scenario: StoredScenario) -> Html:
 
 
 def _status_key(counts: VerdictCounts) -> Html:
-    """Return what each status means, how often it was, and its colour."""
+    """Return the meaning, the number and the colour of each status."""
     rows = []
     for status in Status:
         swatch = element("span", "", class_="swatch", style=f"--swatch: var(--{status.value.replace(' ', '-')})")

@@ -1,4 +1,4 @@
-"""The scenario of a run as a file, and all that is needed to get the same results again, as sections of its page."""
+"""Sections of a run's page with the scenario as a file, and with all data needed to repeat the results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vestige.scenario.toml.campaign_toml import campaign_toml
 def scenario_section(text: str) -> Html:
     """Return the scenario as TOML with all its defaults, and a link that saves it.
 
-    `text` is JSON, as the results have it.
+    `text` is the JSON in the results.
     """
     toml = campaign_toml(text)
     save = element(
@@ -38,7 +38,7 @@ def scenario_section(text: str) -> Html:
 def reproduce_section(
     results: xarray.Dataset, name: str, thinned: Mapping[str, Mapping[str, int]], data: Mapping[str, Any]
 ) -> Html:
-    """Return the commands, what they need to be of, and what of the run is drawn."""
+    """Return the commands, the required versions, and the parts of the run that are drawn."""
     attributes = attributes_of(results)
     store = f"{re.sub(r'[^A-Za-z0-9_.-]', '_', name)}.zarr"
     commands = f"vestige run scenario.toml -o {store}\nvestige report {store} -o report.html"
@@ -75,7 +75,7 @@ def reproduce_section(
 
 
 def _drawn(thinned: Mapping[str, Mapping[str, int]], data: Mapping[str, Any]) -> list[str]:
-    """Return how the epochs that are drawn one by one were chosen, in words."""
+    """Return the choice of the individually drawn epochs in words."""
     lines: dict[str, list[str]] = {}
     for satellite, every in thinned.items():
         if every["epochs"] == 1:
@@ -91,7 +91,7 @@ def _drawn(thinned: Mapping[str, Mapping[str, int]], data: Mapping[str, Any]) ->
 
 
 def every_kth(kind: str, k: int) -> str:
-    """Return in words that every k-th of a kind is there."""
+    """Return in words that every k-th epoch of a kind is drawn."""
     if k == 1:
         return f"all {kind}"
     ending = {1: "st", 2: "nd", 3: "rd"}.get(k % 10 if k % 100 not in (11, 12, 13) else 0, "th")

@@ -1,8 +1,9 @@
-"""The table that `vestige threats -o` writes, read back by the names of its columns.
+"""Reader of the table that `vestige threats -o` writes, by the names of its columns.
 
-What a column means follows from its name, so further levels and columns are simply there: `expected_level_2` and
-`level_2` are expectation and agreement of level 2, `detected_level_2` a count of it. A table with a column `level` has
-a row for each level; then names without a level are of that one, as they are of the only level that is measured.
+The name of a column gives its meaning, so the reader accepts further levels and columns. `expected_level_2` and
+`level_2` are expectation and agreement of level 2, `detected_level_2` is a count of level 2. A table with a column
+`level` has a row for each level; names without a level then refer to that level. If only one level is measured, names
+without a level refer to it, too.
 """
 
 from __future__ import annotations
@@ -26,19 +27,19 @@ _LEVEL = re.compile(r"(?:expected_)?level_(\d+)")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableCell:
-    """One attack at one level."""
+    """An attack at a mitigation level."""
 
     values: Mapping[str, str]
     level: int
-    only: bool  # whether names without a level are of this one
+    only: bool  # whether names without a level refer to this level
 
     def text(self, name: str) -> str:
-        """Return what a column says of this level; empty if there is none."""
+        """Return the text of a column for this level; empty if the column is missing."""
         names = (f"{name}_level_{self.level}", f"level_{self.level}_{name}", name if self.only else "")
         return next((self.values[one] for one in names if one in self.values), "")
 
     def value(self, name: str) -> float:
-        """Return the number in a column; NaN if there is none."""
+        """Return the number in a column; NaN if there is no number."""
         return float(self.text(name) or "nan")
 
     @property
@@ -54,20 +55,20 @@ class TableCell:
 
     @property
     def measured(self) -> bool:
-        """Whether there are runs of it."""
+        """Whether there are runs of this cell."""
         return self.value("detected_of") > 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThreatTable:
-    """The table."""
+    """A threat table that was read."""
 
     columns: tuple[str, ...]
-    rows: tuple[Mapping[str, str], ...]  # the text of every cell under the name of its column
-    levels: tuple[int, ...]  # those of which anything is said
+    rows: tuple[Mapping[str, str], ...]  # text of every cell by the name of its column
+    levels: tuple[int, ...]  # levels with any content
 
     def scenes(self) -> list[tuple[Mapping[str, str], list[TableCell]]]:
-        """Return each scene's first row, and its cells at all levels."""
+        """Return the first row of each scene, and its cells at all levels."""
         scenes: dict[tuple[str, str], list[Mapping[str, str]]] = {}
         for row in self.rows:
             scenes.setdefault((row["threat"], row["scene"]), []).append(row)
@@ -119,7 +120,7 @@ _NUMBERS = re.compile(
 
 
 def _check_numbers(path: Path, number: int, row: Mapping[str, str]) -> None:
-    """Raise if a cell that must hold a number holds something else."""
+    """Raise if a cell that must contain a number contains other text."""
     for name, text in row.items():
         if name == "level" and not re.fullmatch(r"[1-9]\d?", text):
             raise InputFileError(path, f"row {number}, {name}", text, "a mitigation level")

@@ -1,5 +1,5 @@
-"""Scenario files: TOML that says what is simulated. Unknown keys are errors, with their place in the file.
+"""Scenario files: TOML files that describe a simulation. Unknown keys are errors, with their position in the file.
 
-The models of `vestige.receiver` and `vestige.signal_generator` are what a file configures: there is no second set of
-classes. A file's `kind` says which scenario it is.
+A file configures the models of `vestige.receiver` and `vestige.signal_generator` directly; there is no second set of
+classes. The key `kind` of a file tells the kind of scenario.
 """

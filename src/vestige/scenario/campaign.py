@@ -1,7 +1,7 @@
-"""A scenario of a campaign: many epochs of one receiver with its error models, and the processing that they go through.
+"""A scenario of a campaign: many epochs of a receiver with its error models, and their processing.
 
 The tables of the file are the models themselves: `[receiver.clock]` with `kind = "two-state"` is a `TwoStateClock`. A
-model that is left out is not there.
+model that is left out has no effect.
 """
 
 from __future__ import annotations
@@ -77,12 +77,12 @@ Tracking = Annotated[BetzTrackingNoise, OrOwn(TrackingModel)]
 Bias = Annotated[BiasResiduals, OrOwn(BiasModel)]
 
 
-_RECS_LOOKED_AT = 300  # intervals are tenths of a second, so their places in a subframe repeat after 300 at most
-_LAST_WEEK = 9999  # year 2191: no end of a run is beyond the calendar
+_RECS_LOOKED_AT = 300  # intervals are tenths of a second, so positions in a subframe repeat after at most 300 RECS
+_LAST_WEEK = 9999  # year 2191: the end of every run is within the calendar
 
 
 class FrontEndTable(Section):
-    """The E6 front end; what is left out is not there. The sampling rate is the receiver's, see `FrontEnd`."""
+    """The E6 front end; a part that is left out has no effect. The sampling rate is the receiver's, see `FrontEnd`."""
 
     bandwidth_hz: Annotated[float, Field(ge=1e6, le=200e6)] | None = None
     bits: Literal[1, 2, 3, 8] | None = None
@@ -96,25 +96,25 @@ class FrontEndTable(Section):
 
 
 class ReceiverTable(Section):
-    """The receiver: signal strength, sampling, and its error models, each of which may be left out.
+    """The receiver: signal strength, sampling, and error models, each of which may be left out.
 
     Attributes
     ----------
     cn0_dbhz, cn0_e1_dbhz
         C/N0 of E6-C alone and of E1-C alone.
     signal
-        Whether E6-C is on air at all; without it, neither line of sight nor reflections, every detection is a false
-        alarm.
+        Whether E6-C is on air. Without E6-C there is neither line of sight nor reflections, and every detection is a
+        false alarm.
     time_uncertainty_s
-        Error of its clock that the receiver believes possible, in s.
+        Upper limit of the clock error that the receiver assumes, in s.
     clock_offset_s
-        Receiver clock minus Galileo System Time in s, a constant beside `clock`. The receiver does not know it, and it
-        may be larger than `time_uncertainty_s` says. With `correlators` only.
+        Receiver clock minus Galileo System Time in s, a constant beside `clock`. The receiver does not know this
+        offset, which may be larger than `time_uncertainty_s`. Only with `correlators`.
     reacquisition_s
-        How long a signal on E1 has to be there until a receiver that lost lock, or was restarted, tracks it. Until then
-        E1 has no measurements.
+        Time in s that a signal on E1 has to be present until a receiver that lost lock, or was restarted, tracks it.
+        Until then E1 has no measurements.
     e1_multipath
-        Whether the reflections disturb E1 too.
+        Whether the reflections also disturb E1.
     accelerometers
         Accelerometers of a receiver under a sky, for the inertial check.
     """
@@ -139,14 +139,14 @@ class ReceiverTable(Section):
     @classmethod
     def _at_this_rate(cls, table: FrontEndTable, info: ValidationInfo) -> FrontEndTable:
         if "sample_rate_hz" in info.data:
-            table.front_end(info.data["sample_rate_hz"])  # raises if there is no such front end
+            table.front_end(info.data["sample_rate_hz"])  # raises if such a front end is impossible
         return table
 
 
 class RecsTable(Section):
-    """The RECS: length, the subframe of the key (0 its own, 1 the next), and every how many epochs there is one.
+    """The RECS: length, the subframe of the key (0 its own, 1 the next), and the number of epochs between two RECS.
 
-    `cipher_mode` is the AES mode in which they are encrypted, which the service has not published.
+    `cipher_mode` is the AES mode of the encryption, which the service has not published.
     """
 
     duration_ms: Literal[1, 2, 4, 8, 16] = 16
@@ -156,34 +156,35 @@ class RecsTable(Section):
 
     @property
     def n_chips(self) -> int:
-        """Chips in a RECS."""
+        """Number of chips in a RECS."""
         return next(length.n_chips for length in LENGTHS if length.duration_ms == self.duration_ms)
 
     @property
     def integration_s(self) -> float:
-        """Length of a RECS in s."""
+        """Duration of a RECS in s."""
         return self.n_chips / E6C.chip_rate_hz
 
 
 class CampaignScenario(Section):
-    """A campaign.
+    """Scenario of a campaign.
 
     Attributes
     ----------
     kind
         `campaign`.
     seed
-        Everything random follows from it.
+        Seed of all random numbers.
     start
         Time of epoch 0, on a whole second.
     epochs, interval_s
-        Number of epochs, and the time between them in s. Each has a RECS, unless `recs.every` says otherwise.
+        Number of epochs, and the time between two epochs in s. Each epoch has a RECS, unless `recs.every` sets another
+        interval.
     fidelity
-        `samples`, the reference, or `correlators`, the same distribution without samples.
+        Method: `samples`, the reference, or `correlators`, which gives the same distribution without samples.
     attack
-        Attacks, one `[[attack]]` each, all at once.
+        Simultaneous attacks, a table `[[attack]]` for each.
     constellation, trajectory
-        Where satellites and receiver are; without them there is a single line of sight.
+        Positions of the satellites and the receiver; without both there is a single line of sight.
     position
         Standard deviations of pseudoranges that the receiver assumes.
     osnma
@@ -274,7 +275,7 @@ class CampaignScenario(Section):
 
     @cached_property
     def simulations(self) -> tuple[Simulation, ...]:
-        """The receiver that the scenario describes, once for each of its satellites."""
+        """The receiver that the scenario describes, with each of its satellites in turn."""
         one = self._line_of_sight()
         if self.constellation is None or self.trajectory is None:
             return (one,)
@@ -311,7 +312,7 @@ class CampaignScenario(Section):
 
     @property
     def simulated_receiver(self) -> SimulatedReceiver:
-        """All satellites of the receiver together: what makes snapshots of the truth.
+        """All satellites of the receiver together, which make snapshots from the truth.
 
         A receiver of level 1 on a single line of sight is not tracked between RECS.
         """
@@ -325,19 +326,19 @@ class CampaignScenario(Section):
         )
 
     def receiver_motion(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> ReceiverMotion:
-        """Return where the antenna of a sky truly is, and how it moves.
+        """Return the true position and motion of the antenna under a sky.
 
         Parameters
         ----------
         time_s
-            Times after the start, on the receiver's own clock.
+            Times after the start in s, on the receiver's own clock.
         clock_m
-            How far `receiver.clock` is ahead then, times c.
+            Error of `receiver.clock` at these times, times c, in m; positive if it is ahead.
 
         Raises
         ------
         ValueError
-            If there is a single line of sight instead, which has no place.
+            If there is a single line of sight instead, which has no position.
         """
         trajectory = next(
             (one.elevation.path.trajectory for one in self.simulations if one.elevation is not None), None
@@ -356,9 +357,9 @@ class CampaignScenario(Section):
         return tuple(f"{kind}@{digest(kind)}" for kind in dict.fromkeys(kinds))
 
     def replaced(self, **values: object) -> Self:
-        """Return the scenario with some values replaced, which are not checked again."""
+        """Return the scenario with some values replaced, without another check."""
         other = self.model_copy(update=values)
-        other.__dict__.pop("simulations", None)  # made from the values before
+        other.__dict__.pop("simulations", None)  # this cache was made from the old values
         return other
 
     def simulation(self) -> Simulation:

@@ -1,4 +1,4 @@
-"""The table of an ionosphere that somebody measured: a file of residuals beside the scenario."""
+"""The table of a measured ionosphere: a file of residuals beside the scenario."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from vestige.scenario.toml.toml_file import Section
 
 
 class EmpiricalIonosphereTable(Section):
-    """An `EmpiricalIonosphere` whose samples stand in a CSV file (`e6_minus_e1_m`, then one number a line).
+    """An `EmpiricalIonosphere` whose samples are in a CSV file (`e6_minus_e1_m`, then a number in each line).
 
     Attributes
     ----------
     path
-        The file; a relative path starts at the scenario file.
+        Path of the file, relative to the scenario file.
     correlation, tau_s, code_only
-        Memory, its correlation time in s, and whether the residual leaves the carriers alone.
+        Kind of correlation in time, its correlation time in s, and whether the residual affects only the codes.
     """
 
     kind: Literal["empirical"]
@@ -36,14 +36,14 @@ class EmpiricalIonosphereTable(Section):
     _samples_m: Float[np.ndarray, " n"] = PrivateAttr()
 
     def model_post_init(self, context: Any) -> None:
-        """Read the file; the context of the validation says in which folder the scenario stands."""
+        """Read the file; the context of the validation gives the folder of the scenario."""
         folder = context["folder"] if context else Path()
         self._samples_m = read_residuals(folder / self.path)
 
     @computed_field  # type: ignore[prop-decorator]
     @cached_property
     def samples_sha256(self) -> str:
-        """Digest of the samples: with other ones it is another scenario."""
+        """Digest of the samples, which are part of the scenario's identity."""
         return hashlib.sha256(self._samples_m.tobytes()).hexdigest()
 
     def model(self) -> EmpiricalIonosphere:

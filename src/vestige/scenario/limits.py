@@ -1,4 +1,4 @@
-"""Limits of a campaign: the combinations of values that no single key's range can exclude."""
+"""Limits of a campaign for combinations of values, which the range of a single key cannot express."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import extremes
 from vestige.spoofer.spoofer import Spoofer
 
-MAX_EPOCHS = 100_000_000  # most epochs of a campaign
-LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # longest run: 333,333 OSNMA keys; 32 years
-_LONGEST_DELAY_S = 0.4  # a snapshot belongs to the RECS that reaches it within 0.5 s
-LARGEST_CLOCK_ERROR_S = 1e6  # at `correlators`: 12 days, more than any oscillator drifts in 32 years
-_LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # the kernels' approximations
+MAX_EPOCHS = 100_000_000  # largest number of epochs of a campaign
+LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # longest run in s: 333,333 OSNMA keys; 32 years
+_LONGEST_DELAY_S = 0.4  # below the 0.5 s within which a snapshot belongs to a RECS
+LARGEST_CLOCK_ERROR_S = 1e6  # limit for `correlators`: 12 days, more than any oscillator drifts in 32 years
+_LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # kernels' limits
 _SIGMAS = 6.0
-# Two-sided bands that a receiver cannot do without: both main lobes of BOC(1,1), and the middle half of the main lobe
-# lobe of BPSK(5), which has 77 % of its power.
+# Narrowest two-sided bands of a receiver: both main lobes of BOC(1,1), and the middle half of the main lobe of BPSK(5),
+# which has 77 % of its power.
 _NARROWEST_HZ = {E1C.name: 4 * E1C.chip_rate_hz, E6C.name: E6C.chip_rate_hz}
 _WAY_S = 0.2  # travel time of a signal plus the largest clock error
 
 
 def check_length(fidelity: str, duration_s: float) -> None:
-    """Raise if a run is longer than its fidelity can be."""
+    """Raise if a run is longer than its fidelity permits."""
     if duration_s > LONGEST_S[fidelity]:
         raise InconsistentSettingsError(
             "epochs", f"{duration_s:g} s with this interval_s", f"at most {LONGEST_S[fidelity]:g} s ({fidelity})"
@@ -43,7 +43,7 @@ def check_length(fidelity: str, duration_s: float) -> None:
 
 
 def check_motion(model: RangeModel, duration_s: float) -> None:
-    """Raise if the line of sight goes too far or too fast for samples."""
+    """Raise if the line of sight is too long or changes too fast for samples."""
     v_mps, a_mps2, swing_m = abs(model.v_mps), abs(model.a_mps2), abs(model.amplitude_m)
     swing_mps = swing_m * abs(model.omega_radps)
     range_m = abs(model.s0_m) + v_mps * duration_s + a_mps2 * duration_s**2 / 2 + swing_m
@@ -63,8 +63,8 @@ def check_motion(model: RangeModel, duration_s: float) -> None:
 def check_clock(clock: ClockModel | None, duration_s: float, largest_error_s: float = _LONGEST_DELAY_S) -> None:
     """Raise if the error of the free-running clock may become larger than `largest_error_s`.
 
-    By default that is the window in which samples are matched with a RECS; correlators are drawn without samples, and
-    their limit is `LARGEST_CLOCK_ERROR_S`. Nothing is known of a clock that a user wrote.
+    By default the limit is the window in which samples are matched with a RECS. Correlators are drawn without samples,
+    so their limit is `LARGEST_CLOCK_ERROR_S`. A user's own clock is not checked.
     """
     if not isinstance(clock, TwoStateClock):
         return
@@ -78,7 +78,7 @@ def check_clock(clock: ClockModel | None, duration_s: float, largest_error_s: fl
 
 
 def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
-    """Raise if samples cannot hold a jamming waveform: sampling would fold it in, where no receiver lets it through."""
+    """Raise if samples cannot represent a jamming waveform, because sampling would fold it into the band."""
     for number, attack in enumerate(attacks):
         jamming = attack.jamming(Band.E6, np.zeros(1))
         if jamming is not None and jamming.waveform.reach_hz > input_rate_hz / 2:
@@ -90,7 +90,7 @@ def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
 
 
 def check_recorded_band(front_end: FrontEnd) -> None:
-    """Raise if a recording cannot hold the signals of both bands: too low a sampling rate, or too narrow a filter."""
+    """Raise if the sampling rate or the filter of a recording is too low or too narrow for its signals."""
     name, narrowest_hz = max(_NARROWEST_HZ.items(), key=lambda item: item[1])
     for place, found_hz in (
         ("receiver.sample_rate_hz", front_end.sample_rate_hz),
@@ -103,7 +103,7 @@ def check_recorded_band(front_end: FrontEnd) -> None:
 
 
 def check_attacks(front_end: FrontEnd, spoofer: Spoofer) -> None:
-    """Raise if the model of correlators does not know what the front end makes of an attack."""
+    """Raise if the model of correlators does not include the effect of the front end on an attack."""
     if not spoofer.attacks or front_end.transparent:
         return
     samples = 'fidelity = "samples", which knows'
@@ -125,7 +125,7 @@ def check_weak_signal(front_end: FrontEnd, cn0_dbhz: float) -> None:
 
 
 def check_no_clock_offset(clock_offset_s: float) -> None:
-    """Raise if the receiver's clock is wrong by a constant where samples are made."""
+    """Raise if the receiver's clock has a constant error and samples are made."""
     if clock_offset_s:
         raise InconsistentSettingsError(
             "receiver.clock_offset_s", f"{clock_offset_s:g} with samples", '0, or fidelity = "correlators"'
@@ -133,7 +133,7 @@ def check_no_clock_offset(clock_offset_s: float) -> None:
 
 
 def check_disclosed(attacks: Sequence[Attack], sent_s: Sequence[float], key_delay: int) -> None:
-    """Raise if a forger would transmit the chips of a RECS before its key is complete.
+    """Raise if a forger would transmit the chips of a RECS before the key of the RECS is complete.
 
     `sent_s` are times of transmission of RECS in s after the start of a week, `key_delay` is KDI.
     """
@@ -148,7 +148,7 @@ def check_disclosed(attacks: Sequence[Attack], sent_s: Sequence[float], key_dela
 
 
 def longest_delay_s(attacks: Sequence[Attack]) -> float:
-    """Return how far back the spoofing signals of some attacks reach, with some room for the signal's way, in s."""
+    """Return the longest delay of the spoofing signals of some attacks in s, with a margin for the travel time."""
     delays_s = [getattr(attack, "delay_s", 0.0) for attack in attacks]
     delays_s += [extremes(attack.delay_m)[1] / SPEED_OF_LIGHT_MPS for attack in attacks if hasattr(attack, "delay_m")]
     return max(delays_s, default=-_WAY_S) + _WAY_S

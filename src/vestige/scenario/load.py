@@ -1,4 +1,4 @@
-"""From a scenario file to the scenario that it describes."""
+"""Reader of scenario files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
     path
         Path of the file.
     settings
-        Values that replace those of the file, `table.key=value` each, as `vestige run --set` takes them.
+        Values that replace values of the file, each as `table.key=value` like for `vestige run --set`.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
     Raises
     ------
     InputFileError
-        If the file is not TOML, has an unknown key, or a value outside its range. The message says where.
+        If the file is not TOML, has an unknown key, or a value outside its range. The message gives the position.
 
     Examples
     --------
@@ -57,7 +57,7 @@ def scenario_schema() -> dict[str, Any]:
 
 
 def _without_infinities(schema: Any) -> Any:
-    """Return a schema without defaults that JSON cannot write."""
+    """Return a schema without defaults that JSON cannot express."""
     if isinstance(schema, dict):
         return {
             key: _without_infinities(value)

@@ -1,7 +1,8 @@
-"""Tables of a scenario whose kind is a class of the user's: `kind = "my_module:MyAttack"`.
+"""Tables of a scenario whose kind is a user's own class: `kind = "my_module:MyAttack"`.
 
-The other keys of such a table are the fields of the class, a frozen dataclass. They are checked as those of vestige's
-own kinds are: an unknown key, a missing one or a value of another type is one line with its place.
+The other keys of such a table are the fields of the class, a frozen dataclass. These keys are checked like the keys of
+vestige's own kinds. An unknown key, a missing key or a value of another type gives a message of one line with its
+position.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _SCHEMA = {
 
 
 class NamedKind(BaseModel):
-    """A table of a model of which the name alone is used."""
+    """A table of a model of which only the name is used."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -45,9 +46,9 @@ class NamedKind(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class OrOwn:
-    """Annotation of a field that holds a model: its table may name a class of the user's in place of vestige's kinds.
+    """Annotation of a field with a model, whose table may name a user's own class in place of vestige's kinds.
 
-    `base` is the protocol that the class has to satisfy, or its base; None to keep the name alone (`NamedKind`).
+    `base` is the protocol that the class has to satisfy, or its base; None to keep only the name (`NamedKind`).
     """
 
     base: type | None
@@ -62,7 +63,7 @@ class OrOwn:
     def _made(self, value: Any, info: ValidationInfo) -> Any:
         """Return the object that a table describes."""
         if not isinstance(value, dict):
-            return value  # made in Python already
+            return value  # the object was made in Python
         kind = value["kind"]
         if self.base is None:
             return NamedKind(kind=kind)
@@ -82,7 +83,7 @@ class OrOwn:
 
 
 def named_part(kind: str, base: type, place: str = "") -> Any:
-    """Return the class that a kind names; an error as that of a value of a scenario."""
+    """Return the class that a kind names; errors are like those of a value of a scenario."""
     try:
         return part(kind, base)
     except OwnPartError as error:
@@ -90,17 +91,17 @@ def named_part(kind: str, base: type, place: str = "") -> Any:
 
 
 def _adapter(cls: Any) -> TypeAdapter[Any]:
-    """Return what checks the fields of a class; an unknown key is an error, as in a `Section`."""
+    """Return the validator of the fields of a class; an unknown key is an error, as in a `Section`."""
     return TypeAdapter(create_model("Own", __base__=Section, part=(cls, ...)))
 
 
 def _tables(value: Any) -> Any:
-    """Return an object of a user's class as its table."""
+    """Return an object of a user's class as a table."""
     return {"kind": kind_of(type(value))} | TypeAdapter(type(value)).dump_python(value, mode="json")
 
 
 def whose(value: Any) -> str:
-    """Return whether a table, or an object, is of the user's kinds or of vestige's."""
+    """Return whether a table, or an object, is of a user's own kind or of a kind of vestige."""
     if isinstance(value, dict):
         return OWN if is_own(value.get("kind")) else OURS
     return OURS if type(value).__module__.partition(".")[0] in ("vestige", "builtins") else OWN

@@ -1,7 +1,7 @@
-"""Names for the numbers of a model: `preset = "2014"` in a table of a scenario file stands for a whole model.
+"""Presets, which are names for the numbers of a model: `preset = "2014"` in a table stands for a whole model.
 
-What else the table says replaces the preset's values one by one. The table is expanded before it is checked, so the
-scenario holds the numbers and never the name.
+Other keys of the table replace single values of the preset. The table is expanded before the check, so the scenario
+contains the numbers and never the name.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from pydantic_core import CoreSchema, core_schema
 
 from vestige.scenario.toml.toml_file import InconsistentSettingsError
 
-_LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # range of elevation
+_LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # range of elevation of a preset
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Presets:
-    """Annotation of a field that holds a model: its table may name a preset.
+    """Annotation of a field with a model, whose table may name a preset.
 
-    `named` are models by the name that the key `preset` gives, `at_elevation` the model for the key `elevation_deg`.
+    `named` are models by the name that the key `preset` gives, `at_elevation` is the model for the key `elevation_deg`.
     """
 
     named: Mapping[str, Callable[[], Any]]
     at_elevation: Callable[[float], Any] | None = None
 
     def expand(self, table: Any) -> Any:
-        """Return a table with the numbers of its preset in the preset's place; anything else as it is.
+        """Return a table with its preset replaced by numbers; any other value unchanged.
 
-        Raises `InconsistentSettingsError` if there is no such preset, or the table names two.
+        Raises `InconsistentSettingsError` if the preset does not exist, or the table names two presets.
         """
         if not isinstance(table, dict) or not {"preset", *self._elevation} & table.keys():
             return table

@@ -1,4 +1,4 @@
-"""The `[processor]` table of a campaign: the receiver's processing, and what its maker knows of its parts."""
+"""The `[processor]` table of a campaign: the receiver's processing, and data sheets of its parts."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _DETECTOR = {"anyOf": [{"enum": list(DETECTORS)}, {"type": "string", "pattern": 
 
 
 class OscillatorTable(Section):
-    """Data sheet of the receiver's oscillator, for the monitor of its clock; the default is [WFO]'s."""
+    """Data sheet of the receiver's oscillator, for the monitor of its clock; the default is the oscillator of [WFO]."""
 
     h0_s: Annotated[float, Field(ge=0, le=1e-15)] = TwoStateClock().h0_s
     h_minus_2_hz: Annotated[float, Field(ge=0, le=1e-15)] = TwoStateClock().h_minus_2_hz
@@ -46,11 +46,11 @@ class InertialTable(Section):
 
 
 class E6CarrierTable(Section):
-    """Turns the monitors of the phase and of the fading of E6 on, at every level.
+    """Table that turns on the monitors of the phase and of the fading of E6, at every level.
 
-    Both look at the last `window` RECS of a satellite. `ray_life_s` is how long a reflection lasts: 0 if each RECS has
-    other ones; left out, nothing is known of it, and the thresholds allow for one that lasts. `change_mps` is the
-    fastest change of E6 − E1 by the ionosphere.
+    Both monitors use the last `window` RECS of a satellite. `ray_life_s` is the lifetime of a reflection in s: 0 if
+    each RECS has other reflections. By default the lifetime is unknown, and the thresholds allow for a lasting
+    reflection. `change_mps` is the fastest change of E6 − E1 by the ionosphere.
     """
 
     window: Annotated[int, Field(ge=4, le=1000)] = E6PhaseMonitor().window
@@ -59,29 +59,29 @@ class E6CarrierTable(Section):
 
 
 class ProcessorTable(Section):
-    """The processing; both detectors are evaluated, `detector` gives the status.
+    """The processing of a campaign; both detectors are evaluated, `detector` gives the status.
 
-    `detector` may name a class of the user's, `module:Name`, which is then evaluated beside the two of vestige.
-    `checks` names checks of the user's, which the levels have after their own.
+    `detector` may name a user's own class, `module:Name`, which is then evaluated in addition to the two detectors of
+    vestige. `checks` names a user's own checks, which are run after the checks of the levels.
 
-    The bank has `n_taps` correlators around the prediction, and further ones at the same distance as far as
-    `early_reach_m` before it.
+    The bank has `n_taps` correlators around the prediction, and further correlators at the same spacing up to
+    `early_reach_m` before the prediction.
 
     `alarms_per_day` is the number of false alarms a day that the whole level may raise. The limit of the range check,
-    the E6 misses in a row that are an alarm, and all other thresholds follow from it. Left out, κ and every single
-    miss count.
+    the E6 misses in a row that are an alarm, and all other thresholds follow from it. By default κ applies, and every
+    single miss is an alarm.
 
-    `search_s` is the time between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is the
-    multipath at 16° that the check for a second signal allows for, and from which misses of E6 are expected.
-    None of it follows from the errors that a scenario gives its receiver: a better or worse oscillator has to be told
-    to the processor, too.
+    `search_s` is the time in s between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is
+    the multipath power at 16° elevation for which the check for a second signal allows. The expected misses of E6 also
+    follow from this power. These values do not follow from the errors that a scenario gives its receiver: a better or
+    worse oscillator has to be stated in this table, too.
 
-    `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith; left out
-    they are those of `[receiver]`, since a receiver knows its antenna. `e6_over_e1_db` is the C/N0 of E6-C over that of
-    E1-C that it expects of each satellite; left out it is the difference of those two. `expected_satellites` is the
-    number of satellites that it expects in view; left out it is the number above the mask at the first epoch.
+    `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith. Their
+    defaults are the values of `[receiver]`, because a receiver knows its antenna. `e6_over_e1_db` is the expected C/N0
+    of E6-C over that of E1-C of each satellite, by default the difference of those two. `expected_satellites` is the
+    number of satellites that the receiver expects in view, by default the number above the mask at the first epoch.
 
-    `e6_carrier` turns the monitors of the phase and of the fading of E6 on; left out there are none.
+    `e6_carrier` turns on the monitors of the phase and of the fading of E6, which are off by default.
     """
 
     level: Literal[1, 2, 3] = 1
@@ -109,7 +109,7 @@ class ProcessorTable(Section):
     _own_checks: tuple[OwnCheck, ...] = PrivateAttr(())
 
     def model_post_init(self, _context: Any) -> None:
-        """Import the detector and the checks of the user's: workers get them by this table."""
+        """Import the user's own detector and checks, which workers get by this table."""
         if is_own(self.detector):
             self._own_detector = named_part(self.detector, object, "detector")
         elif self.detector not in DETECTORS:
@@ -123,7 +123,7 @@ class ProcessorTable(Section):
 
     @property
     def detectors(self) -> dict[str, Callable[[], Detector]]:
-        """Factory of each detector that is evaluated, by name: both of vestige, and that of the user's."""
+        """Factory of each evaluated detector by name: both detectors of vestige, and the user's own."""
         ours: dict[str, Callable[[], Detector]] = {
             name: partial(detector, spacing=self.spacing) for name, detector in DETECTORS.items()
         }
@@ -138,12 +138,12 @@ class ProcessorTable(Section):
             raise InconsistentSettingsError(
                 "kappa", f"{self.kappa:g} beside alarms_per_day", "one of the two: κ follows from alarms_per_day"
             )
-        self.processor()  # raises ValueError if its bank of correlators is impossible
+        self.processor()  # raises ValueError if the bank of correlators is impossible
         return self
 
     @model_serializer(mode="wrap")
     def _without_what_follows(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave κ out where it follows from `alarms_per_day`, so that what was written can be read."""
+        """Leave κ out if it follows from `alarms_per_day`, so that the written table can be read."""
         table: dict[str, Any] = dump(self)
         if self.alarms_per_day is not None:
             table.pop("kappa", None)

@@ -13,18 +13,18 @@ from vestige.time import GalileoTime
 
 
 class ReceiverSection(Section):
-    """The simulated receiver.
+    """The simulated receiver of a recording.
 
     Attributes
     ----------
     sample_rate_hz
-        Rate of both front ends. Keep away from multiples of the chip rate: the correlation would be a staircase.
+        Rate of both front ends. Avoid multiples of the chip rate, at which the correlation becomes a staircase.
     clock_offset_s
-        Receiver clock minus Galileo System Time.
+        Receiver clock minus Galileo System Time in s.
     time_uncertainty_s
-        Error of its clock that the receiver believes possible, in s.
+        Upper limit of the clock error that the receiver assumes, in s.
     hardware_bias_e1_e6_m
-        Delay of the E6 front end minus that of E1.
+        Delay of the E6 front end minus that of E1 in m.
     """
 
     sample_rate_hz: Annotated[float, Field(ge=4e6, le=100e6)] = 12.5e6
@@ -34,7 +34,7 @@ class ReceiverSection(Section):
 
 
 class SatelliteSection(Section):
-    """One satellite in view; C/N0 is per component (E1-C alone, E6-C alone), data and pilot alike."""
+    """A satellite in view; C/N0 is per component (E1-C alone, E6-C alone), equal for data and pilot."""
 
     svid: Annotated[int, Field(ge=1, le=MAX_SVID)]
     range_m: Annotated[float, Field(ge=2.2e7, le=3.0e7)]
@@ -55,11 +55,11 @@ class RecordingScenario(Section):
     kind
         `recording`.
     seed
-        Everything random follows from it.
+        Seed of all random numbers.
     start
         Receiver-clock time of the first sample, on a whole second.
     duration_s
-        Length of the recording.
+        Duration of the recording in s.
     """
 
     kind: Literal["recording"]

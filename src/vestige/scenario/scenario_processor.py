@@ -1,11 +1,11 @@
-"""The processor of a campaign: what the receiver of a scenario knows beforehand, and nothing of what is true.
+"""The processor of a campaign, with the prior knowledge of the scenario's receiver and without the truth.
 
-It knows its antenna (C/N0 against elevation), the power of its bands without interference, its front ends, the data
-sheets of its oscillator and its accelerometers, the broadcast orbits, its own tracking loops, and what `[position]`
-says of its pseudoranges. `[processor]` states what C/N0, what difference of it between E6 and E1, and how many
-satellites the receiver expects. If it does not state the number of satellites, the receiver counts those above the
-mask at the first epoch: it has an almanac and a rough position when it is switched on. It never looks at later epochs,
-so a longer run begins with the same bits.
+The receiver knows its antenna (C/N0 against elevation), the power of its bands without interference, and its front
+ends. The receiver also knows the data sheets of its oscillator and its accelerometers, the broadcast orbits, its own
+tracking loops, and the errors of pseudoranges in `[position]`. `[processor]` states the expected C/N0, the expected
+C/N0 difference between E6 and E1, and the expected number of satellites. If the number of satellites is not stated, the
+receiver counts the satellites above the mask at the first epoch, because it has an almanac and a rough position at the
+start. The receiver never uses later epochs, so a longer run begins with the same bits.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ class Overhead(NamedTuple):
 def processor_of(scenario: CampaignScenario) -> AcasProcessor:
     """Return the processor of a campaign's receiver.
 
-    The processor knows what such a receiver knows: its antenna, front ends, oscillator and orbits. It knows nothing of
-    the truth.
+    The processor knows the receiver's antenna, front ends, oscillator and orbits. The processor does not know the
+    truth.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def processor_of(scenario: CampaignScenario) -> AcasProcessor:
 
 
 def navigation_text(scenario: CampaignScenario) -> str | None:
-    """Return the broadcast orbits of a sky as the text of a RINEX file; None of a single line of sight."""
+    """Return the broadcast orbits of a sky as the text of a RINEX file; None for a single line of sight."""
     if scenario.constellation is None:
         return None
     paths = [one.elevation.path for one in scenario.simulations if one.elevation is not None]
@@ -89,7 +89,7 @@ def navigation_text(scenario: CampaignScenario) -> str | None:
 def receiver_processor(
     scenario: CampaignScenario | StoredScenario, overhead: Overhead, navigation: str | None
 ) -> AcasProcessor:
-    """Return the processor of a receiver, from a scenario or from that of stored results."""
+    """Return the processor of a receiver, from a scenario or from the scenario of stored results."""
     receiver, table = scenario.receiver, scenario.processor
     front_end = receiver.front_end.front_end(receiver.sample_rate_hz)
     antenna = _antenna(scenario)
@@ -140,7 +140,7 @@ def receiver_processor(
 
 
 def _e6_carrier(scenario: CampaignScenario | StoredScenario) -> dict[str, Any]:
-    """Return the monitors of the carrier on E6 that are turned on, with the receiver's own loops."""
+    """Return the active monitors of the carrier on E6, with the receiver's own loops."""
     table = scenario.processor.e6_carrier
     if table is None:
         return {}
@@ -170,7 +170,7 @@ def _antenna(scenario: CampaignScenario | StoredScenario) -> Antenna:
 
 
 def _fix(scenario: CampaignScenario | StoredScenario, navigation: str | None) -> FixSettings:
-    """Return the orbits, which are used for as long as the run is, and what is assumed of pseudoranges."""
+    """Return the orbits, which are used during the whole run, and the assumed errors of pseudoranges."""
     table = scenario.position
     lines = enumerate(() if navigation is None else navigation.splitlines(), 1)
     return FixSettings(
@@ -187,7 +187,7 @@ def _fix(scenario: CampaignScenario | StoredScenario, navigation: str | None) ->
 
 
 def overhead_of(scenario: CampaignScenario) -> Overhead:
-    """Return what the receiver of a campaign expects to see: its settings, or the orbits at the first epoch."""
+    """Return the satellites that a receiver expects, from its settings or from the orbits at the first epoch."""
     antenna, effects = _antenna(scenario), [one.elevation for one in scenario.simulations if one.elevation is not None]
     stated = scenario.processor.expected_satellites
     if not effects:
@@ -195,7 +195,7 @@ def overhead_of(scenario: CampaignScenario) -> Overhead:
     elevation_rad = np.array([one.first_rad for one in effects])
     mask_rad = np.radians([one.mask_deg for one in effects])
     in_view = elevation_rad >= mask_rad
-    # if no satellite is in view yet, the receiver expects one at the mask
+    # if no satellite is in view yet, the receiver expects a satellite at the mask
     seen_rad = elevation_rad[in_view] if in_view.any() else mask_rad[:1]
     satellites = seen_rad.size if stated is None else stated
     return Overhead(satellites, float(np.mean(antenna.expected_dbhz(antenna.e1_dbhz, seen_rad))))

@@ -10,7 +10,7 @@ import vestige
 def shipped_scenarios() -> tuple[Path, ...]:
     """Return the scenario files that come with vestige, in the order of their names.
 
-    An installed package holds them; in a checkout they are the folder `scenarios`.
+    An installed package contains these files; in a checkout they are in the folder `scenarios`.
 
     Examples
     --------

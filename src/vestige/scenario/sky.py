@@ -1,4 +1,4 @@
-"""The tables of a sky: `[constellation]`, where the satellites are, and `[trajectory]`, where the receiver is."""
+"""The tables of a sky: `[constellation]` for the satellites, and `[trajectory]` for the receiver."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
 from vestige.scenario.toml.toml_file import InconsistentSettingsError, Section
 from vestige.time import GalileoTime
 
-_GRID_S = 60.0  # a satellite that is above the mask for less than this may be left out
+_GRID_S = 60.0  # a satellite that is above the mask for a shorter time may be left out
 _MOST_TIMES = 3000
 _LARGEST_SPEED_MPS = 1000.0
 _LARGEST_ACCELERATION_MPS2 = 100.0  # 10 g
-_AFTER_S = 1.0  # signals of the last epoch are under way for less
+_AFTER_S = 1.0  # longer than the travel time of the signals of the last epoch
 
 Degrees = Annotated[float, Field(ge=-360, le=360)]
 Latitude = Annotated[float, Field(ge=-90, le=90)]
@@ -39,13 +39,13 @@ class Constellation(Section):
     Attributes
     ----------
     mask_deg
-        Elevation mask.
+        Elevation mask in degrees.
     cn0_fall_db
-        Difference in dB between the C/N0 at the zenith, which is `receiver.cn0_dbhz`, and that at the horizon.
+        Difference in dB between the C/N0 at the zenith, which is `receiver.cn0_dbhz`, and the C/N0 at the horizon.
     ionosphere_common
         Share of the ionosphere's variance that all satellites have in common.
     svids
-        Only these satellites; none named means all.
+        Only these satellites; an empty list means all.
     """
 
     mask_deg: Annotated[float, Field(ge=0, le=89)] = 5.0
@@ -58,11 +58,11 @@ class Constellation(Section):
         """Return the ephemeris of each satellite."""
 
     def _why_missing(self, svid: int) -> str:
-        """Return a satellite that has no ephemeris, as the error names it."""
+        """Return the text of an error message for a satellite without ephemeris."""
         return f"{svid}, which the constellation does not have"
 
     def chosen(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
-        """Return one for each satellite that is to be simulated, by ascending SVID."""
+        """Return the ephemerides of the satellites to simulate, by ascending SVID."""
         if len(set(self.svids)) < len(self.svids):
             raise InconsistentSettingsError("constellation.svids", list(self.svids), "each satellite once")
         found = {one.svid: one for one in self.ephemerides(start)}
@@ -80,14 +80,14 @@ class WalkerConstellation(Constellation):
     kind: Literal["walker"]
 
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
-        """Return one for each satellite that there is."""
+        """Return the ephemeris of each available satellite."""
         return walker_ephemerides(start)
 
 
 class RinexConstellation(Constellation):
     """The satellites of a RINEX navigation file; a relative path starts at the scenario file.
 
-    Those whose E1-B the file calls out of order are left out: no receiver uses them.
+    Satellites whose E1-B is out of service in the file are left out, because no receiver uses them.
     """
 
     kind: Literal["rinex"]
@@ -96,17 +96,17 @@ class RinexConstellation(Constellation):
     _ephemerides: tuple[Ephemeris, ...] = PrivateAttr()
 
     def model_post_init(self, context: Any) -> None:
-        """Read the file; the context of the validation says in which folder the scenario stands."""
+        """Read the file; the context of the validation gives the folder of the scenario."""
         self._ephemerides = read_rinex_navigation((context["folder"] if context else Path()) / self.path)
 
     @computed_field  # type: ignore[prop-decorator]
     @cached_property
     def ephemerides_sha256(self) -> str:
-        """Digest of the ephemerides: with other ones it is another scenario."""
+        """Digest of the ephemerides, which are part of the scenario's identity."""
         return hashlib.sha256(repr(self._ephemerides).encode()).hexdigest()
 
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
-        """Return one for each satellite that there is."""
+        """Return the ephemeris of each available satellite."""
         near = nearest_ephemerides(self._ephemerides, start).values()
         found = tuple(one for one in near if one.healthy)
         if not found:
@@ -128,7 +128,7 @@ class RinexConstellation(Constellation):
 
 
 def _to_minutes(time: GalileoTime) -> str:
-    """Return a time as a short text; the seconds of a file's ephemerides say nothing."""
+    """Return a time as a short text without seconds."""
     return f"{time.calendar:%Y-%m-%d %H:%M} GST"
 
 
@@ -136,7 +136,7 @@ AnyConstellation = Annotated[WalkerConstellation | RinexConstellation, Field(dis
 
 
 class StaticTable(Section):
-    """A receiver that stands; latitude and longitude in degrees, height above the ellipsoid."""
+    """A static receiver; latitude and longitude in degrees, height above the ellipsoid in m."""
 
     kind: Literal["static"]
     latitude_deg: Latitude
@@ -144,14 +144,14 @@ class StaticTable(Section):
     height_m: Height = 0.0
 
     def trajectory(self, first_s: float, last_s: float) -> Trajectory:  # noqa: ARG002  (it stands for ever)
-        """Return where the receiver is."""
+        """Return the trajectory of the receiver."""
         return StaticTrajectory(
             latitude_deg=self.latitude_deg, longitude_deg=self.longitude_deg, height_m=self.height_m
         )
 
 
 class CircleTable(Section):
-    """A receiver that goes round a circle."""
+    """A receiver that moves on a circle."""
 
     kind: Literal["circle"]
     latitude_deg: Latitude
@@ -169,7 +169,7 @@ class CircleTable(Section):
         return speed_mps
 
     def trajectory(self, first_s: float, last_s: float) -> Trajectory:  # noqa: ARG002  (it goes round for ever)
-        """Return where the receiver is."""
+        """Return the trajectory of the receiver."""
         return CircularTrajectory(
             latitude_deg=self.latitude_deg,
             longitude_deg=self.longitude_deg,
@@ -188,17 +188,17 @@ class WaypointsTable(Section):
     _points: Float[np.ndarray, "k 4"] = PrivateAttr()
 
     def model_post_init(self, context: Any) -> None:
-        """Read the file; the context of the validation says in which folder the scenario stands."""
+        """Read the file; the context of the validation gives the folder of the scenario."""
         self._points = read_numeric_csv((context["folder"] if context else Path()) / self.path, WAYPOINTS)
 
     @computed_field  # type: ignore[prop-decorator]
     @cached_property
     def points_sha256(self) -> str:
-        """Digest of the waypoints: with other ones it is another scenario."""
+        """Digest of the waypoints, which are part of the scenario's identity."""
         return hashlib.sha256(self._points.tobytes()).hexdigest()
 
     def trajectory(self, first_s: float, last_s: float) -> Trajectory:
-        """Return where the receiver is."""
+        """Return the trajectory of the receiver."""
         begin_s, end_s = float(self._points[0, 0]), float(self._points[-1, 0])
         if begin_s > first_s or end_s < last_s:
             raise InconsistentSettingsError(
@@ -221,17 +221,17 @@ class WaypointsTable(Section):
 
 
 class PositionTable(Section):
-    """Errors that the receiver assumes of its E1 pseudoranges beside the noise of tracking, and RAIM's budget.
+    """Assumed errors of E1 pseudoranges beside the tracking noise, and the false-alarm budget of RAIM.
 
     Attributes
     ----------
     ionosphere_sigma_m
-        Residual of the ionosphere on E1 at 17.5° elevation.
+        Standard deviation of the ionospheric residual on E1 in m at 17.5° elevation.
     ionosphere_common
-        Share of its variance that the receiver believes all satellites to have in common: in the covariance of the fix.
+        Share of the ionospheric variance that is assumed common to all satellites in the covariance of the fix.
     multipath_sigma_m
-        Standard deviation of multipath in m at 16° elevation; it follows the power of the reflections at other
-        elevations.
+        Standard deviation of multipath in m at 16° elevation; at other elevations it follows the power of the
+        reflections.
     floor_sigma_m
         Standard deviation of all other errors in m.
     p_fa
@@ -255,9 +255,8 @@ def satellites_in_view(
 
     The elevation is tested every minute, in long runs less often.
 
-    `longest_delay_s` is how far back an attacker's recording reaches.
-
-    Raises `InconsistentSettingsError` if there is none, or the receiver's whereabouts are not known for the whole run.
+    `longest_delay_s` is the longest delay of an attacker's recording. Raises `InconsistentSettingsError` if no
+    satellite is in view, or the trajectory does not cover the whole run.
     """
     trajectory = table.trajectory(-longest_delay_s, duration_s + _AFTER_S)
     # the scenes of a threat table ask for the same elevations again and again

@@ -1,8 +1,7 @@
-"""The scenario of a campaign as its results hold it: what is needed to judge them, without the files that it named.
+"""The scenario in the results of a campaign: the values needed to judge the results, without the named files.
 
-Results hold the whole scenario as JSON. A `CampaignScenario` cannot be made of that alone: the waypoints, profiles and
-ephemerides of its files may be gone, and JSON has no infinity. Whoever wants the scenario as a file takes
-`campaign_toml`.
+Results contain the whole scenario as JSON. The JSON alone cannot give a `CampaignScenario`: the files of waypoints,
+profiles and ephemerides may be missing, and JSON has no infinity. `campaign_toml` gives the scenario as a file.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from vestige.time import GalileoTime
 
 
 class _Part(BaseModel):
-    """A table of which the keys below are used, and the others are not looked at."""
+    """A table of which only the declared keys are used; all other keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -55,7 +54,7 @@ class StoredReceiver(_Part):
 
 
 class StoredScenario(_Part):
-    """The scenario of results; see `CampaignScenario`."""
+    """The scenario in stored results; see `CampaignScenario`."""
 
     kind: Literal["campaign"]
     seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
@@ -83,7 +82,7 @@ class StoredScenario(_Part):
 
     @property
     def own_kinds(self) -> tuple[str, ...]:
-        """The classes of the user's with which results are judged."""
+        """The user's own classes with which results are judged."""
         loops, processor = self.receiver.e1_tracking, self.processor
         kinds = [] if loops is None or whose(loops) != OWN else [kind_of(type(loops))]
         return (*kinds, *(one for one in (processor.detector, *processor.checks) if is_own(one)))
@@ -96,11 +95,11 @@ class StoredScenario(_Part):
 
 @lru_cache(maxsize=16)
 def stored_scenario(text: str) -> StoredScenario:
-    """Return the scenario of results.
+    """Return the scenario in stored results.
 
     `text` is JSON, the attribute `scenario` of the results.
 
-    Raises `VestigeError` if it is no scenario of a campaign.
+    Raises `VestigeError` if the text is no scenario of a campaign.
     """
     try:
         return StoredScenario.model_validate_json(text, strict=True)
@@ -108,7 +107,7 @@ def stored_scenario(text: str) -> StoredScenario:
         first: Any = error.errors(include_url=False)[0]
         place = ".".join(str(one) for one in first["loc"] if one not in (OURS, OWN))
         cause = first.get("ctx", {}).get("error")
-        if isinstance(cause, InconsistentSettingsError):  # a part of the user's, above all
+        if isinstance(cause, InconsistentSettingsError):  # usually an error of a user's own part
             place = ".".join(one for one in (place, cause.place) if one)
             raise VestigeError(
                 f"results of a campaign: scenario: {place}: found {cause.found}, expected {cause.expected}"

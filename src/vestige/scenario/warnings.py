@@ -1,4 +1,4 @@
-"""Warnings about settings that are allowed and probably not meant: one line each, for stderr."""
+"""Warnings about settings that are allowed, but probably unintended: a line for each on stderr."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from vestige.signals.definitions import E6C
 from vestige.spoofer.scer import Scer
 from vestige.spoofer.spoofer import Spoofer
 
-_FAITHFUL = 0.1  # range offsets that are larger or smaller by less need no word
+_FAITHFUL = 0.1  # smallest relative error of range offsets that gives a warning
 
 
 def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[str, ...]:
-    """Return what the author of a scenario should know before it runs; nothing for most."""
+    """Return warnings for the author of a scenario; empty for most scenarios."""
     if isinstance(scenario, RecordingScenario):
         return _staircase(scenario.receiver.sample_rate_hz)
     attacks = (*Spoofer(attacks=scenario.attack).warnings(), *_aimed_at_nobody(scenario))
@@ -51,7 +51,7 @@ def _never(scenario: CampaignScenario) -> tuple[str, ...]:
 
 
 def _old_orbits(scenario: CampaignScenario) -> tuple[str, ...]:
-    """Return a word on broadcast orbits that serve longer than they are made for; Walker's hold for ever."""
+    """Return a warning if broadcast orbits are used beyond their fit interval; Walker orbits are always valid."""
     if not isinstance(scenario.constellation, RinexConstellation):
         return ()
     end = scenario.start_time + scenario.epochs * scenario.interval_s

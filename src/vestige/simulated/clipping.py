@@ -1,7 +1,7 @@
-"""Clipping of stored numbers: how many clip, and what a user can do about it.
+"""Clipping of stored numbers: the share that clips, and advice to the user.
 
-Jamming can be stronger than a number format holds: int8 samples have room for 19 dB over the noise. A front end with a
-gain control has room again, because its gain follows the power.
+Jamming can exceed the range of a number format: int8 samples have room for 19 dB over the noise. A front end with a
+gain control keeps the samples in range, because its gain follows the power.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from vestige.receiver.samples.quantiser import QUANTISERS
 from vestige.recording.samples.sample_format import SampleType
 from vestige.records import Band
 
-_CLIPPED_SHARE = 1e-3  # that is worth a warning
-_FEW_BITS = 3  # a quantiser of so few bits has many samples at its outermost levels, without any harm
+_CLIPPED_SHARE = 1e-3  # share of clipped numbers above which there is a warning
+_FEW_BITS = 3  # a quantiser with at most this many bits has many samples at its outermost levels without harm
 
 
 def largest_level(component: SampleType, front_end: FrontEnd) -> int | None:
-    """Return the largest stored magnitude, at which stronger samples clip.
+    """Return the largest stored magnitude, to which stronger samples are clipped.
 
-    None is for number formats that do not clip, and for quantisers of so few bits that their outermost levels are in
-    use all the time.
+    The result is None for number formats that do not clip, and for quantisers with so few bits that the outermost
+    levels are always in use.
 
     Examples
     --------
@@ -41,7 +41,7 @@ def largest_level(component: SampleType, front_end: FrontEnd) -> int | None:
 
 
 def n_clipped(components: Num[np.ndarray, "*shape"], largest: int | None) -> int:
-    """Return how many stored numbers are at one of the ends, `largest` or its negative, or beyond.
+    """Return the number of stored values at or beyond `largest` or its negative.
 
     Examples
     --------
@@ -56,14 +56,14 @@ def n_clipped(components: Num[np.ndarray, "*shape"], largest: int | None) -> int
 
 
 def clipping_warning(shares: Mapping[Band, float], front_end: FrontEnd) -> str:
-    """Return one line that says how much of each band clips, and what to do; "" if hardly anything clips.
+    """Return a line with the clipped share of each band and advice; "" if hardly any number clips.
 
     Parameters
     ----------
     shares
         Share of the stored numbers of each band that clip, 0 to 1.
     front_end
-        Front end that the samples went through.
+        Front end of the samples.
 
     Examples
     --------

@@ -1,10 +1,10 @@
-"""A stretch of a campaign as an ACAS test case: everything that somebody else's receiver needs, and the truth.
+"""Some epochs of a campaign as an ACAS test case: all data that an independent receiver needs, and the truth.
 
-The campaign's receiver runs on through the epochs `first` to `end`: samples of both bands, all satellites of its sky in
-them (`receiver.samples.continuous`), E1 observations with the errors of the truth, RECS, group delays, keys. RECS, keys
-and errors are those with which `vestige run` processes the same epochs. Under a sky so are the E6 samples, and those of
-E1 but for the symbols of E1-B. On a single line of sight the noise of the campaign's samples belongs to each epoch
-alone.
+The test case contains the epochs from `first` to before `end`. The samples of both bands are continuous and contain all
+satellites of the sky (`receiver.samples.continuous`). With them come E1 observations with the errors of the truth,
+RECS, group delays and keys. `vestige run` processes the same epochs with the same RECS, keys and errors. Under a sky
+the E6 samples are also the same, and so are the E1 samples except for the symbols of E1-B. On a single line of sight
+the noise of the campaign's samples differs, because each epoch has its own noise.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from vestige.simulated.exported_receiver import ExportedReceiver
 from vestige.simulated.exported_satellite import ExportedSatellite
 from vestige.time import GalileoTime
 
-PLACED_M = 25_000_000.0  # range of a satellite that the scenario leaves at none; Galileo is 23,200 to 29,000 km away
-MAX_RATE_MPS = 10_000.0  # a receiver in a low orbit
-_MESSAGE_AFTER_S = 5.0  # duration of message beyond the last epoch; a spoofing signal may be late by as much
-PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # within which a recording is processed
+PLACED_M = 25_000_000.0  # default range if the scenario gives none; Galileo satellites are 23,200 to 29,000 km away
+MAX_RATE_MPS = 10_000.0  # largest range rate, of a receiver in a low orbit
+_MESSAGE_AFTER_S = 5.0  # duration of the message beyond the last epoch, and largest delay of a spoofing signal
+PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # range of travel times in which a recording is processed
 
 
 def with_default_range(scenario: CampaignScenario) -> CampaignScenario:
-    """Return the scenario with its satellite at 25,000 km if it stands at no distance, as in the paper's."""
+    """Return the scenario with its satellite at 25,000 km if the scenario has no range, as in the paper."""
     path = scenario.line_of_sight
     return scenario if path.s0_m else scenario.model_copy(update={"line_of_sight": replace(path, s0_m=PLACED_M)})
 
@@ -46,7 +46,7 @@ def with_default_range(scenario: CampaignScenario) -> CampaignScenario:
 class AcasTestCase:
     """Epochs `first` to `end` − 1 of a campaign."""
 
-    scenario: CampaignScenario  # the campaign; its satellite stands where one can be
+    scenario: CampaignScenario  # the campaign, with a possible range of its satellite
     first: int
     end: int
 
@@ -66,12 +66,12 @@ class AcasTestCase:
 
     @property
     def simulation(self) -> Simulation:
-        """The simulated receiver with the first of its satellites."""
+        """The simulated receiver with its first satellite."""
         return self.scenario.simulations[0]
 
     @cached_property
     def satellites(self) -> tuple[ExportedSatellite, ...]:
-        """Every satellite that the receiver ever sees."""
+        """All satellites that the receiver sees at any time."""
         message = self.message
         return tuple(
             ExportedSatellite(
@@ -100,15 +100,15 @@ class AcasTestCase:
 
     @property
     def _message_end(self) -> GalileoTime:
-        """Time to which the message goes at least: with events, to the end of the subframe after the last epoch."""
+        """Least end time of the message: with events, the end of the subframe after the last epoch."""
         last = self.scenario.start_time + self.end * self.scenario.interval_s
         if not self.simulation.osnma.events:
             return last + _MESSAGE_AFTER_S
-        return last.subframe + (2.0 * SUBFRAME_S - 1.0)  # with the keys of the last RECS
+        return last.subframe + (2.0 * SUBFRAME_S - 1.0)  # contains the keys of the last RECS
 
     @cached_property
     def heard(self) -> OsnmaReceiver | None:
-        """An OSNMA receiver that got all pages; None without OSNMA events, where it gets every key."""
+        """An OSNMA receiver that got all pages; None without OSNMA events, when every key is received."""
         if self.message is None or not self.simulation.osnma.events:
             return None
         receiver = OsnmaReceiver(self.operator.public_keys, self.operator.merkle_tree)
@@ -119,18 +119,18 @@ class AcasTestCase:
 
     @property
     def samples(self) -> range:
-        """Numbers of the samples, counted from the scenario's start: from epoch `first` on, see `tail_s`."""
+        """Numbers of the samples from epoch `first` on, counted from the scenario's start; see `tail_s`."""
         rate_hz, sent_s = self.scenario.receiver.sample_rate_hz, self.satellites[0].truth.time_s
         tail_s = max(one.tail_s for one in self.satellites)
         return range(int(sent_s[0] * rate_hz), int(np.ceil((sent_s[-1] + tail_s) * rate_hz)))
 
     def sky(self, band: Band) -> tuple[ReceivedSatellite, ...]:
-        """Return all that a band receives, spoofing signals included."""
+        """Return all signals in a band, including spoofing signals."""
         return tuple(signal for one in self.satellites for signal in one.received(band))
 
     @property
     def interference(self) -> dict[Band, SpooferInterference]:
-        """Noise and jamming of the attacks; nothing without any."""
+        """Noise and jamming of the attacks; empty without attacks."""
         simulation = self.simulation
         if not simulation.spoofer.attacks:
             return {}
@@ -143,14 +143,14 @@ class AcasTestCase:
 
     @cached_property
     def receiver(self) -> ExportedReceiver | None:
-        """The receiver of a sky; None on a single line of sight, where it has no place."""
+        """The receiver of a sky; None on a single line of sight, which has no position."""
         if self.scenario.constellation is None:
             return None
         path = self.satellites[0].path
         return ExportedReceiver(scenario=self.scenario, path=path, first=self.first, tag_s=self.tag_s)
 
     def observations(self) -> tuple[ObservationEpoch, ...]:
-        """Return what E1 tracking says while the chips of each epoch arrive; epochs without any satellite are not."""
+        """Return the E1 observations while the chips of each epoch arrive, without epochs that have no satellite."""
         every = [
             ObservationEpoch(
                 time=self.simulation.start + float(tag_s),
@@ -171,7 +171,7 @@ class AcasTestCase:
 
     @cached_property
     def operator(self) -> OsnmaOperator:
-        """Who sends the keys."""
+        """OSNMA operator that sends the keys."""
         return self.simulation.osnma_operator()
 
     def assistance(self) -> Assistance:
@@ -200,20 +200,20 @@ class AcasTestCase:
 
     @property
     def _predicted_ionosphere(self) -> dict[int, float]:
-        """Delay on E1 in m by SVID that a receiver computes from word 5, in the middle of the epochs."""
+        """Delay on E1 in m by SVID that a receiver computes from word 5 for the middle of the epochs."""
         if self.scenario.atmosphere.ionosphere is None:
             return {}
         middle = (self.end - self.first) // 2
         return {one.svid: float(one.truth.broadcast_ionosphere_e1_m[middle]) for one in self.satellites}
 
     def truth_table(self) -> dict[str, list[str]]:
-        """Return the truth as columns of text, one satellite after the other: what `truth.csv` holds."""
+        """Return the truth as columns of text for `truth.csv`, satellite by satellite."""
         tables = [one.truth_table() for one in self.satellites]
         return {name: [value for table in tables for value in table[name]] for name in tables[0]}
 
 
 def _check_motion(one: ExportedSatellite, epochs: str) -> None:
-    """Raise `VestigeError` if a satellite is where none can be, or is faster than any."""
+    """Raise `VestigeError` if a satellite is at an impossible range, or moves impossibly fast."""
     travel_s, rate_mps = one.received_s - one.truth.time_s, one.path.rate_mps(one.truth.time_s)
     low, high = PROCESSABLE_TRAVEL_TIME_S
     if not (travel_s.min() >= low and travel_s.max() <= high):

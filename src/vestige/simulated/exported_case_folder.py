@@ -35,7 +35,7 @@ _MESSAGE = """\
 
 
 def simulated(case: AcasTestCase) -> SimulatedRecording:
-    """Return the recording of a test case, all files included."""
+    """Return the recording of a test case, including all its files."""
     simulation, atmosphere = case.simulation, case.scenario.atmosphere
     return SimulatedRecording(
         sky={band: case.sky(band) for band in Band},
@@ -60,7 +60,7 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
         rinex.mkdir()
     if epochs:
         write_csv_observations(folder / "observations.csv", epochs)
-        # in a folder of its own, because a recording has one file of observations; CSV loses no digit
+        # in a separate folder, because a recording has only one file of observations; CSV loses no digit
         place_m = (0.0, 0.0, 0.0) if case.receiver is None else case.receiver.first_place_m
         write_rinex_observations(rinex / "observations.rnx", epochs, approximate_position_m=place_m)
     report = None if case.heard is None else case.heard.report()

@@ -1,4 +1,4 @@
-"""The receiver of an exported sky: where it truly is at each epoch, and how wrong its clock is, to score fixes with."""
+"""The receiver of an exported sky: its true position and clock error at each epoch, for the assessment of fixes."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class ExportedReceiver:
     """The receiver at the time tags of its E1 observations."""
 
     scenario: CampaignScenario  # a scenario with a sky
-    path: ContinuousTruth  # truth of any satellite: all have the receiver's clock
+    path: ContinuousTruth  # truth of any satellite, because all have the receiver's clock
     first: int  # number of the first epoch
     tag_s: Float[np.ndarray, " n"]  # time tags in s after the scenario's start, on the receiver's clock
 
     @cached_property
     def motion(self) -> ReceiverMotion:
-        """Position, velocity and acceleration of its antenna."""
+        """Position, velocity and acceleration of the receiver's antenna."""
         return self.scenario.receiver_motion(self.tag_s, self.path.clock_m(self.tag_s))
 
     @property
@@ -35,7 +35,7 @@ class ExportedReceiver:
         return float(x_m), float(y_m), float(z_m)
 
     def table(self) -> dict[str, list[str]]:
-        """Return columns of text: what `receiver_truth.csv` holds."""
+        """Return the columns of text for `receiver_truth.csv`."""
         tags = [self.scenario.start_time + float(tag_s) for tag_s in self.tag_s]
         latitude_rad, longitude_rad, height_m = geodetic_from_ecef(self.motion.position_m)
         numbers = {

@@ -1,4 +1,4 @@
-"""One satellite of an exported recording: its truth at any time, its signals in both bands, what E1 says of it."""
+"""A satellite of an exported recording: its truth at any time, its signals in both bands, and its E1 observations."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ExportedSatellite:
     """A satellite in the epochs `first` to `end` − 1 of a campaign."""
 
     simulation: Simulation
-    interval_s: float  # between epochs
+    interval_s: float  # time between epochs
     first: int
     end: int
     symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random ones
@@ -39,18 +39,18 @@ class ExportedSatellite:
 
     @cached_property
     def _neighbours(self) -> tuple[int, int]:
-        """Epochs before and after that the samples still feel: what holds there, and the clock's way on."""
+        """Numbers of epochs before and after whose errors, and whose clock error, affect the samples."""
         before, after = epochs_around(self.interval_s, self.tail_s)
         return min(self.first, before), after
 
     @cached_property
     def tail_s(self) -> float:
-        """Time in s from the last transmission to the last sample, so that every spoofing signal repeats the RECS."""
+        """Time in s from the last transmission to the last sample; every spoofing signal ends before."""
         return TAIL_S + latest_s(self.simulation.spoofer, self.svid, self.truth.time_s)
 
     @cached_property
     def path(self) -> ContinuousTruth:
-        """The truth at any time."""
+        """The truth as a function of time."""
         before, after = self._neighbours
         process = self.simulation.truth()
         process.advance(0, self.first - before)
@@ -59,7 +59,7 @@ class ExportedSatellite:
 
     @cached_property
     def bgd_s(self) -> float:
-        """BGD(E1,E6) of the satellite in s; the truth's bias is what is left of it."""
+        """BGD(E1,E6) of the satellite in s; the bias of the truth is the remaining error."""
         return broadcast_group_delay_s(self.simulation.seed, self.svid)
 
     @cached_property
@@ -82,20 +82,20 @@ class ExportedSatellite:
 
     @property
     def range_offset_m(self) -> Float[np.ndarray, " n"]:
-        """E6 range minus its prediction from E1 at the epochs, in m; multipath and noise on E6 come on top."""
+        """E6 range minus its prediction from E1 at the epochs in m, without multipath and noise on E6."""
         return self.truth.iono_diff_m + self.truth.bias_m - self.e1_error_m
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
-        """Return the satellite as a band receives it, and its spoofing signals."""
+        """Return the received signal of the satellite in a band, and its spoofing signals."""
         return SatelliteOnAir(simulation=self.simulation, path=self.path, symbols=self.symbols).received(band)
 
     @cached_property
     def observations(self) -> tuple[E1Observation | None, ...]:
-        """E1 observations while the chips of each epoch arrive, 86 ms after they were sent.
+        """E1 observations while the chips of each epoch arrive, 86 ms after transmission.
 
-        The entry of an epoch is None where the campaign has no E1 measurement either: below the mask, without lock, and
-        while E1 acquires the satellite. A receiver that follows a meaconer of seconds has another time than the
-        samples: then the entry is None, too.
+        The entry of an epoch is None if the campaign also has no E1 measurement: below the mask, without lock, and
+        while E1 acquires the satellite. A receiver that follows a meaconer with a delay of seconds has another time
+        than the samples; then the entry is None, too.
         """
         to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
         t_s = truth.time_s + MEDIAN_TRAVEL_TIME_S
@@ -126,11 +126,11 @@ class ExportedSatellite:
 
     @property
     def _ambiguity(self) -> int:
-        """Whole cycles by which the carrier phase is not the range, as a receiver counts them from anywhere."""
+        """Ambiguity of the carrier phase in whole cycles, because a receiver counts from an arbitrary number."""
         return int(stream(self.simulation.seed, "carrier phase", self.svid).integers(-1_000_000, 1_000_000))
 
     def truth_table(self) -> dict[str, list[str]]:
-        """Return the truth of every epoch as columns of text: what `truth.csv` holds."""
+        """Return the truth of every epoch as columns of text for `truth.csv`."""
         truth, path = self.truth, self.path
         t_s = self.received_s
         sent = [self.simulation.start + float(elapsed_s) for elapsed_s in truth.time_s]

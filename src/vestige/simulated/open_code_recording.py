@@ -1,4 +1,4 @@
-"""The recording of a scenario of `kind = "recording"`: open codes on E6-C, and the OSNMA keys of its time."""
+"""Recording of a scenario with `kind = "recording"`: open codes on E6-C, and the OSNMA keys of its time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vestige.simulated.simulated_recording import SimulatedRecording
 
 
 def open_code_recording(scenario: RecordingScenario) -> SimulatedRecording:
-    """Return the recording of a scenario, with `osnma/`: the keys of its time, and what verifies them."""
+    """Return the recording of a scenario, with the keys of its time and their trust anchor in `osnma/`."""
     receiver = scenario.receiver
     return SimulatedRecording(
         sky={band: tuple(_received(scenario, band, satellite) for satellite in scenario.satellites) for band in Band},
@@ -52,7 +52,7 @@ def _received(scenario: RecordingScenario, band: Band, satellite: SatelliteSecti
 def _write_keys(scenario: RecordingScenario, folder: Path) -> None:
     osnma, start = folder / "osnma", scenario.start_time
     osnma.mkdir()
-    # the key of the subframe after the last too, for KDI = 1
+    # includes the key of the subframe after the last, for KDI = 1
     subframes = int((start + scenario.duration_s - start.subframe) / SUBFRAME_S) + 2
     operator = osnma_operator(scenario.seed, start, subframes, SERVICE_WITHOUT_EVENTS)
     write_key_file(osnma / "keys.csv", operator.validated_keys(), operator.roots)

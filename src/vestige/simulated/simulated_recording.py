@@ -1,6 +1,6 @@
-"""The recording that a scenario describes, and the folder that it is written to: samples of both bands and companions.
+"""The recording that a scenario describes, and its folder: samples of both bands and all other files.
 
-docs/test_cases.md says what is in the folder.
+docs/test_cases.md describes the content of the folder.
 """
 
 from __future__ import annotations
@@ -41,29 +41,29 @@ from vestige.time import GalileoTime
 Report = Callable[[str, int, int], None]
 Say = Callable[[str], None]
 
-# stored component: counts of one unit. int8: noise of 14 counts in I and in Q, 9 σ to the end of the scale
+# stored component: counts of a unit. With int8, noise has 14 counts in I and in Q, and the scale ends at 9 σ
 SCALES: Mapping[SampleType, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
 _PROBE_S = 0.05
-_KEPT_BATCHES = 50  # half a second: at most so much is made again after a process was killed
-_WRITING = 1.5  # times synthesis: conversion, checksum and disk
+_KEPT_BATCHES = 50  # half a second, the most that is made again after a process was killed
+_WRITING = 1.5  # time for synthesis, conversion, checksum and disk as a multiple of synthesis alone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRecording:
     """A recording that can be made."""
 
-    sky: Mapping[Band, tuple[ReceivedSatellite, ...]]  # what each band receives
+    sky: Mapping[Band, tuple[ReceivedSatellite, ...]]  # signals of each band
     reference: GalileoTime  # receiver-clock time of sample 0, a whole second
     front_end: FrontEnd  # front end of each band, with the sampling rate
     samples: range  # numbers of the samples
     seed: int  # seed of the noise
-    time_uncertainty_s: float  # what the receiver believes of its clock
-    description: str  # one line for a person
-    companions: Callable[[Path], None]  # writes all other files of the folder
-    interference: Mapping[Band, Interference] = field(default_factory=dict)  # noise and jamming, where there is any
-    own_parts: tuple[str, ...] = ()  # the user's own classes that made it, `module:Name@digest`
-    troposphere: bool = False  # whether one delays the signals
-    ionosphere: bool = False  # whether the one of the message does
+    time_uncertainty_s: float  # upper limit of the clock error that the receiver assumes
+    description: str  # a line of text for the user
+    companions: Callable[[Path], None]  # function that writes all other files of the folder
+    interference: Mapping[Band, Interference] = field(default_factory=dict)  # noise and jamming, if there is any
+    own_parts: tuple[str, ...] = ()  # the user's own classes in the scenario, `module:Name@digest`
+    troposphere: bool = False  # whether a troposphere delays the signals
+    ionosphere: bool = False  # whether the ionosphere of the message delays the signals
 
     @property
     def sample_rate_hz(self) -> float:
@@ -84,7 +84,7 @@ class SimulatedRecording:
     def window(self, band: Band, from_s: float, to_s: float) -> SampleBatch:
         """Return the samples of a band between two times in s after the reference, as one batch.
 
-        They are those of the recording where it holds them; a window may lie beyond its end.
+        Within the recording these samples are the same as the recording's; a window may lie beyond the end.
         """
         first, end = (round(at_s * self.sample_rate_hz) for at_s in (from_s, to_s))
         batches = list(self._made(band, range(first, end), noise=True))
@@ -99,7 +99,7 @@ class SimulatedRecording:
             yield from self._made(band, rest, noise=True, pool=pool)
 
     def begin(self, band: Band) -> tuple[GalileoTime, float]:
-        """Return the receiver-clock time of the first sample, and the radio frequency in Hz that stands at 0 Hz."""
+        """Return the receiver-clock time of the first sample, and the radio frequency in Hz that appears at 0 Hz."""
         first = self._first_batch(band)
         return first.start, first.center_frequency_hz
 
@@ -113,21 +113,22 @@ class SimulatedRecording:
         progress: Report | None = None,
         say: Say | None = None,
     ) -> None:
-        """Give samples to `write`, some 10 ms at a time.
+        """Pass samples to `write`, some 10 ms at a time.
 
-        One band has the bytes of the file that `self.write` writes. Two bands take turns, sample by sample: with
-        (E1, E6) the bytes are those of E1[0], E6[0], E1[1], E6[1] and so on, each I and then Q.
+        A single band has the bytes of the file that `self.write` writes. Two bands take turns, sample by sample: (E1,
+        E6) gives the bytes of E1[0], E6[0], E1[1], E6[1] and so on, each I and then Q.
 
         Parameters
         ----------
         bands
             The band, or the bands in the order in which they take turns.
         write
-            Takes bytes, I and Q in turn, little endian. While it waits, at most eight stretches of samples are made.
+            Function that takes bytes, I and Q in turn, little endian. While this function waits, at most eight
+            stretches of samples are made.
         component
             Number type of I and of Q.
         workers
-            Number of threads that make samples; it changes no bit.
+            Number of threads that make samples; the samples do not depend on it.
         progress
             Called with the bands, the number of samples of each that are written, and the number of all.
         say
@@ -136,7 +137,7 @@ class SimulatedRecording:
         Raises
         ------
         OSError
-            Whatever `write` raises.
+            If `write` fails.
         """
         chosen = (bands,) if isinstance(bands, Band) else tuple(bands)
         form, scale, done = SampleFormat(component=component, layout="iq"), self.scale(component), 0
@@ -173,7 +174,7 @@ class SimulatedRecording:
         )
 
     def n_bytes(self, component: SampleType, exports: Sequence[str] = ()) -> int:
-        """Return how large the samples of both bands will be, copies for exports included."""
+        """Return the size of the samples of both bands in bytes, including copies for exports."""
         own = SampleFormat(component=component, layout="iq").sample_bytes
         return len(Band) * len(self.samples) * (own + sum(COPY_BYTES[name] for name in exports))
 
@@ -183,11 +184,11 @@ class SimulatedRecording:
             check_export(name, SampleFormat(component=component, layout="iq"), self.sample_rate_hz)
 
     def seconds_to_write(self) -> float:
-        """Return about how long writing takes on this machine, from a short stretch of each band, in s."""
+        """Return the approximate time in s to write the recording, measured with a short stretch of each band."""
         n_samples = min(len(self.samples), int(_PROBE_S * self.sample_rate_hz))
         slowest_s = 0.0
         for band in Band:
-            for _ in range(2):  # the first one compiles
+            for _ in range(2):  # the first pass compiles
                 started = time.perf_counter()
                 for _batch in self.record(band, at_most=n_samples):
                     pass
@@ -211,26 +212,26 @@ class SimulatedRecording:
         Parameters
         ----------
         folder
-            The folder, which is there when it is complete.
+            The folder, which appears when it is complete.
         scenario_text
-            The scenario as TOML, with all that was replaced in it.
+            The scenario as TOML, with all replaced values.
         component
             Number type of the samples.
         exports
             Names in `recording.samples.exports.EXPORTS`.
         workers
-            Number of threads that make samples; it changes no bit.
+            Number of threads that make samples; the samples do not depend on it.
         progress
             Called with the band, the number of samples that are written, and the number of all.
         say
-            Called with one line if a recording is resumed, and with one at the end if samples clip.
+            Called with a line if a recording is resumed, and with a line at the end if samples clip.
 
         Raises
         ------
         InputFileError
-            If `folder` exists, another process writes it, or what a killed process left is another recording.
+            If `folder` exists, another process writes it, or a killed process left another recording.
         UnsupportedError
-            If one of `exports` cannot read such samples; nothing is written then.
+            If one of `exports` cannot read such samples; then nothing is written.
         VestigeError
             If the samples do not fit on the disk.
         """
@@ -263,7 +264,7 @@ class SimulatedRecording:
         return ExportedSky(svids=tuple(sorted(svids)), troposphere=self.troposphere, ionosphere=self.ionosphere)
 
     def _identity(self, scenario_text: str, component: SampleType) -> dict[str, str]:
-        """Return all that the bits of the samples depend on, by the name that a user has for it."""
+        """Return all values on which the bits of the samples depend, by the names that a user knows."""
         return {
             "scenario": hashlib.sha256(scenario_text.encode()).hexdigest(),
             "stretch of time": f"samples {self.samples.start} to {self.samples.stop}",
@@ -274,15 +275,15 @@ class SimulatedRecording:
         }
 
     def scale(self, component: SampleType) -> float:
-        """Return the stored value of 1.0; the levels of a quantiser are stored as they are."""
+        """Return the stored value of 1.0; the levels of a quantiser are stored unscaled."""
         return SCALES[component] if self.front_end.bits is None else 1.0
 
     def _write_samples(
         self, unfinished: UnfinishedRecording, form: SampleFormat, workers: int, progress: Report | None
     ) -> tuple[list[Path], dict[Band, float]]:
-        """Write both bands at once; return their metadata files, and the share of their numbers that clip.
+        """Write both bands at the same time; return their metadata files, and the share of their numbers that clip.
 
-        Each band has a thread that takes what the workers make.
+        Each band has a thread that takes the samples that the workers make.
         """
         stop = threading.Event()
         left = dict(unfinished.samples)

@@ -24,7 +24,7 @@ class SimulatedSource:
     scenario
         The campaign.
     block_epochs
-        Epochs in a block; it changes no bit of what the processor says.
+        Epochs in a block; the verdicts do not depend on it.
     """
 
     scenario: CampaignScenario
@@ -45,16 +45,16 @@ class SimulatedSource:
 
 
 def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLOCK_EPOCHS) -> SimulatedSource:
-    """Return the snapshots of a campaign, at its fidelity, for one line of sight or for a sky.
+    """Return the snapshots of a campaign, at its fidelity, for a single line of sight or for a sky.
 
-    Use it to look into single snapshots and verdicts. `run` keeps the results of all epochs in a folder.
+    Use `simulate` to inspect single snapshots and verdicts. `run` keeps the results of all epochs in a folder.
 
     Parameters
     ----------
     scenario
         Campaign, or the path of its file.
     block_epochs
-        Number of epochs in a block, 1 or more. It changes no bit of the verdicts.
+        Number of epochs in a block, 1 or more. The verdicts do not depend on it.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLO
     InputFileError
         If the file describes no scenario.
     VestigeError
-        If it describes something else than a campaign.
+        If the scenario is not a campaign.
     ValueError
         If a block has less than one epoch.
 

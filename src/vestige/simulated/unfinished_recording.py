@@ -1,14 +1,14 @@
-"""The hidden folder in which a recording is written, so that the same command can resume it after it was killed.
+"""The hidden folder in which a recording is written, so that the same command can resume it after a kill.
 
-A recording `night` is written in `.night.unfinished`, beside the place where it will stand:
+A recording `night` is written in `.night.unfinished`, in the same parent folder:
 
-| file | what it is |
+| file | content |
 |---|---|
-| `progress.json` | what the recording depends on, and how many samples of each band are certainly on the disk |
-| `night/` | the folder as it will be; samples are in `*.part` until their band is complete |
+| `progress.json` | settings of the recording, and number of samples of each band that are certainly on disk |
+| `night/` | the later folder; samples are in `*.part` until their band is complete |
 
 `progress.json` is replaced as a whole, and only after the samples that it counts are on the disk. So the process or the
-machine may stop at any moment: the next call cuts the samples to what is counted and makes the rest. All other files
+machine may stop at any moment: the next call cuts the files to the counted samples and makes the rest. All other files
 are made anew. After an error or Ctrl-C nothing is left.
 """
 
@@ -36,14 +36,14 @@ _BEGIN_AGAIN = "remove the folder to begin again"
 
 @dataclass(slots=True)
 class UnfinishedRecording:
-    """A recording that is being written.
+    """A recording that is still being written.
 
     Attributes
     ----------
     folder
-        Folder to write into; it becomes the output at the end.
+        Folder to write into, which becomes the output at the end.
     samples
-        Number of samples of each band that are on the disk; empty if there are none.
+        Number of samples of each band that are on the disk; empty for a new recording.
     """
 
     folder: Path
@@ -52,7 +52,7 @@ class UnfinishedRecording:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def keep(self, band: Band, n_samples: int) -> None:
-        """Note that the first `n_samples` of a band are on the disk; the next process resumes there."""
+        """Record that the first `n_samples` of a band are on the disk, after which the next process resumes."""
         with self._lock:
             self.samples[band] = n_samples
             counts = {band.value: count for band, count in self.samples.items()}
@@ -80,22 +80,22 @@ def unfinished_folder(output: Path) -> Path:
 
 @contextmanager
 def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[UnfinishedRecording]:
-    """Yield a folder to write a recording into, with what a killed process left in it; it becomes `output` at the end.
+    """Yield a folder for a recording, with the samples of a killed process; it becomes `output` at the end.
 
     Parameters
     ----------
     output
         Folder of the recording; must not exist.
     identity
-        All that the samples depend on, by name. A recording is resumed only if all of it is equal.
+        All values on which the samples depend, by name. A recording is resumed only if all these values are equal.
 
     Raises
     ------
     InputFileError
-        If `output` exists or lies in the results of a campaign; if what a process left is of another recording; if
-        another process writes it now; if the hidden folder could have been prepared by somebody else.
+        If `output` exists or lies in the results of a campaign; if the hidden folder contains another recording, is in
+        use by another process, or could have been prepared by another user.
     OSError
-        If it cannot be written; the error has the name of `output`.
+        If the folder cannot be written; the error has the name of `output`.
     """
     check_new_folder(output)
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -118,7 +118,7 @@ def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[
 
 
 def _own_folder(hidden: Path) -> None:
-    """Make the folder, or check that nobody but this user could have put anything into the one that is there."""
+    """Make the folder, or check that only this user could have written into the existing folder."""
     try:
         hidden.mkdir(mode=0o700)
     except FileExistsError:
@@ -129,7 +129,7 @@ def _own_folder(hidden: Path) -> None:
 
 
 def _samples_left(hidden: Path, identity: Mapping[str, str]) -> dict[Band, int]:
-    """Return how many samples a killed process left of each band."""
+    """Return the number of samples of each band that a killed process left."""
     progress = hidden / _PROGRESS
     try:
         text = progress.read_text(encoding="utf-8")
@@ -150,7 +150,7 @@ def _samples_left(hidden: Path, identity: Mapping[str, str]) -> dict[Band, int]:
 
 
 def _remove_all_but_samples(hidden: Path, folder: Path, samples: Mapping[Band, int]) -> None:
-    """Remove all that is made anew."""
+    """Remove all files that are made anew."""
     kept = {folder / f"{band.value.lower()}{suffix}" for band in samples for suffix in (DATA, f"{DATA}.part")}
     for path in (*hidden.iterdir(), *folder.iterdir()):
         if path in (folder, hidden / _PROGRESS) or path in kept:

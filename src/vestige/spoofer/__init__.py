@@ -1,1 +1,1 @@
-"""The attacker: profiles against time, attacks, and what they put into the victim's antenna [WFO, Sec. V]."""
+"""The attacker: profiles against time, attacks, and their signals at the victim's antenna [WFO, Sec. V]."""

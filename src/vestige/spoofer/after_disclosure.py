@@ -1,8 +1,8 @@
-"""The forger who has the key: E6-C chips of the past, made once the OSNMA key of their RECS is public.
+"""Forgery with a disclosed key: E6-C chips of the past, made after the OSNMA key of their RECS is public.
 
-A RECS is public before its signal is on air, its key after that. Whoever has both can decrypt the RECS and transmit the
-true chips, without noise and with any delay from then on. So a receiver must know that its samples are older than the
-disclosure of the key (`crypto/osnma/disclosure.py`). It knows that from its own clock only.
+A RECS is public before its signal is on air, and its key after the signal. With both, an attacker can decrypt the RECS
+and transmit the true chips, without noise and with any delay from then on. So a receiver must know that its samples are
+older than the disclosure of the key (`crypto/osnma/disclosure.py`). Only the receiver's own clock tells that.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from vestige.spoofer.attack import CheckedAttack, SpoofingSignal, check_delay, d
 from vestige.spoofer.phase import COHERENT
 from vestige.spoofer.profiles import Profile
 
-LONGEST_FORGERY_S = 120.0  # four subframes: more than any key delay
+LONGEST_FORGERY_S = 120.0  # longest delay: four subframes, more than any key delay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForgeryAfterDisclosure(CheckedAttack):
-    """Transmits the sky of the past on both bands, made from RECS and disclosed keys, without the noise of a reception.
+    """Attack that transmits the past signals of both bands, made from RECS and disclosed keys, without reception noise.
 
     Example
     -------
@@ -35,19 +35,19 @@ class ForgeryAfterDisclosure(CheckedAttack):
     Attributes
     ----------
     delay_s
-        Delay of the whole sky in s: from the true transmission to that of the attacker, more than 0, at most 120. The
-        attacker has the key only after its last bit, which a scenario checks.
+        Delay of the attacker's transmission after the true transmission in s, more than 0, at most 120. The attacker
+        has the key only after its last bit, which a scenario checks.
     power_db
-        Relative to the true signal.
+        Power relative to the true signal in dB.
     range_offset_m
-        Delay in m beyond `delay_s`, for the satellites in `svids`: the attacker chooses the range, an earlier one too.
+        Delay in m in addition to `delay_s` for the satellites in `svids`; negative for a shorter range.
     acquired
         Whether the receiver acquires after the attack's start (switched on, or jammed before).
 
     Raises
     ------
     ValueError
-        If the delay or the range is beyond what an attack can have.
+        If the delay or the range is outside its limits.
     """
 
     delay_s: float

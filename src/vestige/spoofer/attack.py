@@ -1,11 +1,11 @@
-"""Interface of every attack: when it is on, whom it hits, and what it adds to each band.
+"""Interface of every attack: its times, its satellites, and its effect on each band.
 
-An attack adds at most one spoofing signal to a band of a satellite, noise, and a jamming waveform. All of it is
-relative to the true signal of that satellite in that band, and a function of time alone: an attack has no memory and no
-randomness of its own. Times are those of the epoch, in s after the scenario's start.
+An attack adds at most one spoofing signal to a band of a satellite, noise, and a jamming waveform. These are relative
+to the true signal of that satellite in that band. They depend only on time: an attack has no memory and no randomness
+of its own. Times are the times of the epochs in s after the scenario's start.
 
-**Assumption 2** [WFO, Sec. II]: the true encrypted signal is always there and always comes first. An attack that breaks
-it can be simulated, but says so in `outside_assumption_2`.
+**Assumption 2** [WFO, Sec. II]: the true encrypted signal is always present and always comes first. An attack that
+violates Assumption 2 can be simulated, but states the violation in `outside_assumption_2`.
 """
 
 # ruff: noqa: ARG002  an attack that adds nothing looks at nothing
@@ -30,14 +30,14 @@ from vestige.spoofer.phase import Coherent, DelayedCarrier, Locked, Slipping
 from vestige.spoofer.profiles import AnyProfile, as_profile, extremes, fastest
 
 MAX_DELAY_S = 60.0
-_MAX_EARLY_M = 3e5  # an attacker who foretells a public code has no need of more than a code period
+_MAX_EARLY_M = 3e5  # an attacker who predicts a public code needs at most a code period
 _MAX_RATE_MPS = 1e4
 MAX_LEVEL_DB = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpoofingSignal:
-    """A spoofing signal of one satellite in one band, against the true signal there, over epochs.
+    """A spoofing signal of a satellite in a band, relative to the true signal, over epochs.
 
     Attributes
     ----------
@@ -48,11 +48,11 @@ class SpoofingSignal:
     phase_rad
         Phase relative to the line of sight.
     doppler_hz
-        Doppler of its carrier relative to the line of sight: the rate of `phase_rad`.
+        Doppler of the carrier relative to the line of sight: the rate of `phase_rad`.
     forged_chips
-        On E6, whether the attacker made the chips up. Otherwise they are the true ones, received and sent again.
+        On E6, whether the attacker invented the chips. Otherwise the true chips are received and sent again.
     forged_nav_data
-        On E1, whether the attacker made the navigation data up. Otherwise they are those of the satellite, sent again.
+        On E1, whether the attacker invented the navigation data. Otherwise the data of the satellite are sent again.
     """
 
     delay_m: Float[np.ndarray, " n"]
@@ -66,7 +66,7 @@ class SpoofingSignal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jamming:
-    """A jamming waveform in one band: J/N over epochs, and the bandwidth in which N is meant."""
+    """A jamming waveform in a band: J/N over epochs, and the bandwidth to which N refers."""
 
     waveform: AnyJammer
     j_over_n: Float[np.ndarray, " n"]
@@ -75,14 +75,14 @@ class Jamming:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attack:
-    """An attack that does nothing: the kinds say what they add.
+    """Base class of attacks, without any effect; each kind adds its own effects.
 
     Attributes
     ----------
     start_s, stop_s
-        When it is on, in s after the scenario's start; at `stop_s` it is off.
+        Begin and end of the attack in s after the scenario's start; at `stop_s` the attack is off.
     svids
-        Satellites whose signals are spoofed; none named means all. Noise and jamming hit all of them.
+        Satellites whose signals are spoofed; an empty list means all. Noise and jamming affect all satellites.
     """
 
     start_s: float = 0.0
@@ -99,12 +99,12 @@ class Attack:
 
     @property
     def kind(self) -> str:
-        """Name of the attack in a scenario: of a class that has no shorter one, `module:Name`."""
+        """Name of the attack in a scenario; `module:Name` for a class without a shorter name."""
         return kind_of(type(self))
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
+        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if it does not."""
         return ""
 
     @property
@@ -113,7 +113,7 @@ class Attack:
         return False
 
     def on(self, times_s: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-        """Return whether the attack is on."""
+        """Return whether the attack is on at each time."""
         return (times_s >= self.start_s) & (times_s < self.stop_s)
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
@@ -121,19 +121,19 @@ class Attack:
         return None
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the density of white noise that it adds to a band, over N0."""
+        """Return the density of white noise that the attack adds to a band, over N0."""
         return np.zeros(times_s.shape)
 
     def jamming(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Jamming | None:
-        """Return the jamming waveform that it adds to a band; None for none."""
+        """Return the jamming waveform that the attack adds to a band, or None."""
         return None
 
     def replayed(self, component: Component, svid: int, seed: int) -> Component:
-        """Return what the spoofing signal of a recording carries in place of a component of the true signal."""
+        """Return the component that a recorded spoofing signal carries in place of a component of the true signal."""
         return component
 
     def withholds_osnma(self, first_s: float, last_s: float) -> bool:
-        """Return whether it keeps an OSNMA key from the receiver that is sent between two times."""
+        """Return whether the attack prevents the reception of an OSNMA key that is sent between two times."""
         return False
 
 
@@ -148,9 +148,9 @@ def delayed(
     forged_chips: bool = False,
     forged_nav_data: bool = False,
 ) -> SpoofingSignal:
-    """Return a spoofing signal by its profiles, off while the attack is.
+    """Return a spoofing signal from its profiles; the signal is off while the attack is off.
 
-    A number is a constant profile.
+    A number stands for a constant profile.
     """
     delay = as_profile(delay_m)
     carrier = DelayedCarrier(
@@ -171,7 +171,7 @@ def delayed(
 
 
 def check_delay(delay_m: AnyProfile | float) -> None:
-    """Raise ValueError if a delay profile goes where no attack does: 1 ms early to 60 s late, 10 km/s."""
+    """Raise ValueError if a delay profile exceeds the limits of attacks: 1 ms early to 60 s late, 10 km/s."""
     low_m, high_m = extremes(delay_m)
     if not (low_m >= -_MAX_EARLY_M and high_m <= MAX_DELAY_S * SPEED_OF_LIGHT_MPS):
         raise ValueError(f"delays lie between -300 km and {MAX_DELAY_S:g} s, found {low_m:g} to {high_m:g} m")
@@ -180,20 +180,20 @@ def check_delay(delay_m: AnyProfile | float) -> None:
 
 
 def check_bands(bands: tuple[Band, ...]) -> None:
-    """Raise ValueError if an attack hits no band, or names one twice."""
+    """Raise ValueError if an attack names no band, or a band twice."""
     if not bands or len(set(bands)) != len(bands):
         raise ValueError(f"an attack names each of its bands once, found {[band.value for band in bands]}")
 
 
 def check_level(level_db: AnyProfile | float) -> None:
-    """Raise ValueError if a power is not at most 100 dB over what it is compared with; -inf is no power."""
+    """Raise ValueError if a power exceeds its reference by more than 100 dB; -inf means no power."""
     high_db = extremes(level_db)[1]
     if not high_db <= MAX_LEVEL_DB:
         raise ValueError(f"powers are at most {MAX_LEVEL_DB:g} dB, found {high_db:g} dB")
 
 
 def check_gain(reception_gain_db: float) -> None:
-    """Raise ValueError if the attacker's reception is worse or better than any antenna makes it."""
+    """Raise ValueError if the attacker's reception gain is impossible for any antenna."""
     if not -50 <= reception_gain_db <= 100:
         raise ValueError(f"a reception gain lies between -50 and 100 dB, found {reception_gain_db:g}")
 
@@ -211,7 +211,7 @@ _CHECKS: Mapping[str, Callable[[Any], None]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedAttack(Attack):
-    """An attack of vestige: bands, delays, powers and gains that it has are checked."""
+    """Base class of vestige's own attacks, which checks their bands, delays, powers and gains."""
 
     def __post_init__(self) -> None:
         Attack.__post_init__(self)

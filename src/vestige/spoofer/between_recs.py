@@ -1,7 +1,8 @@
-"""An attack that is over before the next RECS: nothing that ACAS records ever sees it.
+"""An attack that ends before the next RECS, so that the RECS of ACAS never detect it.
 
-Between two RECS the spoofing signal switches on over the true signal, leaves with the tracking loop and brings it back
-before it switches off. With x the time since the last RECS, from `guard_s` to `period_s − guard_s`:
+Between two RECS the spoofing signal switches on over the true signal, and moves away with the tracking loop. Before the
+spoofing signal switches off, it returns the loop to the true signal. With x the time since the last RECS, from
+`guard_s` to `period_s − guard_s`:
 
     τ = top_m sin²(π (x − guard)/(period − 2 guard))        power on
 """
@@ -25,20 +26,20 @@ from vestige.spoofer.repeaters import BOTH
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BetweenRecs(CheckedAttack):
-    """A lift-off and return within each gap between two RECS.
+    """A lift-off and return in each interval between two RECS.
 
     Attributes
     ----------
     top_m
-        Largest delay.
+        Largest delay in m.
     power_db
-        Power while it is on, relative to the true signal.
+        Power in dB relative to the true signal while the attack is on.
     period_s, first_recs_s
-        When there is a RECS: the first, and the time between two.
+        Time between two RECS, and time of the first RECS, in s.
     guard_s
-        Time after and before a RECS at which it is off.
+        Time in s before and after a RECS during which the attack is off.
     phase, bands
-        The same as for a lift-off. The noise that E6 would repeat is never recorded, and left out.
+        The same as for a lift-off. Repeated noise on E6 is left out, because it is never recorded.
     """
 
     top_m: float
@@ -58,7 +59,7 @@ class BetweenRecs(CheckedAttack):
         check_delay(Ramp(first=0.0, last=self.top_m, start_s=0.0, stop_s=rise_s, smooth=True) if self.top_m else 0.0)
 
     def on(self, times_s: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-        """Return whether the attack is on."""
+        """Return whether the attack is on at each time."""
         since_s = (times_s - self.first_recs_s) % self.period_s
         return Attack.on(self, times_s) & (since_s > self.guard_s) & (since_s < self.period_s - self.guard_s)
 

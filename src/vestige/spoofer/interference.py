@@ -1,4 +1,4 @@
-"""Attacks without a spoofing signal of their own: jamming, and jamming just enough to break OSNMA."""
+"""Attacks without a spoofing signal: jamming, and noise just strong enough to break OSNMA."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from vestige.spoofer.jammers import WIDEBAND, Jammer
 from vestige.spoofer.profiles import Profile, as_profile
 from vestige.spoofer.repeaters import BOTH
 
-NOISE_BANDWIDTH_HZ = 2 * FUNDAMENTAL_FREQUENCY_HZ  # main lobe of E6 with a first side lobe on each side
+NOISE_BANDWIDTH_HZ = 2 * FUNDAMENTAL_FREQUENCY_HZ  # width of the main lobe of E6 with the first side lobe on each side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jam(CheckedAttack):
-    """A jammer.
+    """A jammer on one or both bands.
 
     Attributes
     ----------
     j_over_n_db
-        Its mean power over that of the noise.
+        Mean power of the jammer over the noise power in dB.
     waveform
         Wideband, CW, chirp or pulsed.
     bands
-        Bands that are jammed; E6 alone leaves tracking on E1 alone.
+        Bands that are jammed; with E6 alone, tracking on E1 continues.
     noise_bandwidth_hz
-        Bandwidth in which N is meant.
+        Bandwidth to which N refers in Hz.
     """
 
     j_over_n_db: Profile
@@ -46,7 +46,7 @@ class Jam(CheckedAttack):
             raise ValueError(f"a noise bandwidth lies between 1 kHz and 1 GHz, found {self.noise_bandwidth_hz:g} Hz")
 
     def jamming(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Jamming | None:
-        """Return the jamming waveform that it adds to a band; None for none."""
+        """Return the jamming waveform that the attack adds to a band, or None."""
         if band not in self.bands:
             return None
         level = 10 ** (as_profile(self.j_over_n_db).value(times_s) / 10)
@@ -59,26 +59,26 @@ class Jam(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaDenial(CheckedAttack):
-    """White noise on E1, weak enough to keep tracking and strong enough to break OSNMA pages.
+    """White noise on E1 that leaves tracking intact, but breaks OSNMA pages.
 
     A key that is on air while the attack is on does not reach the receiver, so its RECS cannot be decrypted.
 
     Attributes
     ----------
     j_over_n_db
-        Noise density that is added, over N0. Some 10 dB take 37 dBHz to 27 dBHz.
+        Added noise density over N0 in dB. Some 10 dB reduce 37 dBHz to 27 dBHz.
     """
 
     j_over_n_db: Profile = 10.0
     kind: Literal["osnma-denial"] = "osnma-denial"
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the density of white noise that it adds to a band, over N0."""
+        """Return the density of white noise that the attack adds to a band, over N0."""
         if band is not Band.E1:
             return np.zeros(times_s.shape)
         return np.where(self.on(times_s), 10 ** (as_profile(self.j_over_n_db).value(times_s) / 10), 0.0)
 
     def withholds_osnma(self, first_s: float, last_s: float) -> bool:
-        """Return whether it is on at any time between the two."""
+        """Return whether the attack is on at any time between two times."""
         hit = self.start_s < last_s and first_s < self.stop_s
         return hit and float(np.max(as_profile(self.j_over_n_db).value(np.array([first_s, last_s])))) > -np.inf

@@ -1,9 +1,9 @@
-"""Jamming waveforms: as samples, and as what passes a correlator.
+"""Jamming waveforms as samples, and as their output of a correlator.
 
 Theory of operation
 -------------------
-A correlator multiplies by random chips c and integrates over T ≫ T_c. What a jammer of spectral density S_J leaves in
-correlators at delays d_i and d_k is Gaussian (a sum of many chips) with covariance
+A correlator multiplies by random chips c and integrates over T ≫ T_c. The output of correlators at delays d_i and d_k
+for a jammer of spectral density S_J is Gaussian (a sum of many chips) with covariance
 
     C(d_i − d_k) = 1/T ∫ S_J(f) S_c(f) e^{j2πf(d_i − d_k)} df        S_c: spectrum of the chips
 
@@ -13,9 +13,9 @@ White noise N0 gives N0/T · R(d_i − d_k). So with J/N in a noise bandwidth B,
     continuous wave          (J/N) B S_c(f) e^{j2πfΔ}     all correlators see the same amplitude
     chirp over B_s           (J/N) (B/B_s) R_{B_s}(Δ)     many sweeps fall in T; R_B: behind a filter of width B
 
-Sampling folds the side lobes of S_c that lie beyond f_s/2 onto the line or the sweep: some 3 % more at 12.5 MHz, which
-is left out. C(0) is the *rise*: by how much the jammer raises the noise density behind the correlator. The phase of the
-wave, and where a sweep or pulse stands, are drawn once an epoch.
+Sampling folds the side lobes of S_c that lie beyond f_s/2 onto the line or the sweep. This effect, some 3 % more at
+12.5 MHz, is neglected. C(0) is the *rise* of the noise density after the correlator because of the jammer. The phase of
+the wave, and the phase of a sweep or pulse, are drawn once an epoch.
 """
 
 # ruff: noqa: ARG002  one signature for all waveforms
@@ -34,16 +34,16 @@ from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signals.definitions import SignalDefinition
 from vestige.signals.pulse import autocorrelation, band_limited_autocorrelation, spectrum
 
-_SHORTEST_S = 0.999e-6  # duration of a pulse: some samples
-_PIECE = 8192  # samples that are added at once: they stay in the cache
+_SHORTEST_S = 0.999e-6  # shortest duration of a pulse: some samples
+_PIECE = 8192  # number of samples that are added at once, which fit into the cache
 
 
 class _White:
-    """Noise that is white while it is on."""
+    """Base class of noise that is white while the jammer is on."""
 
     __slots__ = ()
-    white: ClassVar[bool] = True  # while it is on
-    reach_hz: ClassVar[float] = 0.0  # distance of a line or sweep from the carrier; the samples limit white noise
+    white: ClassVar[bool] = True  # whether the waveform is white while it is on
+    reach_hz: ClassVar[float] = 0.0  # largest distance of a line or sweep from the carrier; 0 for white noise
 
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
@@ -63,19 +63,19 @@ class Wideband(_White):
     ) -> None:
         """Add the waveform to samples.
 
-        Noise in the samples has variance 1, the waveform the mean power `power`; `key` is that of its randomness
-        (`noise_key`). `first` is the number of the first sample: pieces of one waveform fit together.
+        Noise in the samples has variance 1, the waveform has the mean power `power`. `key` is the key of the waveform's
+        randomness (`noise_key`). `first` is the number of the first sample, so that pieces of a waveform fit together.
         """
         _add_noise(x, power, key, first)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContinuousWave:
-    """A line, `offset_hz` above the carrier."""
+    """A continuous wave, `offset_hz` above the carrier."""
 
     offset_hz: float = 0.0
     kind: Literal["cw"] = "cw"
-    white: ClassVar[bool] = False  # while it is on
+    white: ClassVar[bool] = False  # whether the waveform is white while it is on
 
     @property
     def reach_hz(self) -> float:
@@ -103,12 +103,12 @@ class ContinuousWave:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chirp:
-    """A sawtooth sweep over `bandwidth_hz` around the carrier, one each `sweep_s`, rounded to whole samples."""
+    """A sawtooth sweep over `bandwidth_hz` around the carrier, repeated every `sweep_s`, rounded to whole samples."""
 
     bandwidth_hz: float = 10e6
     sweep_s: float = 20e-6
     kind: Literal["chirp"] = "chirp"
-    white: ClassVar[bool] = False  # while it is on
+    white: ClassVar[bool] = False  # whether the waveform is white while it is on
 
     def __post_init__(self) -> None:
         if not (0 < self.bandwidth_hz <= 1e9 and 1e-6 <= self.sweep_s <= 1e-3):
@@ -145,7 +145,7 @@ class Chirp:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pulsed(_White):
-    """Wideband noise for a share `duty` of every `period_s`; its power is the mean over time."""
+    """Wideband noise during a share `duty` of every `period_s`; the power is the mean over time."""
 
     duty: float = 0.1
     period_s: float = 1e-3
@@ -160,7 +160,7 @@ class Pulsed(_White):
     ) -> None:
         """Add the waveform to samples, see `Wideband.add`."""
         period = self.period_s * sample_rate_hz
-        edge = -_uniform(key) * period  # edge of a pulse
+        edge = -_uniform(key) * period  # position of the edge of a pulse in samples
         for k in range(int((first - edge) / period), int((first + x.size - edge) / period) + 1):
             begin, end = round(edge + k * period), round(edge + (k + self.duty) * period)
             begin, end = max(begin, first), min(end, first + x.size)
@@ -175,15 +175,15 @@ Jammer = Annotated[AnyJammer, Field(discriminator="kind")]
 
 
 def rise(jammer: AnyJammer, signal: SignalDefinition, noise_bandwidth_hz: float) -> float:
-    """Return C(0) for J/N = 1: by how many N0 the jammer raises the noise density behind a correlator."""
+    """Return C(0) for J/N = 1, the rise of the noise density after a correlator in units of N0."""
     return float(jammer.covariance(signal, np.zeros(1), noise_bandwidth_hz)[0].real)
 
 
 def power_in_samples(jammer: AnyJammer, j_over_n: float, noise_bandwidth_hz: float, sample_rate_hz: float) -> float:
     """Return the mean power of a jammer in samples whose noise has variance 1.
 
-    White noise enters the samples within their bandwidth only. A wave enters with its whole power,
-    against N0 B = B/f_s.
+    White noise enters the samples only within their bandwidth. A wave enters with its whole power, relative to N0 B =
+    B/f_s.
     """
     return j_over_n if jammer.white else j_over_n * noise_bandwidth_hz / sample_rate_hz
 

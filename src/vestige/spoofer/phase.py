@@ -1,11 +1,11 @@
-"""The phase of a spoofing signal against the true signal, on its carrier.
+"""The carrier phase of a spoofing signal relative to the true signal.
 
-    locked      φ = φ0                              whatever the delay: the carrier phase aligned attack
+    locked      φ = φ0                              for any delay: the carrier phase aligned attack
     slipping    φ = φ0 + 2π f (t − t_start)         a frequency error of the attacker's oscillator
-    coherent    φ = φ0 − 2π f_c τ(t)/c              what a delay line does: one turn a wavelength of delay
+    coherent    φ = φ0 − 2π f_c τ(t)/c              as with a delay line: a turn for each wavelength
 
-The true signal and the spoofing signal add to |1 + √η e^{jφ} R(τ)|, so the phase decides between fading and gain. A
-locked or slipping spoofing signal whose delay moves has code and carrier that diverge.
+The true signal and the spoofing signal add to |1 + √η e^{jφ} R(τ)|, so the phase decides between fading and gain. If
+the delay of a locked or slipping spoofing signal changes, its code and carrier diverge.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from pydantic import Field
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 
-_MAX_SLIP_HZ = 1e4  # twice what an acquisition searches
+_MAX_SLIP_HZ = 1e4  # twice the range of an acquisition
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelayedCarrier:
-    """Carrier of a spoofing signal, for a phase law: time since the attack's start, delay and its rate, carrier."""
+    """Arguments of a phase law: time since the attack's start, delay and its rate, and carrier."""
 
     since_start_s: Float[np.ndarray, " n"]
     delay_m: Float[np.ndarray, " n"]
@@ -71,7 +71,7 @@ class Slipping:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coherent:
-    """The phase that the delay itself makes, and φ0 in rad."""
+    """The phase that the delay itself causes, plus φ0 in rad."""
 
     phase_rad: float = 0.0
     kind: Literal["coherent"] = "coherent"

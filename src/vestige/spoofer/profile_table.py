@@ -1,4 +1,7 @@
-"""A profile as a CSV file: a line `time_s,value`, then one point a line; empty lines and lines with # are skipped."""
+"""Reader of a profile in a CSV file: a line `time_s,value`, then a point in each line.
+
+Empty lines and lines with # are skipped.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ _HEADER = "time_s,value"
 def read_profile_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the times in s and the values of a table.
 
-    Raises `InputFileError` if it is not such a file, holds fewer than two points or a number that is not finite, or
+    Raises `InputFileError` if the file has another format, has fewer than two points or a number that is not finite, or
     times do not ascend.
     """
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")

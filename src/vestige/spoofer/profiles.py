@@ -1,13 +1,13 @@
-"""Profiles: delay in m, or power in dB, against time, with the exact derivative.
+"""Profiles of delay in m, or of power in dB, against time, with the exact derivative.
 
-Every profile holds its first value before it starts and its last after it stops, so that it is defined at all times;
-when the attacker switches on and off is the attack's `start_s` and `stop_s`. Joins:
+Every profile keeps its first value before its start and its last value after its end, so that it is defined at all
+times. The attacker switches on and off at the attack's `start_s` and `stop_s`. Continuity:
 
 | profile | value | rate |
 |---|---|---|
 | `Constant` | – | – |
 | `Ramp` | continuous | jumps at both ends; `smooth` gives half a cosine, and the rate is continuous |
-| `Sine` | continuous | continuous: half a cosine in, half a cosine out, at rest where it turns |
+| `Sine` | continuous | continuous: half a cosine in, half a cosine out, 0 at the turn |
 | `Trapezoid` | continuous | jumps at four corners; `smooth` as above |
 | `Table` | continuous: straight lines | jumps at the points |
 
@@ -34,7 +34,7 @@ class Constant:
     Attributes
     ----------
     level
-        The value; −inf dB is no signal.
+        The value; −inf dB means no signal.
     """
 
     level: float
@@ -51,7 +51,7 @@ class Constant:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ramp:
-    """From one value to another, in a straight line or smoothly.
+    """Profile from one value to another, in a straight line or smoothly.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Ramp:
     start_s, stop_s
         Times in s after the scenario's start.
     smooth
-        Half a cosine instead of the straight line.
+        Whether half a cosine replaces the straight line.
     """
 
     first: float
@@ -79,16 +79,16 @@ class Ramp:
         return self.first + (self.last - self.first) * _share(t_s, self.start_s, self.stop_s, self.smooth)
 
     def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the derivative per s; at a corner that of what follows."""
+        """Return the derivative per s; at a corner the derivative after the corner."""
         return (self.last - self.first) * _share_rate(t_s, self.start_s, self.stop_s, self.smooth)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sine:
-    """Approach and departure, at rest where it turns [WFO, Sec. VI-B].
+    """Approach and departure, with rate 0 at the turn [WFO, Sec. VI-B].
 
-    Half a cosine from `first` to `turn` and another one from there to `last`; the paper's spoofer comes from the right
-    to the true signal, where it turns, and leaves to the right.
+    The profile is half a cosine from `first` to `turn`, and another half cosine from `turn` to `last`. The paper's
+    spoofing signal comes from later delays to the true signal, turns there, and leaves to later delays.
 
     Attributes
     ----------
@@ -125,18 +125,18 @@ class Sine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trapezoid:
-    """Up, stay, and back.
+    """Profile that rises to a plateau and returns.
 
     Attributes
     ----------
     base, top
         Values outside and on the plateau.
     start_s, stop_s
-        Where it leaves the base and where it is back, in s after the scenario's start.
+        Times at which the profile leaves the base and is back, in s after the scenario's start.
     rise_s, fall_s
-        How long each flank takes.
+        Duration of each flank in s.
     smooth
-        Flanks of half a cosine instead of straight lines.
+        Whether the flanks are half cosines instead of straight lines.
     """
 
     base: float
@@ -162,7 +162,7 @@ class Trapezoid:
         return self.base + (self.top - self.base) * (up - down)
 
     def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the derivative per s; at a corner that of what follows."""
+        """Return the derivative per s; at a corner the derivative after the corner."""
         up = _share_rate(t_s, self.start_s, self.start_s + self.rise_s, self.smooth)
         down = _share_rate(t_s, self.stop_s - self.fall_s, self.stop_s, self.smooth)
         return (self.top - self.base) * (up - down)
@@ -170,14 +170,14 @@ class Trapezoid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Straight lines between points, given here or in a CSV file (`profile_table`).
+    """Straight lines between points, which are given in the table or in a CSV file (`profile_table`).
 
-    The points of a file are taken in when the profile is made: a scenario that was read does not depend on it any more.
+    The points of a file are read when the profile is made, so a scenario that was read no longer depends on the file.
 
     Attributes
     ----------
     path
-        CSV file with a line `time_s,value` and one point a line; empty if the points are given.
+        CSV file with a line `time_s,value` and a point in each line; empty if the points are given.
     time_s, values
         Points, times ascending.
     """
@@ -202,7 +202,7 @@ class Table:
         return np.interp(t_s, self.time_s, self.values)
 
     def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the derivative per s; at a point that of what follows."""
+        """Return the derivative per s; at a point the derivative after the point."""
         slopes = np.concatenate([[0.0], np.diff(self.values) / np.diff(self.time_s), [0.0]])
         return slopes[np.searchsorted(self.time_s, t_s, side="right")]
 
@@ -219,7 +219,7 @@ def _tag(value: Any) -> str:
 
 
 def _with_points(table: Any, info: ValidationInfo) -> Any:
-    """Return a table of a scenario with the points of its file, whose path starts at the scenario file."""
+    """Return a table of a scenario with the points of its file, whose path is relative to the scenario file."""
     if not (isinstance(table, dict) and table.get("path") and isinstance(table["path"], str)):
         return table
     if "time_s" in table or "values" in table:
@@ -240,12 +240,12 @@ Profile = Annotated[
 
 
 def as_profile(profile: AnyProfile | float) -> AnyProfile:
-    """Return a plain number as a `Constant`, and a profile as it is."""
+    """Return a plain number as a `Constant`, and a profile unchanged."""
     return Constant(level=float(profile)) if isinstance(profile, int | float) else profile
 
 
 def _share(t_s: Float[np.ndarray, " n"], start_s: float, stop_s: float, smooth: bool) -> Float[np.ndarray, " n"]:
-    """Return how far from start to stop, 0 … 1."""
+    """Return the share of the way from start to stop, 0 to 1."""
     share = np.clip((t_s - start_s) / (stop_s - start_s), 0.0, 1.0)
     return np.sin(np.pi / 2 * share) ** 2 if smooth else share
 
@@ -269,7 +269,7 @@ def _finite(*values: float) -> None:
 
 
 def extremes(profile: AnyProfile | float) -> tuple[float, float]:
-    """Return the smallest and the largest value that a profile ever has: it turns only at values it is given."""
+    """Return the smallest and the largest value of a profile, which are among its given values."""
     match profile:
         case Constant():
             values: tuple[float, ...] = (profile.level,)
@@ -287,7 +287,7 @@ def extremes(profile: AnyProfile | float) -> tuple[float, float]:
 
 
 def fastest(profile: AnyProfile | float) -> float:
-    """Return the largest rate that a profile ever has, without its sign, per s."""
+    """Return the largest magnitude of the rate of a profile, per s."""
     match profile:
         case Ramp():
             return _flank(profile.last - profile.first, profile.stop_s - profile.start_s, profile.smooth)

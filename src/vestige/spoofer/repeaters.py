@@ -1,13 +1,13 @@
-"""Attacks that bring spoofing signals of the navigation signals: the lift-off family, meaconing, forgery, nulling.
+"""Attacks with spoofing signals: the lift-off family, meaconing, forgery, nulling.
 
 E1 codes are public, so the attacker makes its E1 spoofing signal itself. E6-C is encrypted, so its spoofing signal is
-the true signal, received and sent again: with the noise of the attacker's own reception. If the spoofing signal has η
-times the true power at the victim, and the attacker receives with a C/N0 that is G times the victim's, the repeated
-noise has
+the true signal, received and sent again, with the noise of the attacker's own reception. Let the spoofing signal have η
+times the true power at the victim, and let the attacker receive with a C/N0 that is G times the victim's. Then the
+repeated noise has
 
     N_repeated / N0 = η / G
 
-so without a better antenna (G = 1) a spoofing signal of equal power doubles the noise.
+So without a better antenna (G = 1) a spoofing signal of equal power doubles the noise.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from vestige.spoofer.phase import COHERENT, Locked, Phase
 from vestige.spoofer.profiles import Constant, Profile, as_profile, extremes
 
 BOTH = (Band.E1, Band.E6)
-RECEPTION_GAIN_DB = 20.0  # a dish for each satellite, or a place with open sky and a good antenna
+RECEPTION_GAIN_DB = 20.0  # gain of a dish for each satellite, or of a good antenna under open sky
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LiftOffAttack(CheckedAttack):
-    """A spoofing signal by profiles, the same in every band that it comes in.
+    """A spoofing signal given by profiles, the same in every band of the attack.
 
     Attributes
     ----------
     delay_m, power_db, phase
         Delay and power relative to the true signal, and the phase law.
     bands
-        Where it comes; on E1 alone there is no encrypted spoofing signal.
+        Bands with a spoofing signal; with E1 alone there is no encrypted spoofing signal.
     reception_gain_db
-        G in dB, C/N0 of the attacker's reception on E6 over the victim's.
+        Gain G in dB: C/N0 of the attacker's reception on E6 over the victim's.
     forged_nav_data
-        Whether the data on E1-B are the attacker's own; otherwise those of the satellite, sent again.
+        Whether the data on E1-B are the attacker's own; otherwise the data of the satellite are sent again.
     """
 
     delay_m: Profile
@@ -54,7 +54,7 @@ class _LiftOffAttack(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
+        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if it does not."""
         if Band.E6 in self.bands and extremes(self.delay_m)[0] < 0:
             return "the encrypted spoofing signal arrives before the true signal"
         return ""
@@ -74,7 +74,7 @@ class _LiftOffAttack(CheckedAttack):
         )
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the repeated noise, on E6."""
+        """Return the repeated noise on E6, over N0."""
         if band is Band.E1 or band not in self.bands:
             return np.zeros(times_s.shape)
         return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
@@ -82,9 +82,9 @@ class _LiftOffAttack(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiftOff(_LiftOffAttack):
-    """Comes to the true signal, rises above it and leaves with whoever follows [WFO, Sec. VI-B].
+    """Spoofing signal that approaches the true signal, rises and leaves with the tracking loop [WFO, Sec. VI-B].
 
-    With `bands = ["E1"]` it is the spoofer who knows nothing of E6, with both the zero-delay E6 and E1 meaconing.
+    With `bands = ["E1"]` the spoofer leaves E6 alone; with both bands, the attack is zero-delay meaconing of E6 and E1.
     """
 
     kind: Literal["lift-off"] = "lift-off"
@@ -92,7 +92,7 @@ class LiftOff(_LiftOffAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionPush(_LiftOffAttack):
-    """A lift-off of some of the satellites: their common delay moves the victim. `svids` must be given."""
+    """A lift-off of some satellites, whose common delay moves the victim's position. `svids` must be given."""
 
     kind: Literal["position-push"] = "position-push"
 
@@ -104,7 +104,7 @@ class PositionPush(_LiftOffAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimePush(_LiftOffAttack):
-    """A lift-off of all satellites alike: the common delay moves the victim's clock. There are no `svids`."""
+    """A lift-off of all satellites, whose common delay moves the victim's clock. There are no `svids`."""
 
     kind: Literal["time-push"] = "time-push"
 
@@ -116,19 +116,21 @@ class TimePush(_LiftOffAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Asynchronous(CheckedAttack):
-    """An E1 spoofer that does not know where the true signal is; E6 is left alone.
+    """An E1 spoofer that does not know the delay of the true signal; E6 is left alone.
 
-    A tracking loop on the true signal never sees it. It captures a receiver that acquires while it is there.
+    A tracking loop on the true signal never sees the spoofing signal. The spoofing signal captures a receiver that
+    acquires while the attack is on.
 
     Attributes
     ----------
     delay_m, power_db
-        Relative to the true signal; before it, too.
+        Delay in m, negative values included, and power in dB, relative to the true signal.
     acquired
-        Whether the receiver is restarted when the attack begins, and acquires under it; at a start of 0 it has acquired
-        by the first epoch. Otherwise it is locked to the true signal, and has to lose lock first.
+        Whether the receiver is restarted when the attack begins, and acquires during the attack. At a start of 0 the
+        receiver has acquired by the first epoch. Otherwise the receiver is locked to the true signal, and has to lose
+        lock first.
     forged_nav_data
-        Whether the data on E1-B are the attacker's own; otherwise those of the satellite, sent again.
+        Whether the data on E1-B are the attacker's own; otherwise the data of the satellite are sent again.
     """
 
     delay_m: Profile
@@ -159,7 +161,7 @@ class E1Asynchronous(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """A place on the Earth: latitude and longitude in degrees, height above the ellipsoid in m."""
+    """A position on the Earth: latitude and longitude in degrees, height above the ellipsoid in m."""
 
     latitude_deg: float
     longitude_deg: float
@@ -172,25 +174,26 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Meaconing(CheckedAttack):
-    """Receives whole bands and sends them again: one delay, one power, and the noise, on every band.
+    """Attack that receives whole bands and sends them again, with the same delay, power and noise on every band.
 
     Attributes
     ----------
     delay_s
-        From the fraction of a microsecond of a repeater to seconds of a recorder.
+        Delay, from a fraction of a microsecond (repeater) to seconds (recorder).
     antenna
         Position of the repeater's receiving antenna. The path over this antenna adds to the delay of each satellite, so
-        a victim computes the position of the antenna [WFO, Sec. II]. An antenna needs a sky. Without one the delay is
+        a victim computes the position of the antenna [WFO, Sec. II]. This option needs a sky. Without it the delay is
         the same for all satellites, as if the antenna stood beside the victim's.
     power_db
         Relative to the true signal.
     bands
-        Bands that are repeated.
+        Bands that the attacker repeats.
     reception_gain_db
-        G in dB, C/N0 of the attacker's reception over the victim's.
+        Gain G in dB: C/N0 of the attacker's reception over the victim's.
     acquired
-        Whether the receiver is restarted when the attack begins, and acquires under it; at a start of 0 it has acquired
-        by the first epoch. Otherwise it is locked to the true signal, and has to lose lock first.
+        Whether the receiver is restarted when the attack begins, and acquires during the attack. At a start of 0 the
+        receiver has acquired by the first epoch. Otherwise the receiver is locked to the true signal, and has to lose
+        lock first.
     """
 
     delay_s: float
@@ -219,11 +222,11 @@ class Meaconing(CheckedAttack):
 
     @property
     def delay_m(self) -> Profile:
-        """Delay against the true signal in m; of a satellite at hand, an antenna's way is in it."""
+        """Delay relative to the true signal in m; for a given satellite, including the path over the antenna."""
         return self.delay_s * SPEED_OF_LIGHT_MPS
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the repeated noise."""
+        """Return the repeated noise, over N0."""
         if band not in self.bands:
             return np.zeros(times_s.shape)
         return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
@@ -231,14 +234,14 @@ class Meaconing(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forgery(CheckedAttack):
-    """Chips that the attacker made up on E6, strong: raises the power there without knowing the encryption.
+    """Strong chips on E6 that the attacker invented, which raise the power on E6 without knowledge of the encryption.
 
     Attributes
     ----------
     power_db
         Relative to the true signal.
     delay_m
-        Where its chips change sign; as good as arbitrary.
+        Delay of the chips relative to the true signal in m, which has hardly any effect.
     """
 
     power_db: Profile
@@ -256,16 +259,16 @@ class Forgery(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nulling(CheckedAttack):
-    """The true signal with the opposite sign, not quite: |1 − g e^{je}|² of it is left.
+    """The true signal repeated with the opposite sign, imperfectly: |1 − g e^{je}|² of its power remains.
 
     Attributes
     ----------
     gain_db
-        g² in dB; 0 would be perfect.
+        Power gain g² in dB; 0 is perfect.
     phase_error_rad
         e.
     bands
-        Bands that are nulled. E6 is outside Assumption 2.
+        Bands that are nulled. Nulling of E6 is outside Assumption 2.
     """
 
     gain_db: Profile = -1.0
@@ -275,7 +278,7 @@ class Nulling(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
+        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if it does not."""
         return "it nulls the encrypted signal" if Band.E6 in self.bands else ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:

@@ -1,9 +1,9 @@
-"""Security code estimation and replay: symbols of E1-B and chips of E6-C, estimated with the attacker's own antenna.
+"""Security code estimation and replay (SCER): symbols of E1-B and chips of E6-C, estimated with the attacker's antenna.
 
-`vestige.theory.scer.code_estimation` says how good the estimates are. In a recording the E1-B chips of the spoofing
-signal are drawn one by one from what the attacker has received of their symbol: their signs for hard decisions, their
-signs and amplitudes for soft ones. The noise in its E6 is white, of the density that estimated chips have behind a
-correlator that they do not match.
+`vestige.theory.scer.code_estimation` gives the quality of the estimates. In a recording each E1-B chip of the spoofing
+signal is drawn from the part of its symbol that the attacker has received. Hard decisions give the sign of a chip, soft
+decisions the sign and the amplitude. The noise in the attacker's E6 is white, with the density of estimated chips after
+a correlator that they do not match.
 """
 
 from __future__ import annotations
@@ -32,33 +32,34 @@ _MAX_LATENCY_S = E1B.period_s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scer(CheckedAttack):
-    """Security code estimation and replay: E1-B symbols guessed within a symbol, E6 repeated or estimated.
+    """Security code estimation and replay: E1-B symbols estimated during the symbol, E6 repeated or estimated.
 
-    The attacker learns each E1-B symbol from its first part and is on time with code and symbol. E6-C chips are under
-    the noise (−22 dB at 45 dBHz), and nobody knows one before it is over, so the spoofing signal on E6 comes `e6_lag_m`
-    behind that on E1.
+    The attacker estimates each E1-B symbol from its first part and transmits code and symbol on time. E6-C chips are
+    below the noise (−22 dB at 45 dBHz), and no chip is known before its end. So the spoofing signal on E6 comes
+    `e6_lag_m` later than the spoofing signal on E1.
 
     Attributes
     ----------
     delay_m, power_db, phase
-        Delay in m, power in dB and phase of the spoofing signal on E1. On E6 `power_db` is that of the part that
+        Delay in m, power in dB and phase of the spoofing signal on E1. On E6 `power_db` is the power of the part that
         matches the true chips.
     e6_lag_m
-        How much later the E6 spoofing signal is; at least one E6 chip, which the attacker cannot know sooner.
+        Delay in m of the E6 spoofing signal after that on E1; at least an E6 chip, which the attacker cannot know
+        sooner.
     reception_gain_db
-        G in dB, C/N0 of the attacker's reception over the victim's.
+        Gain G in dB: C/N0 of the attacker's reception over the victim's.
     chips
-        Treatment of E6-C: it is repeated with its noise, or sent with hard or soft decisions on each chip.
+        Treatment of E6-C, which is repeated with its noise, or sent with hard or soft decisions on each chip.
     symbols
-        Treatment of the symbols of E1-B: they are known from their beginning on, or the attacker estimates them
-        meanwhile and sends hard or soft decisions (in recordings; campaigns do not generate E1-B).
+        Treatment of the symbols of E1-B, which are known from their beginning on, or estimated while hard or soft
+        decisions are sent (in recordings; campaigns do not generate E1-B).
     victim_cn0_dbhz
-        C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz. Together with G it sets the quality of the
-        attacker's estimates. One number holds for all satellites. `received` is that of E6-C which the victim has of
-        each satellite.
+        C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz. This C/N0 and G determine the quality of the
+        attacker's estimates. A number applies to all satellites. `received` means the victim's C/N0 of E6-C of each
+        satellite.
     latency_s
-        Time from the attacker's antenna to the transmission, in s. The estimate of a symbol that is transmitted with
-        a delay of τ rests on what came before it by τ and the latency less.
+        Time from the attacker's antenna to the transmission, in s. A symbol that is transmitted with a delay of τ is
+        estimated from the part received in τ minus the latency.
     """
 
     delay_m: Profile
@@ -91,7 +92,7 @@ class Scer(CheckedAttack):
     def attacker_cn0_dbhz(self) -> float:
         """C/N0 of the attacker's reception in dBHz.
 
-        Raises ValueError if it depends on the satellite; `against` knows that.
+        Raises ValueError if the C/N0 depends on the satellite; `against` gives an attack with a number.
         """
         return self._victim_dbhz + self.reception_gain_db
 
@@ -108,7 +109,7 @@ class Scer(CheckedAttack):
         return "the encrypted spoofing signal arrives before the true signal" if early else ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return what it adds to the band of a satellite that it aims at; None for nothing at any time."""
+        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
         lag_m = self.e6_lag_m if band is Band.E6 else 0.0
         on_time = delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=self.phase)
         if not lag_m:
@@ -122,7 +123,7 @@ class Scer(CheckedAttack):
         )
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the noise of the attacker's reception or of the decisions, on E6."""
+        """Return the noise of the attacker's reception or of the decisions on E6, over N0."""
         if band is Band.E1:
             return np.zeros(times_s.shape)
         if self.chips == "repeated":
@@ -131,28 +132,28 @@ class Scer(CheckedAttack):
         return np.where(self.on(times_s), 10 ** (as_profile(self.power_db).value(times_s) / 10) * noise, 0.0)
 
     def head_start_s(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return how much of a symbol the attacker has received when its transmission begins, over epochs."""
+        """Return the time in s of a symbol that is received when its transmission begins, over epochs."""
         return as_profile(self.delay_m).value(times_s) / SPEED_OF_LIGHT_MPS - self.latency_s
 
     def replayed(self, component: Component, svid: int, seed: int) -> Component:
-        """Return E1-B with the symbols that the attacker estimates, chip by chip; other components as they are."""
+        """Return E1-B with the symbols that the attacker estimates, chip by chip; other components are unchanged."""
         if self.symbols == "known" or component.signal is not E1B or component.symbol is None:
             return component
         key = np.uint64(int.from_bytes(stream_key(seed, "symbols that an attacker estimates", svid)[:8], "little"))
         return Component(signal=E1B, chip=self._estimated_chips(component.symbol, primary_code(E1B, svid), key))
 
     def _estimated_chips(self, symbol: Sequence, code: Int8[np.ndarray, " 4092"], key: np.uint64) -> Chips:
-        """Return the chips of E1-B times what the attacker sends for the symbol with each of them.
+        """Return the chips of E1-B times the attacker's estimate of the symbol at each chip.
 
-        Per chip time the attacker's sum Σ grows by s √(2γ) and a standard normal number, with γ of one chip. A hard
-        decision is sign Σ, a guess if nothing was received. A soft one is tanh(√(2γ) Σ).
+        In each chip time the attacker's sum Σ grows by s √(2γ) and a standard normal number, where γ is that of a chip.
+        A hard decision is sign Σ, or a guess if nothing was received. A soft decision is tanh(√(2γ) Σ).
         """
         root = np.sqrt(2 * 10 ** (self.attacker_cn0_dbhz / 10) / E1B.chip_rate_hz)
 
         def estimates(period: int) -> Int8[np.ndarray, " 4092"] | Float32[np.ndarray, " 4092"]:
             start_s = np.array([max(period * E1B.period_s, 0.0)])
             head_chips = float(self.head_start_s(start_s)[0]) * E1B.chip_rate_hz
-            received = np.maximum(np.arange(code.size) + head_chips, 0.0)  # chips, when each one is transmitted
+            received = np.maximum(np.arange(code.size) + head_chips, 0.0)  # chips at each transmission
             step = np.diff(received, prepend=0.0)
             normal = normal_pairs(key, period * (code.size // 2), code.size // 2).reshape(-1)
             total = np.cumsum(int(symbol(np.array([period]))[0]) * root * step + np.sqrt(step) * normal)
@@ -169,9 +170,9 @@ class Scer(CheckedAttack):
 
 
 def against(attacks: tuple[Any, ...], cn0_dbhz: float) -> tuple[Any, ...]:
-    """Return attacks as they meet one satellite, of which the victim has this C/N0 of E6-C in dBHz.
+    """Return the attacks on a satellite whose E6-C the victim receives with this C/N0 in dBHz.
 
-    An SCER attack with `victim_cn0_dbhz = "received"` gets the number; all others stay as they are.
+    An SCER attack with `victim_cn0_dbhz = "received"` gets this number; all other attacks are unchanged.
     """
     return tuple(
         replace(one, victim_cn0_dbhz=cn0_dbhz) if isinstance(one, Scer) and one.victim_cn0_dbhz == "received" else one

@@ -1,15 +1,15 @@
-"""All attacks of a scenario together: what they add to one band of one satellite, epoch by epoch.
+"""All attacks of a scenario together, with their effects on each band of a satellite, epoch by epoch.
 
 | attack | E1 | E6 |
 |---|---|---|
-| `E1Asynchronous` | spoofing signal anywhere | – |
+| `E1Asynchronous` | spoofing signal at any delay | – |
 | `LiftOff` | spoofing signal | spoofing signal, repeated noise |
-| `PositionPush`, `TimePush` | lift-off of some satellites, of all | the same |
+| `PositionPush`, `TimePush` | lift-off of some satellites, or of all | the same |
 | `Meaconing` | spoofing signal, repeated noise | the same |
 | `Scer` | spoofing signal on time, its symbols estimated | the same a chip later, repeated noise or chip errors |
 | `BetweenRecs` | lift-off and return between two RECS | the same |
 | `Nulling` | opposite signal | outside Assumption 2 |
-| `Forgery` | – | chips of the attacker's own |
+| `Forgery` | – | invented chips |
 | `ForgeryAfterDisclosure` | spoofing signal, later than the key of its RECS | the same |
 | `Jam` | waveform | waveform |
 | `OsnmaDenial` | white noise, keys are lost | – |
@@ -65,21 +65,22 @@ _PILOT = {Band.E1: E1C, Band.E6: E6C}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandEffects:
-    """Effects of the attacks on one band of one satellite; the second axis is that of the attacks."""
+    """Effects of the attacks on a band of a satellite; the second axis counts the attacks."""
 
-    # spoofing signals against the line of sight, with the fields of `SpoofingSignal`; 0 and −inf dB without a signal
+    # spoofing signals relative to the line of sight, with the fields of `SpoofingSignal`; 0 and −inf dB without a
+    # signal
     delay_m: Float[np.ndarray, "n k"]
     delay_rate_mps: Float[np.ndarray, "n k"]
     power_db: Float[np.ndarray, "n k"]
     phase_rad: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    forged_chips: Bool[np.ndarray, " k"]  # which spoofing signals carry chips of the attacker's own
-    forged_nav_data: Bool[np.ndarray, " k"]  # which carry navigation data of the attacker's own
-    white: Float[np.ndarray, " n"]  # density of white noise that is added, over N0: repeated noise and wideband jamming
-    jammers: tuple[Jamming, ...]  # jamming with a waveform of its own
+    forged_chips: Bool[np.ndarray, " k"]  # spoofing signals with chips that the attacker invented
+    forged_nav_data: Bool[np.ndarray, " k"]  # spoofing signals with invented navigation data
+    white: Float[np.ndarray, " n"]  # added density of white noise, over N0: repeated noise and wideband jamming
+    jammers: tuple[Jamming, ...]  # jamming waveforms other than white noise
 
     def part(self, rows: slice) -> BandEffects:
-        """Return those of some of the epochs."""
+        """Return the effects in some of the epochs."""
         names = (*_OF_EPOCHS, "white")
         return replace(
             self,
@@ -89,11 +90,11 @@ class BandEffects:
 
     @property
     def amplitude(self) -> Complex128[np.ndarray, "n k"]:
-        """√η e^{jφ} of every spoofing signal."""
+        """Complex amplitude √η e^{jφ} of every spoofing signal."""
         return 10 ** (self.power_db / 20) * np.exp(1j * self.phase_rad)
 
     def rise(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the noise density that is added behind a correlator of the band's pilot, over N0."""
+        """Return the added noise density after a correlator of the band's pilot, over N0."""
         total = self.white.copy()
         for one in self.jammers:
             total += one.j_over_n * rise(one.waveform, _PILOT[band], one.noise_bandwidth_hz)
@@ -102,12 +103,12 @@ class BandEffects:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spoofer:
-    """The attacker."""
+    """The attacker, with all attacks of a scenario."""
 
-    attacks: tuple[Attack, ...] = ()  # all at once
+    attacks: tuple[Attack, ...] = ()  # simultaneous attacks
 
     def effects(self, band: Band, svid: int, times_s: Float[np.ndarray, " n"]) -> BandEffects:
-        """Return what a receiver sees in one band of one satellite."""
+        """Return the effects on a band of a satellite."""
         found = []
         for attack in self.attacks:
             made = attack.spoofing_signal(band, times_s) if not attack.svids or svid in attack.svids else None
@@ -137,9 +138,9 @@ class Spoofer:
     def acquired_anew(
         self, svid: int, after_s: Float[np.ndarray, " n"], until_s: Float[np.ndarray, " n"]
     ) -> Bool[np.ndarray, " n"]:
-        """Return whether an attack that begins in (after_s, until_s] finds the receiver restarted, so it acquires anew.
+        """Return whether an attack that begins in (after_s, until_s] makes the receiver acquire anew.
 
-        An attack without power makes nobody acquire.
+        An attack without power has no such effect.
         """
         anew = np.zeros(until_s.shape, bool)
         for attack in self.attacks:
@@ -150,11 +151,11 @@ class Spoofer:
         return anew
 
     def withholds_osnma(self, first_s: float, last_s: float) -> bool:
-        """Return whether an OSNMA key that is sent between two times does not reach the receiver."""
+        """Return whether an attack prevents the reception of an OSNMA key that is sent between two times."""
         return any(attack.withholds_osnma(first_s, last_s) for attack in self.attacks)
 
     def warnings(self) -> tuple[str, ...]:
-        """Return one line for each attack that is beyond what [WFO] assumes."""
+        """Return a line for each attack that exceeds the attacker of [WFO]."""
         return tuple(
             f"attack.{number} ({attack.kind}) is outside Assumption 2: {attack.outside_assumption_2}"
             for number, attack in enumerate(self.attacks)

@@ -331,7 +331,7 @@ def test_two_merkle_trees_are_none(folder: Path, osnma_data: Path) -> None:
     for path in osnma_data.glob("*merkle_tree.xml"):
         shutil.copy(path, folder)
     result = read_assistance(folder)
-    assert any("a second one beside" in str(problem) for problem in result.problems)
+    assert any("a second tree beside" in str(problem) for problem in result.problems)
     assert result.assistance.keys == ()
 
 

@@ -45,7 +45,7 @@ def test_another_search_or_another_file_is_one_line(tmp_path: Path) -> None:
     texts = ("", "[1]", "{}", json.dumps(broken), json.dumps(content)[:-9], "\x00\xff", "[" * 100_000)
     for text in (*texts, '{"of": ' * 100_000, json.dumps(week), long):
         path.write_text(text)
-        with pytest.raises(InputFileError, match="what an exhaustive search has kept"):
+        with pytest.raises(InputFileError, match="the log of an exhaustive search"):
             SearchLog.open(path, OF)
     os.truncate(path, 40_000_000_000)
     with pytest.raises(InputFileError, match="length: found 40000000000 bytes"):

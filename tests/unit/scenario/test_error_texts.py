@@ -15,7 +15,7 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
     ("setting", "text"),
     [
         ("receiver.cn0_dbz=1", "receiver.cn0_dbz: found an unknown key cn0_dbz, expected cn0_dbhz"),
-        ("zzz=1", "zzz: found an unknown key zzz, expected one of those in docs/scenarios.md"),
+        ("zzz=1", "zzz: found an unknown key zzz, expected one of the keys in docs/scenarios.md"),
         (
             'trajectory={kind="static", latitude_deg=48.0, longitude_deg=11.0, height_m=0.0, speed_mps=5.0}',
             "trajectory.speed_mps: found an unknown key speed_mps, "

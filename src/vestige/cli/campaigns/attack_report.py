@@ -21,7 +21,7 @@ _NAMES = {
 
 
 def attack_values(results: xarray.Dataset) -> list[dict[str, Any]]:
-    """Return the reports of all satellites that are attacked, for programs; none without an attack."""
+    """Return the reports of all attacked satellites, for programs; empty without an attack."""
     return [
         {"svid": svid}
         | {
@@ -33,7 +33,7 @@ def attack_values(results: xarray.Dataset) -> list[dict[str, Any]]:
 
 
 def attack_lines(results: xarray.Dataset) -> list[str]:
-    """Return three lines of text for each satellite with a spoofing signal, or for all if there is only noise."""
+    """Return three lines of text for each satellite with a spoofing signal; with noise alone, for all satellites."""
     aimed = results["svid"].values[results["truth_spoofed"].any("epoch").values] if "truth_spoofed" in results else ()
     return [
         line
@@ -52,7 +52,7 @@ def _reports(results: xarray.Dataset) -> Iterator[tuple[int, dict[str, AttackRep
 
 
 def _attack_line(svid: int, reports: dict[str, AttackReport]) -> str:
-    one = next(iter(reports.values()))  # what it says of verdicts and E1 is the same for both detectors
+    one = next(iter(reports.values()))  # verdicts and E1 are the same for both detectors
     alarm = "no alarm" if math.isnan(one.time_to_detect_s) else f"first alarm after {one.time_to_detect_s:g} s"
     worst = (
         "nothing accepted"

@@ -24,7 +24,7 @@ from vestige.theory.thresholds import probability_of_detection
 
 
 def campaign_json(results: xarray.Dataset) -> str:
-    """Return the findings of one campaign."""
+    """Return the findings of a campaign as JSON values."""
     attributes = attributes_of(results)
     judged, level = verdicts_of_run(results)
     return as_json(
@@ -44,7 +44,7 @@ def campaign_json(results: xarray.Dataset) -> str:
 
 
 def campaign_text(results: xarray.Dataset, store: Path) -> str:
-    """Return the findings of one campaign, a few lines."""
+    """Return the findings of a campaign as a few lines of text."""
     attributes = attributes_of(results)
     strength = f"C/N0 {attributes.cn0_dbhz:g} dBHz" if attributes.signal else "no signal"
     lines = [
@@ -73,11 +73,10 @@ def sweep_json(rows: Sequence[Row]) -> str:
 
 
 def sweep_table(rows: Sequence[Row], file: Path) -> str:
-    """Return a line for each campaign: what was counted, beside what theory says of a signal on a tap.
+    """Return a line for each campaign: the counts, beside the theory for a signal on a tap.
 
-    Where there is an attack, or a level above 1, what came of it takes the place of the theory.
-
-    `file` is where the same table is as CSV.
+    If there is an attack, or a level above 1, its outcome is given in place of the theory. `file` is the same table as
+    CSV.
     """
     if any(row.outcome is not None for row in rows):
         return "\n".join([*_columns(_outcome_cells(rows)), f"table: {file}"])
@@ -103,12 +102,12 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
 
 
 def _detectors(rows: Sequence[Row]) -> list[str]:
-    """Return the names of all detectors that some row has."""
+    """Return the names of all detectors in any row."""
     return list(dict.fromkeys(name for row in rows for name in row.detections))
 
 
 def _outcome_cells(rows: Sequence[Row]) -> list[list[str]]:
-    """Return the cells of a sweep of an attack, or of a level above 1: what came of it."""
+    """Return the cells of a sweep with an attack, or with a level above 1: its outcome."""
     keys = list(rows[0].settings)
     names = ["level", "what came of it", "first alarm", "by", "mitigated", "largest error in use", "of a position"]
     detectors = _detectors(rows)
@@ -138,7 +137,7 @@ def _outcome_words(found: RunOutcome | None) -> list[str]:
 
 
 def _columns(table: Sequence[Sequence[str]]) -> list[str]:
-    """Return rows of cells as lines, with columns as wide as their widest cell."""
+    """Return rows of cells as lines; each column is as wide as its widest cell."""
     widths = [max(len(cells[i]) for cells in table) for i in range(len(table[0]))]
     return ["  ".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)) for cells in table]
 
@@ -175,12 +174,12 @@ def _theory(results: xarray.Dataset) -> float:
 
 
 def as_json(value: Any) -> str:
-    """Return nested results as one JSON object; what is no finite number is null."""
+    """Return nested results as a JSON object; a number that is not finite becomes null."""
     return json.dumps(_finite(value), allow_nan=False)
 
 
 def _finite(value: Any) -> Any:
-    """Return nested results with None for what is no finite number, which JSON does not have."""
+    """Return nested results with None for each number that is not finite, which JSON cannot express."""
     if isinstance(value, dict):
         return {str(key): _finite(inner) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""`vestige check`: parse scenario files and print what they describe, without running them."""
+"""`vestige check`: parse scenario files and print their content, without running them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from vestige.scenario.load import Scenario
 
 _WIDTH = 120  # characters of a line
-_EQUALS = "\u00a0=\u00a0"  # a line does not end between a key and its value
+_EQUALS = "\u00a0=\u00a0"  # no line break between a key and its value
 
 
 @click.command()
@@ -27,9 +27,9 @@ _EQUALS = "\u00a0=\u00a0"  # a line does not end between a key and its value
 @click.option("--schema", "as_schema", is_flag=True, help="Print the JSON schema of scenario files, for editors.")
 @parts_option
 def command(files: tuple[Path, ...], settings: tuple[str, ...], as_json: bool, as_schema: bool) -> None:
-    """Parse scenario FILES, fill in the defaults, and print what each of them will do.
+    """Parse scenario FILES, fill in the defaults, and print the content of each scenario.
 
-    Every file is checked; if one is bad, the exit code is 1 and its error is printed after the good ones.
+    Every file is checked; if a file is bad, the exit code is 1 and its error is printed after the good files.
     """
     import json
 
@@ -109,7 +109,7 @@ def _table_lines(name: str, table: Any) -> list[str]:
 
 
 def _text_of(value: Any) -> str:
-    """Return a value as text: the kind of a table first, then its keys, without those that are not set."""
+    """Return a value as text: the kind of a table first, then its keys that are set."""
     if isinstance(value, dict):
         keys = [f"{key} = {_inner(one)}" for key, one in value.items() if key != "kind" and one not in (None, [])]
         return ": ".join(filter(None, (value.get("kind"), ", ".join(keys))))

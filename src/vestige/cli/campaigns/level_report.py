@@ -12,7 +12,7 @@ from vestige.records import Status
 
 
 def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any]:
-    """Return what the level of the scenario makes of a campaign."""
+    """Return the outcome of a campaign at the level of the scenario."""
     time_s = results["time_s"].values
     error_m = found.range_error_m[np.isfinite(found.range_error_m)]
     due = found.recs[:, None] & found.seen
@@ -37,7 +37,7 @@ def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any
 
 
 def level_lines(results: xarray.Dataset, found: LevelVerdicts) -> list[str]:
-    """Return the same in a few lines."""
+    """Return the outcome as a few lines of text."""
     values = level_values(results, found)
     states = ", ".join(f"{count} {name}" for name, count in values["state"].items() if count)
     lines = [f"level {values['level']}: {values['alarms']} alarms; with a RECS the state was: {states}"]

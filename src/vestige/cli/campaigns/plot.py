@@ -1,4 +1,4 @@
-"""`vestige plot`: figures of the results of a campaign, each one command."""
+"""`vestige plot`: figures of the results of a campaign, each by its own command."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ FORMATS = ("png", "pdf", "svg")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureKind:
-    """A figure: what it shows, and which options choose something in it."""
+    """A kind of figure: its content, and the options that apply to it."""
 
     help: str
     of_sweep: bool = False  # figure of several campaigns, or a table, in place of one campaign
     of_attack: bool = False  # figure of a campaign with an attack
     of_threats: bool = False  # figure of the folder that `vestige threats` writes
-    of_sky: bool = False  # figure of a campaign with a constellation; shows all its satellites
+    of_sky: bool = False  # figure of all satellites of a campaign with a constellation
     with_detector: bool = True
-    compared: bool = False  # drawn for each detector if there is an attack, which they see differently
+    compared: bool = False  # drawn for each detector if there is an attack
     formats: tuple[str, ...] = FORMATS
 
 
@@ -47,12 +47,12 @@ KINDS = {
     "animation": FigureKind(
         help="correlators and detections as a moving picture, a GIF", with_detector=False, formats=("gif",)
     ),
-    "sky": FigureKind(help="where the satellites are (of a sky)", of_sky=True),
+    "sky": FigureKind(help="positions of the satellites (of a sky)", of_sky=True),
     "position": FigureKind(help="error of the position fixes against time (of a sky)", of_sky=True),
     "monitors": FigureKind(
-        help="when each check was run, and when it failed (of a sky, or with own checks)", of_sky=True
+        help="times at which each check was run and failed (of a sky, or with own checks)", of_sky=True
     ),
-    "decision-map": FigureKind(help="power and distortion on E1, and what they are taken for (of a sky)", of_sky=True),
+    "decision-map": FigureKind(help="power and distortion on E1, and their classes (of a sky)", of_sky=True),
     "detection-curve": FigureKind(help="probability of detection against C/N0", of_sweep=True),
     "miss-curve": FigureKind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
     "false-alarm-curve": FigureKind(help="probability of a false alarm against C/N0, in log scale", of_sweep=True),
@@ -101,7 +101,7 @@ def command(
 ) -> None:
     """Draw a figure of RESULTS, the store that `vestige run` writes, and print the name of the file written.
 
-    A campaign that has not ended is drawn as far as it has come.
+    A campaign that has not ended is drawn up to its present epoch.
     """
     chosen = KINDS.get(kind)
     if chosen is not None and output.suffix.lower().lstrip(".") not in chosen.formats:
@@ -137,7 +137,7 @@ def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Choice:
-    """Values that the options choose for a figure."""
+    """Values of the options for a figure."""
 
     detector: str
     svid: int | None
@@ -146,7 +146,7 @@ class _Choice:
 
 
 def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path, choice: _Choice) -> None:
-    """Draw one figure into a file, or all of a campaign into a folder, and print the names of the files."""
+    """Draw a figure into a file, or all figures of a campaign into a folder, and print the names of the files."""
     from vestige import plots
 
     if kind != _ALL:
@@ -168,7 +168,7 @@ def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path,
 
 
 def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Path, _Choice]]:
-    """Return kind, file and choice of every figure of a campaign; what the detectors see differently, of both."""
+    """Return kind, file and options of every figure of a campaign, for each detector if the figures differ."""
     other = replace(choice, detector=next(name for name in DETECTOR_NAMES if name != choice.detector))
     figures = []
     for name, kind in KINDS.items():
@@ -200,7 +200,7 @@ def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dat
 
 
 def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
-    """Return the axes of one kind of figure."""
+    """Return the axes of a figure of a kind."""
     from vestige import plots
     from vestige.campaign.verdicts import range_limit_m
 
@@ -210,7 +210,7 @@ def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
     if KINDS[name].with_detector:
         choice["detector"] = of.detector
     if name == "range-histogram":
-        with suppress(VestigeError):  # results without their scenario do not say what their processor allows
+        with suppress(VestigeError):  # results without their scenario have no limit of the range check
             choice["limit_m"] = range_limit_m(results)
         if of.flank_from_m is not None:
             choice["right_flank"] = of.flank_from_m
@@ -218,7 +218,7 @@ def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
 
 
 def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
-    """Return the axes of one kind of figure of a sky."""
+    """Return the axes of a figure of a sky."""
     import numpy as np
 
     from vestige import plots
@@ -243,7 +243,7 @@ def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
 
 
 def _decision_map(results: xarray.Dataset, svid: int | None) -> Axes:
-    """Return the axes of the map that decides most epochs, of all satellites or of one, with those in it."""
+    """Return the axes of the decision map that applies to most epochs, with these epochs as dots."""
     import numpy as np
 
     from vestige import plots
@@ -286,7 +286,7 @@ def _read_sweep(
 
 
 def _table_of(path: Path) -> Path | None:
-    """Return the table of a sweep that a path means, None if it is no sweep."""
+    """Return the table of the sweep at a path, None if the path is no sweep."""
     from vestige.campaign.sweep.sweep import SWEEP_TABLE
 
     if path.is_dir() and (path / SWEEP_TABLE).is_file():

@@ -1,4 +1,4 @@
-"""`vestige report`: one self-contained page for the results of a run or of a threat table."""
+"""`vestige report`: a self-contained page for the results of a run or of a threat table."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _SUFFIXES = (".html", ".htm")
 )
 @parts_option
 def command(result: Path, output: Path, question: str) -> None:
-    """Write one page about RESULT, and print the name of the file.
+    """Write a page about RESULT, and print the name of the file.
 
-    RESULT is the store of `vestige run`, or the folder of `vestige threats -o`. The page needs no network: figures,
-    script and scenario are in it. A run that has not ended is shown as far as it has come. An earlier report is
-    written over, and nothing else is.
+    RESULT is the store of `vestige run`, or the folder of `vestige threats -o`. The page needs no network, because it
+    contains figures, script and scenario. A run that has not ended is shown up to its present epoch. Only an earlier
+    report is overwritten.
     """
     if output.suffix.lower() not in _SUFFIXES:
         raise click.BadParameter(f"{output}: the suffix of a page is {' or '.join(_SUFFIXES)}", param_hint="-o")
@@ -67,5 +67,5 @@ def _page(path: Path, question: str) -> Page:
 
 
 def _what(path: Path) -> str:
-    """Return what is there, in words."""
+    """Return the kind of the results at a path, in words."""
     return "a folder without results" if path.is_dir() else "another file" if path.exists() else "nothing"

@@ -61,9 +61,9 @@ def command(
     width: tuple[float, bool] | None,
     as_json: bool,
 ) -> None:
-    """Run the campaign SCENARIO and print what both detectors did.
+    """Run the campaign SCENARIO and print the results of both detectors.
 
-    A run that was stopped, however it was, is continued by the same command and ends with the same bits.
+    The same command continues a run that was stopped in any way, and gives the same bits.
     """
     from vestige.campaign.execution.executors import ONE_THREAD
 
@@ -72,7 +72,7 @@ def command(
     if scheduler is not None and (workers, threads) != (None, None):
         raise click.UsageError("--scheduler has the cluster's workers: -j, --threads and --processes choose nothing")
     check_output(output, (scenario,), folder=True)
-    os.environ.update(ONE_THREAD)  # before numpy is loaded: chunks are what runs in parallel, and bits stay the same
+    os.environ.update(ONE_THREAD)  # set before numpy is loaded, because chunks run in parallel; the bits stay the same
     own = (f'fidelity="{fidelity}"',) if fidelity else ()
     how = {} if chunk_epochs is None else {"chunk_epochs": chunk_epochs}
     if sweeps:
@@ -116,7 +116,7 @@ def _load(path: Path, settings: tuple[str, ...]) -> CampaignScenario:
 
 
 def _caution(path: Path, scenarios: list[CampaignScenario]) -> None:
-    """Say on stderr, each once, what is to be known of scenarios that can run."""
+    """Print the warnings about scenarios that can run on stderr, each warning once."""
     from vestige.scenario.warnings import scenario_warnings
 
     for line in dict.fromkeys(line for scenario in scenarios for line in scenario_warnings(scenario)):
@@ -124,7 +124,7 @@ def _caution(path: Path, scenarios: list[CampaignScenario]) -> None:
 
 
 def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
-    """Say on stderr where `--chunk` comes too late."""
+    """Warn on stderr if `--chunk` has no effect, because the store exists."""
     from vestige.campaign.store.store import kept_chunk_epochs
 
     for store in stores:
@@ -134,7 +134,7 @@ def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
 
 
 def _campaigns(path: Path, settings: tuple[str, ...], sweeps: tuple[str, ...]) -> list[tuple[Any, CampaignScenario]]:
-    """Return settings and scenario of every campaign of a sweep, so that an error shows before anything has run."""
+    """Return settings and scenario of every campaign of a sweep, so that errors appear before the first run."""
     from vestige.campaign.sweep.sweep_axes import as_settings, grid, parse_axis
 
     axes = [parse_axis(text) for text in sweeps]

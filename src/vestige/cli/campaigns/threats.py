@@ -1,4 +1,4 @@
-"""`vestige threats`: attack by mitigation level, measured, beside what is expected."""
+"""`vestige threats`: measured outcome of each attack at each mitigation level, beside the expected outcome."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from vestige.threats.matrix import Case, SceneCell
     from vestige.threats.scenes import Threat
 
-QUICK_SEEDS, SEEDS = 6, 100  # six of six are the fewest that say more than a half
+QUICK_SEEDS, SEEDS = 6, 100  # six of six runs are the fewest that prove a share of more than a half
 FIGURE = "threats.png"
 
 
@@ -61,7 +61,7 @@ FIGURE = "threats.png"
     metavar="KEY=VALUE",
     help="Replace a value in every scene, `processor.detector=my_module:MyDetector`; `none` removes.",
 )
-@click.option("--expected", is_flag=True, help="Print what is expected, and why; measure nothing.")
+@click.option("--expected", is_flag=True, help="Print the expected outcomes with reasons; measure nothing.")
 @click.option("-o", "--output", type=PATH, help="Folder: runs.csv, threats.csv, threats.zarr, threats.png.")
 @workers_option
 @scheduler_option
@@ -80,17 +80,17 @@ def command(
     scheduler: str | None,
     as_json: bool,
 ) -> None:
-    """Measure what comes of each attack of the threat table at each mitigation level, beside what is expected.
+    """Measure the outcome of each attack of the threat table at each mitigation level, beside the expected outcome.
 
-    All levels are judged on the same runs, with exact intervals over many seeds. With -o a table that was stopped is
-    continued by the same command.
+    All levels are judged on the same runs, with exact intervals over many seeds. With -o the same command continues a
+    table that was stopped.
     """
     if quick and n_seeds is not None:
-        raise click.UsageError("--quick and --seeds say different numbers of runs")
+        raise click.UsageError("--quick and --seeds give different numbers of runs")
     if ids and files:
         raise click.UsageError("--only chooses rows of the table, and --attack takes its place")
     if expected and files:
-        raise click.UsageError("nothing is expected of a scenario of your own")
+        raise click.UsageError("there is no expected outcome for a scenario of your own")
     if expected and settings:
         raise click.UsageError("nothing else is expected with --set: it belongs to a measurement")
     for one in settings:
@@ -101,7 +101,7 @@ def command(
 
     from vestige.campaign.execution.executors import ONE_THREAD
 
-    os.environ.update(ONE_THREAD)  # before numpy is loaded: runs are what is parallel
+    os.environ.update(ONE_THREAD)  # set before numpy is loaded, because runs are parallel
 
     from vestige.cli.campaigns.threats_report import expectations_text, threats_json, threats_text
     from vestige.threats.matrix import case_of, cases
@@ -150,7 +150,7 @@ def _load(path: Path, quick: bool, settings: tuple[str, ...]) -> CampaignScenari
 def _measured(
     chosen: tuple[Case, ...], seeds: range, output: Path | None, executor: Executor, calls: int
 ) -> Iterator[SceneCell]:
-    """Yield the cells; runs are kept as they end."""
+    """Yield the cells; each run is stored when it ends."""
     from vestige.cli.progress import progress
     from vestige.threats.matrix import measure_threats
 

@@ -20,12 +20,12 @@ from vestige.threats.scenes import LEVEL_NUMBERS, Threat
 from vestige.threats.table import statistics_of
 
 _LONG = 1e6
-WIDTH = 196  # width of the table at least: on a narrower terminal lines wrap, and nothing is cut off
+WIDTH = 196  # least width of the table; on a narrower terminal lines wrap, and nothing is cut off
 _STYLES = {Agreement.DIFFERS: "bold red", Agreement.UNDECIDED: "yellow", Agreement.AGREES: "green"}
 
 
 def threats_json(cells: Sequence[SceneCell], threats: Sequence[Threat], levels: Sequence[int] = LEVEL_NUMBERS) -> str:
-    """Return every cell, and the expectations of all levels."""
+    """Return every cell and the expectations of all levels as JSON values."""
     expected = [
         {
             "threat": threat.id,
@@ -52,12 +52,12 @@ def threats_json(cells: Sequence[SceneCell], threats: Sequence[Threat], levels: 
 
 
 def threats_text(cells: Sequence[SceneCell], levels: Sequence[int] = LEVEL_NUMBERS) -> str:
-    """Return a table of attacks by level, what failed when, false alarms, and why what differs does so."""
+    """Return a table of attacks by level, failed checks with their times, false alarms, and reasons for differences."""
     shown = [cell for cell in cells if cell.level in levels]
     attacked = [cell for cell in shown if cell.attacked]
     quiet = [cell for cell in shown if not cell.attacked]
     settings = _settings(shown)
-    parts = [f"Every scene with {', '.join(settings)}; what is expected is of the scenes without."] if settings else []
+    parts = [f"Every scene with {', '.join(settings)}; expectations are for scenes without."] if settings else []
     parts += [_rendered(_attacks(attacked)), _rendered(_checks(attacked, max(levels)))] if attacked else []
     parts += [_rendered(_false_alarms(quiet)), _rendered(_by_check(quiet))] if quiet else []
     parts += [
@@ -69,7 +69,7 @@ def threats_text(cells: Sequence[SceneCell], levels: Sequence[int] = LEVEL_NUMBE
 
 
 def _settings(cells: Sequence[SceneCell]) -> list[str]:
-    """Return the settings that replaced values of every scene."""
+    """Return the settings that replaced values in every scene."""
     return list(dict.fromkeys(one for cell in cells for one in cell.case.settings))
 
 
@@ -112,7 +112,7 @@ def _values(cell: SceneCell) -> list[str]:
 
 
 def _checks(cells: Sequence[SceneCell], level: int) -> Table:
-    """Return which checks of a level failed under each attack, in how many runs, and the median time of the first."""
+    """Return the checks of a level that failed under each attack, with number of runs and median time of failure."""
     title = f"Level {level}: checks that failed, the earliest first: in how many runs, and after how long in the median"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("scene", width=34)
@@ -165,7 +165,7 @@ def _false_alarms(cells: Sequence[SceneCell]) -> Table:
 
 
 def _by_check(cells: Sequence[SceneCell]) -> Table:
-    """Return how often each check failed without an attack, against the budget of that check."""
+    """Return the number of failures of each check without an attack, against the budget of that check."""
     title = "Failures without an attack by check, and what the budget of each check allows; * exceeded"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for name in ("scene", "level", "days", "failures of budget"):
@@ -214,7 +214,7 @@ def _number(value: float) -> str:
 
 
 def _rendered(table: Table) -> str:
-    """Return a table as text, in colour at a terminal."""
+    """Return a table as text, with colours for a terminal."""
     terminal = Console()
     text = StringIO()
     width = max(WIDTH, terminal.width if terminal.is_terminal else 0)

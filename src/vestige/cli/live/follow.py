@@ -1,4 +1,4 @@
-"""Work of `vestige live`: verdicts while the recording is being written."""
+"""Implementation of `vestige live`: verdicts while the recording is being written."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from vestige.recording.live.live_tracking import LiveTracking
 
 STDIN_ONLY = (*STDIN_OPTIONS, "real_time")
-# Options on which no verdict depends
+# Options that affect no verdict
 _HOW = {
     "workers",
     *OUTPUT_NAMES,
@@ -67,7 +67,7 @@ def check_usage(recording: Path, options: dict[str, Any]) -> None:
 
 
 def follow_recording(recording: Path, options: dict[str, Any], processor: AcasProcessor) -> None:
-    """Print verdicts and changes of state as they become available, until there is nothing more to come."""
+    """Print verdicts and changes of state as they become available, until the recording ends."""
     from vestige.recording.live.follow_journal import FollowJournal
 
     warn = _Warnings()
@@ -128,7 +128,7 @@ def _run(
             step = processor.step(state, block, epoch.assistance)
             state = step.state
             text = lines(step)
-            if journal is not None:  # kept first: what was printed is never printed again
+            if journal is not None:  # stored before printing, so that no line is printed twice
                 late_s = epoch.time_tag_error_s
                 progress = FollowProgress(
                     index=epoch.snapshot.index, sent=epoch.sent, state=state, time_tag_error_s=late_s
@@ -155,7 +155,7 @@ def _run(
 
 
 def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited: bool) -> None:
-    """Print what it all comes to, and end with the exit status that belongs to it."""
+    """Print the summary, and end with the exit status that `--fail-on` asks for."""
     from vestige.cli.recordings.verdicts import exit_status
 
     n_dropped = following.live.n_dropped
@@ -170,7 +170,7 @@ def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited:
 
 
 def _with_orbits(processor: AcasProcessor, following: Following, options: dict[str, Any]) -> AcasProcessor:
-    """Return the processor with the orbits that are known by now; OSNMA tags authenticate those of the message."""
+    """Return the processor with the orbits known so far; OSNMA tags authenticate the orbits of the message."""
     tracking, monitoring = following.live.tracking, processor.monitoring
     if tracking is None or options["navigation"] is not None:
         return processor
@@ -195,7 +195,7 @@ def _dropped(n_dropped: int) -> str:
 
 
 def _print_end(tally: Tally, n_dropped: int, *, as_json: bool) -> None:
-    """Print what is known at the end only: the satellites with RECS that E1 never showed."""
+    """Print the satellites with RECS that were never found on E1, which are known only at the end."""
     import json
 
     from vestige.cli.recordings.verdicts import print_not_seen
@@ -212,7 +212,7 @@ def _print_end(tally: Tally, n_dropped: int, *, as_json: bool) -> None:
 
 
 class _Warnings:
-    """Warns of everything once, and of so many things at most."""
+    """Printer of warnings: each warning once, and at most a given number."""
 
     def __init__(self) -> None:
         self._told: set[str] = set()
@@ -227,13 +227,13 @@ class _Warnings:
 
 
 class _EarlyRecs:
-    """Warns once of the RECS that came before E1 was tracked: when one follows that did not, or at the end."""
+    """Printer of a single warning about RECS before the tracking of E1, when a later RECS follows or at the end."""
 
     def __init__(self, tracking: LiveTracking | None, warn: Callable[[object], None]) -> None:
         self._tracking, self._warn, self._count = tracking, warn, 0
 
     def take(self, epoch: FollowedEpoch) -> None:
-        """Count the RECS of an epoch if they were early."""
+        """Count the RECS of an epoch if they came before tracking."""
         from vestige.recording.tracked.track_recording import tracked_since
 
         if self._tracking is None or self._tracking.first_observed is None:
@@ -245,7 +245,7 @@ class _EarlyRecs:
         self._count += sum(one.svid in self._tracking.seen for one in now)
 
     def say(self) -> None:
-        """Warn of those that were counted."""
+        """Warn of the RECS that were counted."""
         from vestige.recording.tracked.track_recording import early_recs_warning
 
         if self._count and self._tracking is not None and self._tracking.first_observed is not None:
@@ -256,7 +256,7 @@ class _EarlyRecs:
 def _say_what_is_missing(
     following: Following, warn: Callable[[object], None], still_to_come: tuple[str, ...] = ("OSNMA keys", "RECS")
 ) -> None:
-    """Warn of what was not there for the first epoch, but of what is still to come for later ones."""
+    """Warn of data that the first epoch lacked, but not of data that are still to come for later epochs."""
     found = following.folder.found
     missing = (line for line in found.missing if not line.startswith(still_to_come))
     for line in (*following.live.description.notes, *missing, *found.warnings):
@@ -282,7 +282,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
         )
     tracking = live_tracking(description, options, warn)
     observations = None if tracking else options["observations"] or description.observations
-    told = around_s <= TIME_TAG_TOLERANCE_S  # by E1 samples alone
+    told = around_s <= TIME_TAG_TOLERANCE_S  # time known from E1 samples alone
     if observations is None and tracking is None and not told:
         for wrong in unread_observations(description):
             raise wrong
@@ -331,7 +331,7 @@ def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> 
     kept = {f"--{name.replace('_', '-')}": value for name, value in options.items() if name not in _HOW}
     settings = {name: str(value) for name, value in kept.items() if value not in (None, (), False)}
     samples = ", ".join(f"{file.band.name} {file.form} at {file.sample_rate_hz!r} Hz" for file in bands)
-    if recording != STDIN:  # a pipe begins anew each time
+    if recording != STDIN:  # each run has a new pipe
         samples += f", from {exact_gst(live.start)}"
     if own := [kind for kind in (options["detector"], *options["checks"]) if is_own(kind)]:
         settings["own parts"] = " ".join(f"{kind}@{digest(kind)}" for kind in own)

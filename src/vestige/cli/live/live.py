@@ -55,8 +55,8 @@ LIVE_GROUPS = {
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING while it is being written.
 
-    Verdicts are printed as soon as the key of a RECS is on air, and alarms as they come. RECORDING is a folder or file
-    as for `vestige process`, or `-` for samples of E6 or of both bands on standard input.
+    Verdicts are printed as soon as the key of a RECS was received, and alarms as they come. RECORDING is a folder or
+    file as for `vestige process`, or `-` for samples of E6 or of both bands on standard input.
     """
     check_usage(recording_path, options)
     follow_recording(recording_path, options, processor_from_options(options))

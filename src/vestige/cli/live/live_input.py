@@ -1,4 +1,4 @@
-"""Input of `vestige live` while it is written: descriptions, files, pipes, standard input, and E1 tracking."""
+"""Input of `vestige live` that is still being written: descriptions, files, pipes, standard input, and E1 tracking."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def live_tracking(
 ) -> LiveTracking | None:
     """Return the tracking of E1, or None if the options or the recording make tracking unnecessary.
 
-    Raises `VestigeError` if it is wished, and there is no E1.
+    Raises `VestigeError` if tracking is requested, and there is no E1.
     """
     from vestige.recording.live.live_tracking import LiveTracking
     from vestige.recording.live.received_message import ReceivedMessage
@@ -97,7 +97,7 @@ def _streams(description: RecordingDescription, options: dict[str, Any], around_
 
 
 def _split_by_pipe(files: dict[Band, BandFile], *, capacity_bytes: int, can_wait: bool) -> dict[Band, SampleStream]:
-    """Return the streams of all bands; bands that share a pipe share its frames."""
+    """Return the streams of all bands; bands that share a pipe have their samples in its frames."""
     by_path: dict[Path, dict[Band, BandFile]] = {}
     for band, file in files.items():
         by_path.setdefault(file.path, {})[band] = file
@@ -112,7 +112,7 @@ def _is_fifo(path: Path) -> bool:
 
 
 def live_description(recording: Path, options: dict[str, Any]) -> RecordingDescription:
-    """Return the description of a recording on disk; its samples may all be still to come."""
+    """Return the description of a recording on disk, which may have no samples yet."""
     from dataclasses import replace
 
     from vestige.recording.description import redated
@@ -193,7 +193,7 @@ def _stdin_files(options: dict[str, Any], band_name: str) -> dict[Band, BandFile
     if len(names) == 1:
         needed["--center-frequency-hz"] = "center_frequency_hz"
     elif options["center_frequency_hz"] is not None:
-        raise click.UsageError("--center-frequency-hz: of both bands it is the carriers; state others in --description")
+        raise click.UsageError("--center-frequency-hz: both bands have their carriers; state others in --description")
     needed["--start"] = "start"
     if missing := [name for name, key in needed.items() if options[key] is None]:
         raise click.UsageError(f"samples on standard input need {', '.join(missing)}, or --description")
@@ -243,7 +243,7 @@ def _split(files: dict[Band, BandFile], *, capacity_bytes: int, can_wait: bool) 
 
     def read(at_most: int) -> bytes:
         nonlocal opened
-        opened = opened or reading(source)  # by the thread that reads: a named pipe waits for the program that writes
+        opened = opened or reading(source)  # opened in the reading thread, because a named pipe waits for its writer
         return opened(at_most)
 
     splitter = FrameSplitter(

@@ -1,4 +1,4 @@
-"""The options `--positions` and `--mavlink` of `vestige process` and `vestige live`, and what they write."""
+"""The options `--positions` and `--mavlink` of `vestige process` and `vestige live`, and their outputs."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _LOG = ".tlog"
 
 
 class Write(Protocol):
-    """Writes what follows from one snapshot, whose time is late by so many seconds."""
+    """Function that writes the output for a snapshot, given the error of its time in s."""
 
     def __call__(self, step: Step, late_s: float) -> None:
-        """Write one snapshot."""
+        """Write the output for a snapshot."""
 
 
 def _with_an_ending(_context: click.Context, _parameter: click.Parameter, paths: tuple[Path, ...]) -> tuple[Path, ...]:
@@ -75,19 +75,19 @@ def check_outputs(options: dict[str, Any], inputs: Iterable[Path | None]) -> Non
 
 @contextmanager
 def outputs_for_others(options: dict[str, Any], *, replace: bool) -> Iterator[Write]:
-    """Yield a function that writes what a snapshot says: its arguments are the step and the error of its time in s.
+    """Yield a function that writes the output for a snapshot, given the step and the error of its time in s.
 
     Parameters
     ----------
     options
         Values of `output_options`.
     replace
-        Whether files of positions take the place of older ones at the end; otherwise they are continued.
+        Whether position files replace older files at the end; otherwise older files are continued.
 
     Raises
     ------
     InputFileError
-        If a file is there that cannot be continued.
+        If an existing file cannot be continued.
     VestigeError
         If pymavlink is needed and not installed.
     """

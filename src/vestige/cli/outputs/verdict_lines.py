@@ -1,4 +1,4 @@
-"""The objects that `--json` prints, and their JSON schemas, which are generated from them.
+"""The objects that `--json` prints, and the JSON schemas that are generated from these objects.
 
 Times are text as in the table of verdicts, and a number that was not measured is null.
 """
@@ -41,7 +41,7 @@ class VerdictRow(TypedDict):
 
 
 class CheckEntry(TypedDict):
-    """One check behind a verdict; it fails where the magnitude of the statistic exceeds the threshold."""
+    """A check behind a verdict, which fails if the magnitude of the statistic exceeds the threshold."""
 
     name: str
     outcome: _OutcomeName
@@ -59,7 +59,7 @@ class VerdictEntry(VerdictRow):
 
 
 class PositionEntry(TypedDict):
-    """A position out of authentic ranges; it is authentic where its orbits are as well."""
+    """A position from authentic ranges, which is authentic if its orbits also are."""
 
     snapshot: _Count
     time: str
@@ -88,7 +88,7 @@ class PositionLine(PositionEntry):
 
 
 class StateLine(TypedDict):
-    """A change of what the receiver shows of a satellite."""
+    """A change of the displayed state of a satellite."""
 
     kind: Literal["state"]
     gst_week: _Count
@@ -102,7 +102,7 @@ class StateLine(TypedDict):
 
 
 class EndLine(TypedDict):
-    """The last line: how many snapshots there were, how many lost their samples, and what E1 never showed."""
+    """The last line: number of snapshots, number of these without samples, and satellites never found on E1."""
 
     kind: Literal["end"]
     snapshots: _Count

@@ -1,4 +1,4 @@
-"""`vestige inspect`: what a recording holds, what is wrong with it, and what ACAS lacks to authenticate it."""
+"""`vestige inspect`: content and faults of a recording, and the data that ACAS lacks to authenticate it."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def command(path: Path, **options: Any) -> None:
     PATH is a folder, a recording.toml, a SigMF metadata or collection file, an ION metadata file (.sdrx, .xml), or a
     file of E1 observations.
 
-    The satellites of E1 and E6 are listed. Where the description shows none, other ones are tried: exchanged bands,
-    another sampling rate, number format, sense of the spectrum or centre frequency.
+    The satellites of E1 and E6 are listed. If the description shows no satellite, other descriptions are tried:
+    exchanged bands, another sampling rate, number format, sense of the spectrum or centre frequency.
     """
     import json
 

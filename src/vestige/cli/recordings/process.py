@@ -39,13 +39,13 @@ if TYPE_CHECKING:
     from vestige.recording.tracked.track_recording import TrackedRecording
     from vestige.records import Assistance
 
-# Behind a narrow filter the peak is round, and the linear interpolation answers with up to twice the offset: half steps
-# after the first converge where whole ones would swing.
+# Behind a narrow filter the peak is round, and linear interpolation gives up to twice the offset. Half steps after the
+# first step converge, where whole steps would oscillate.
 _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 
 
 class _Process(GroupedCommand):
-    """`vestige process`; samples on standard input, and the former option `--follow`, are for `vestige live`."""
+    """Command `vestige process`, which refers standard input and the former option `--follow` to `vestige live`."""
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
@@ -76,9 +76,9 @@ class _Process(GroupedCommand):
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING: one verdict for each satellite and RECS.
 
-    RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or such a file. For each RECS: is the
-    encrypted signal in E6 where E1 says it must be, and was it received before anybody could know the key? Where there
-    are no observations E1 is tracked in its samples. A recording that is still being written is for `vestige live`.
+    RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or such a file. For each RECS: does the
+    encrypted signal in E6 arrive when E1 predicts, and was it received before anybody could know the key? If there are
+    no observations, E1 is tracked in its samples. A recording that is still being written is for `vestige live`.
     """
     from contextlib import ExitStack
     from dataclasses import replace
@@ -119,7 +119,7 @@ def command(recording_path: Path, **options: Any) -> None:
 def prepared(
     recording: Recording, options: dict[str, Any], tracked: TrackedRecording | None
 ) -> tuple[AcasProcessor, RecordingSource, list[str]]:
-    """Return the processor and the source of snapshots that the options ask for, and the warnings of the assistance.
+    """Return the processor and the source of snapshots that the options describe, and the warnings of the assistance.
 
     Parameters
     ----------
@@ -148,13 +148,13 @@ def prepared(
         message=_message(recording, tracked),
     )
     if options["near"] and tracked is None and options["navigation"] is None:
-        raise click.UsageError("--near needs orbits: add --navigation, or --track for those of the message")
+        raise click.UsageError("--near needs orbits: add --navigation, or --track for the orbits of the message")
     processor = processor_from_options(options, tracked, found.navigation)
     known = found.assistance
     open_code = open_code_warning(folder, known.segments, known.keys, cipher_mode=processor.cipher_mode)
     warnings = [*found.warnings, *([open_code] if open_code else [])]
     missing = found.missing
-    if options["hardware_bias_m"] is not None or options["calibrate"]:  # then nothing is taken as 0
+    if options["hardware_bias_m"] is not None or options["calibrate"]:  # the bias is then known
         missing = tuple(line for line in missing if not line.startswith(RECEIVER_NAME))
     for line in (*recording.notes, *found.problems, *missing, *warnings):
         warn(line)
@@ -185,7 +185,7 @@ def prepared(
 
 
 def _missing_bands(recording: Recording) -> list[str]:
-    """Return a warning for each band without which there is no verdict."""
+    """Return a warning for each missing band that a verdict needs."""
     lacks = []
     if recording.e6 is None:
         lacks.append("no E6 samples, so no RECS can be looked for and there is no verdict")
@@ -195,7 +195,7 @@ def _missing_bands(recording: Recording) -> list[str]:
 
 
 def _sent_before_tracking(source: RecordingSource, tracked: TrackedRecording | None) -> list[str]:
-    """Return a warning if RECS of satellites that are tracked came before E1 of any satellite was."""
+    """Return a warning if RECS of tracked satellites came before the tracking of E1 began."""
     from vestige.recording.tracked.track_recording import early_recs_warning, tracked_since
 
     epochs = () if tracked is None else tracked.epochs
@@ -209,7 +209,7 @@ def _sent_before_tracking(source: RecordingSource, tracked: TrackedRecording | N
 
 
 def _is_shown(step: Step) -> bool:
-    """Return whether a step has verdicts of RECS, or something that changed between two of them."""
+    """Return whether a step has verdicts of RECS, or changes of state between two RECS."""
     return bool(step.block.measured.snapshots.recs.any()) or any(change.alarm for change in step.changes)
 
 
@@ -228,7 +228,7 @@ def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
 
 
 def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording | None:
-    """Return the result of tracking E1, None if observations are given, or there is too little to track."""
+    """Return the result of tracking E1; None if observations are given, or E1 is too short to track."""
     from vestige.cli.progress import progress
     from vestige.recording.tracked.track_recording import MIN_TRACKED_S, track_recording
 
@@ -245,7 +245,7 @@ def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording 
 
 
 def _message(recording: Recording, tracked: TrackedRecording | None) -> Message | None:
-    """Return the message that tracking decoded; None if there is none."""
+    """Return the message that tracking decoded, or None."""
     from functools import partial
 
     from vestige.recording.assistance.assistance_files import contents_of_pages
@@ -257,7 +257,7 @@ def _message(recording: Recording, tracked: TrackedRecording | None) -> Message 
 
 
 def _channels(options: dict[str, Any]) -> OtherChannels:
-    """Return what comes beside samples and assistance; of a recording that grows, it comes with each epoch."""
+    """Return the data beside samples and assistance; for a growing recording they come with each epoch."""
     from vestige.recording.observations.accelerations import read_accelerations
     from vestige.recording.recorded_block import OtherChannels
 
@@ -269,7 +269,7 @@ def _channels(options: dict[str, Any]) -> OtherChannels:
 
 
 def _second_channel(options: dict[str, Any]) -> Assistance | None:
-    """Return the OSNMA of the second channel, None without one; says what is wrong with them."""
+    """Return the OSNMA data of the second channel, None without such a channel; warns of their faults."""
     from vestige.recording.assistance.folder import read_assistance
 
     folder = options["second_channel"]
@@ -287,7 +287,7 @@ def _second_channel(options: dict[str, Any]) -> Assistance | None:
 
 
 def _steps(processor: AcasProcessor, source: RecordingSource, *, calibrate: bool) -> tuple[Iterator[Step], float]:
-    """Return what follows from each snapshot, as it is asked for, and the hardware bias that it is found with."""
+    """Return an iterator over the result of each snapshot, and the hardware bias that it uses."""
     from dataclasses import replace
 
     from vestige.acas_processor.monitoring.calibration import MIN_SATELLITES, hardware_bias_correction_s

@@ -1,4 +1,4 @@
-"""Options that `vestige process` and `vestige live` share: what judges a recording, and with which values."""
+"""Options that `vestige process` and `vestige live` share: the processor of a recording and its settings."""
 
 from __future__ import annotations
 
@@ -244,17 +244,17 @@ def check_processor_usage(options: dict[str, Any]) -> None:
     stated = click.get_current_context().get_parameter_source("kappa") is ParameterSource.COMMANDLINE
     if options["alarms_per_day"] is not None and stated:
         raise click.UsageError("--kappa: follows from --alarms-per-day; leave one of the two out")
-    approximate_position(options)  # before E1 is tracked, which takes long
+    approximate_position(options)  # checked before the tracking of E1, which takes long
     pseudorange_errors(options)
 
 
 def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
-    """Return the files and folders that the command line names to be read."""
+    """Return the files and folders that the command line names as inputs."""
     return (recording, *(options[name] for name in _READ), *options["certificates"])
 
 
 def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
-    """Return the estimator of the C/N0 of E1; one that is asked for needs E1 to be measured in the samples."""
+    """Return the estimator of the C/N0 of E1; usage error if one is named and E1 is not measured in the samples."""
     if options["cn0_estimator"] is not None and not measured:
-        raise click.UsageError("--cn0-estimator is for E1 out of samples; here a file of observations tells the C/N0")
+        raise click.UsageError("--cn0-estimator is for E1 measured in samples; here observations give the C/N0")
     return options["cn0_estimator"] or "noise-floor"

@@ -81,7 +81,7 @@ def _detector(name: str, spacing: int) -> Detector:
 def _monitoring(
     options: dict[str, Any], tracked: TrackedRecording | None, proven: tuple[AuthenticatedData, ...]
 ) -> MonitoringSettings:
-    """Return the settings of levels 2 and 3, with the orbits of a file, or those of the message."""
+    """Return the settings of levels 2 and 3, with the orbits of a file or of the message."""
     from dataclasses import replace
 
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
@@ -93,12 +93,12 @@ def _monitoring(
 
     navigation, settings = options["navigation"], MonitoringSettings()
     authenticated: frozenset[int] | None
-    if navigation is not None:  # the user vouches for it
+    if navigation is not None:  # the user vouches for this file
         orbits, authenticated = read_rinex_navigation(navigation), None
     else:
         orbits, authenticated = authenticated_orbits(() if tracked is None else ephemerides_in(tracked.pages), proven)
     half = settings.power_distortion.hypotheses.half_spacing_chips
-    if tracked is not None and tracked.tap_chips:  # the correlators of the loops that are nearest to the usual ones
+    if tracked is not None and tracked.tap_chips:  # loop correlators nearest to the usual correlators
         half = min((chips for chips in tracked.tap_chips if chips > 0), key=lambda chips: abs(chips - half))
     hypotheses = replace(settings.power_distortion.hypotheses, half_spacing_chips=half, pulse=BOC11)
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)

@@ -1,4 +1,4 @@
-"""`vestige search`: look for every signal of a satellite on E1, and for the encrypted signal anywhere in E6."""
+"""`vestige search`: search for every signal of a satellite on E1, and for the encrypted signal anywhere in E6."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ _doppler_span = number_option(
 _recs_options = options_together(
     recording_argument, assistance_option, _svids, start_option, _p_fa, _uncertainty, cipher_mode_option
 )
-_IDENTIFYING_SAMPLES = 65_536  # at the head of a recording: no other one begins with the same noise
+_IDENTIFYING_SAMPLES = 65_536  # number of first samples that identify a recording by their noise
 INTERRUPTED = 130  # exit code of the shell for SIGINT
 
 
 @click.group()
 def command() -> None:
-    """Search for vestigial signals: the true one beside a spoofer's."""
+    """Search for vestigial signals: the true signal beside a spoofing signal."""
 
 
 @command.command("e1")
@@ -96,9 +96,9 @@ def e1(
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    """List every signal of every satellite on E1 at the start of RECORDING, all at one time.
+    """List every signal of every satellite on E1 at the start of RECORDING, all for the same time.
 
-    The first 100 ms are searched, and each signal is measured in them. Where samples are missing, only the longer part
+    The first 100 ms are searched, and each signal is measured in them. If samples are missing, only the longer part
     before or after the gap is used.
     """
     from vestige.cli.progress import progress
@@ -152,7 +152,7 @@ def e1(
 @_plot
 @json_option
 def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
-    """Search E6 where the signals on E1 say that the RECS may be; the earliest is the true one."""
+    """Search E6 at the arrivals of the RECS that E1 predicts; the earliest signal found is the true signal."""
     from vestige.acas_processor.searches.handover import assisted_delay_m
     from vestige.acas_processor.searches.vestigial import (
         decide_vestigial,
@@ -228,8 +228,8 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 at every half chip of the time uncertainty and every Doppler bin.
 
-    What the search costs is printed before it starts, and what it finds at once. Ctrl-C ends it; what was found until
-    then is printed.
+    The cost of the search is printed before it starts, and each signal as soon as it is found. Ctrl-C ends the search
+    and prints the signals found so far.
     """
     from vestige.acas_processor.searches.vestigial import decide_vestigial, reception_proof
     from vestige.cli.recordings.search_figure import SearchFigure
@@ -290,7 +290,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
 def _log(
     e6: SampleReader, codes: list[ChipSequence], search: ExhaustiveSearch, options: dict[str, Any]
 ) -> SearchLog | None:
-    """Return the log that `-o` names: of these samples, codes and settings."""
+    """Return the log that `-o` names, for these samples, codes and settings."""
     from hashlib import sha256
 
     from vestige.recording.search_log import SearchLog

@@ -24,7 +24,7 @@ FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 @dataclass(slots=True)
 class SearchFigure:
-    """Collects the magnitudes of a search in E6 and draws them; without a file it does nothing."""
+    """Collector of the magnitudes of a search in E6, which draws them; does nothing without a file."""
 
     file: Path | None
     codes: Sequence[ChipSequence]
@@ -38,12 +38,12 @@ class SearchFigure:
                 raise VestigeError(f"--plot draws the search for one RECS, found {len(self.codes)}")
 
     def add(self, at: GalileoTime, magnitude: float) -> None:
-        """Keep the magnitude at a place, or the strongest from a time on."""
+        """Store the magnitude at an arrival time, or the strongest magnitude of a block from a time on."""
         if self.file is not None:
             self._points.append((at, magnitude))
 
     def write(self, decisions: Sequence[tuple[VestigialDecision, SearchBudget]]) -> None:
-        """Draw what was collected, and what was decided."""
+        """Draw the magnitudes and the decision."""
         if self.file is None or not decisions:
             return
         from vestige import plots
@@ -69,7 +69,7 @@ def draw_e1(
     periods: int,
     doppler_span_hz: float,
 ) -> None:
-    """Draw the strongest power of any Doppler against code phase, of one satellite and one code period."""
+    """Draw the power of the strongest Doppler bin against code phase, for one satellite and one code period."""
     import numpy as np
 
     from vestige import plots

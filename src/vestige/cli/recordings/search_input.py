@@ -1,4 +1,4 @@
-"""Input of `vestige search`: the recording, its RECS, and the times at which these may arrive."""
+"""Input of `vestige search`: the recording, its RECS, and the possible arrival times of the RECS."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def say_jump(jump: Jump) -> None:
 
 
 def opened_recording(path: Path, start: GalileoTime | None) -> Recording:
-    """Return the recording, and warn of what is to be noted of it."""
+    """Return the recording, and print its notes as warnings."""
     from vestige.recording.recording import open_recording
 
     recording = open_recording(path, start=start)
@@ -38,7 +38,7 @@ def opened_recording(path: Path, start: GalileoTime | None) -> Recording:
 
 
 def reader_of(recording: Recording, band: Any) -> SampleReader:
-    """Return the samples of a band; raises `VestigeError` if there are none."""
+    """Return the samples of a band; raises `VestigeError` if the band is missing."""
     reader = recording.reader(band)
     if reader is None:
         raise VestigeError(f"the recording has no {band.value} samples")
@@ -66,25 +66,25 @@ def decrypted_recs(
 
 
 def clock_bound_s(recording: Recording, uncertainty_s: float | None) -> float:
-    """Return the upper limit of the clock's error; says what follows if there is none."""
+    """Return the upper limit of the clock's error; warns if there is no limit."""
     around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
     if math.isinf(around_s):
         warn(
             "the time tag's error has no upper limit (--uncertainty-s): "
-            "nothing that is found is provably from before the disclosure of its key"
+            "no signal that is found is provably older than the disclosure of its key"
         )
     return around_s
 
 
 def arrival_window_in(e6: SampleReader, code: ChipSequence, around_s: float) -> tuple[GalileoTime, GalileoTime]:
-    """Return when the first chip may arrive, as far as the samples go; a window without length if never in them."""
+    """Return the window in the samples in which the first chip may arrive; its length is 0 if there is none."""
     from vestige.acas_processor.searches.vestigial import arrival_window
 
     return arrival_window(code.transmit_time, around_s, e6) or (e6.start, e6.start)
 
 
 def grouped_by_transmission(codes: Iterable[ChipSequence]) -> list[list[ChipSequence]]:
-    """Return the RECS of one transmission together: they are searched over the same samples."""
+    """Return the RECS grouped by time of transmission, because a group is searched in the same samples."""
     groups: dict[GalileoTime, list[ChipSequence]] = {}
     for code in codes:
         groups.setdefault(code.transmit_time, []).append(code)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vestige.theory.search_budget import SearchBudget
     from vestige.time import GalileoTime
 
-REPORT_EVERY_S = 5.0  # a line of progress
+REPORT_EVERY_S = 5.0  # interval of progress lines
 _NOWHERE = "no signal on E1 to hand over, or no place in the samples within the time uncertainty"
 
 
@@ -30,11 +30,11 @@ class Answer:
 
     decision: VestigialDecision
     budget: SearchBudget
-    proof: ReceptionProof  # which of its arrivals are from before the disclosure of its key
+    proof: ReceptionProof  # arrivals that were received before the disclosure of the key
 
 
 def print_budget(budget: SearchBudget, search: ExhaustiveSearch, engine: EngineChoice) -> None:
-    """Say before a long search what it costs, and which engine makes it."""
+    """Print the cost and the engine of a long search before it starts."""
     from vestige.sample_processor.search.speed import expected_seconds
 
     lines = (
@@ -53,7 +53,7 @@ def print_budget(budget: SearchBudget, search: ExhaustiveSearch, engine: EngineC
 
 
 def places_line(svid: int, budget: SearchBudget) -> str:
-    """Return what a hand-over search of one RECS tested, and what it could find."""
+    """Return the size and the sensitivity of the hand-over search for a RECS, as a line of text."""
     return (
         f"E{svid:02d}  {budget.hypotheses:.4g} hypotheses, P_FA {budget.pfa_overall:g}: threshold "
         f"{budget.threshold:.2f} σ, {budget.required_cn0_dbhz:.2f} dBHz for P_d 0.9 on the grid"
@@ -67,12 +67,12 @@ def follow_search(
     each: Callable[[GalileoTime, float], None],
     keep: Callable[[SearchState], None],
 ) -> tuple[tuple[Peak, ...], GalileoTime | None]:
-    """Return the peaks of a search, and from when on it has not been searched; None if it came to its end.
+    """Return the peaks of a search, and the time from which on samples were not searched; None if the search ended.
 
-    What is found is said at once, and so is how fast the search is and how long it takes.
+    Each peak is printed at once, and so are the rate and the remaining time of the search.
 
-    `before` is the state that an earlier run came to. `each` is called with the first start and the strongest magnitude
-    of every block, `keep` with the state now and then, with every peak and at the end.
+    `before` is the last state of an earlier run. `each` is called with the first start and the strongest magnitude of
+    every block. `keep` is called with the state at intervals, with every peak and at the end.
     """
     state, done = before, 0.0
     if before is not None:
@@ -107,7 +107,10 @@ def follow_search(
 
 
 def print_answers(answers: Sequence[Answer], *, as_json: bool, unsearched: GalileoTime | None = None) -> None:
-    """Print what was found for each RECS; `unsearched` is from when on nothing was, if the search was interrupted."""
+    """Print the result for each RECS.
+
+    After an interruption, `unsearched` is the begin of the samples that were not searched.
+    """
     if as_json:
         results = [
             {
@@ -163,7 +166,7 @@ def _as_dict(peak: Peak, proof: ReceptionProof) -> dict[str, Any]:
 
 
 def e1_lines(found: E1Signals) -> Iterator[str]:
-    """Yield the lines of `vestige search e1`: one for each signal, after the time for which they hold."""
+    """Yield the lines of `vestige search e1`: the time of the search, then a line for each signal."""
     if not found.signals:
         yield "no signal found"
         return

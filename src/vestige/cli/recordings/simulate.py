@@ -1,4 +1,4 @@
-"""`vestige simulate`: write the recording of a scenario, and all else that a receiver needs."""
+"""`vestige simulate`: write the recording of a scenario, and all other files that a receiver needs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 @number_option("--max-gb", (0, 1e6), default=10.0, help="Refuse to write more gigabytes than these.")
 @parts_option
 def command(scenario: Path, **options: Any) -> None:
-    """Write E1 and E6 samples of SCENARIO as a SigMF collection, with what belongs to them.
+    """Write E1 and E6 samples of SCENARIO as a SigMF collection, with all files that belong to them.
 
     A campaign gives a test case of its epochs: encrypted E6-C, E1 observations, RECS, group delays, OSNMA keys, truth;
     `vestige process` authenticates it. A recording gives samples with open E6-C and an OSNMA key chain;
@@ -117,7 +117,7 @@ def _check_band(path: Path, scenario: CampaignScenario) -> None:
 
 
 def _check_pipe(to_pipe: bool, options: dict[str, Any]) -> None:
-    """Raise a usage error if options do not go together with files or with a pipe."""
+    """Raise a usage error if options do not fit to files or to a pipe."""
     if to_pipe and options["band"] is None:
         raise click.UsageError("-o - writes samples to a pipe; say of which band: --band e1, --band e6 or --band both")
     if to_pipe and options["exports"]:
@@ -129,7 +129,7 @@ def _check_pipe(to_pipe: bool, options: dict[str, Any]) -> None:
 
 
 def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
-    """Write samples to standard output; a reader that closes the pipe ends it without a message."""
+    """Write samples to standard output; the command ends without a message when the reader closes the pipe."""
     from vestige.cli.progress import progress
     from vestige.records import Band
 
@@ -152,12 +152,12 @@ def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
             )
         output.flush()
     except BrokenPipeError:
-        # what is still buffered would fail once more when Python ends
+        # discards buffered bytes, whose write would fail again when Python ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), output.fileno())
 
 
 def _test_case(scenario: CampaignScenario, epochs: str | None) -> SimulatedRecording:
-    """Return the recording of the epochs `A:B`, of all if there is no choice."""
+    """Return the recording of the epochs `A:B`, by default of all epochs."""
     from vestige.simulated.exported_case import AcasTestCase
     from vestige.simulated.exported_case_folder import simulated
 

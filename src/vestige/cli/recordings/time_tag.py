@@ -1,4 +1,4 @@
-"""Time tag of samples in `vestige process` if neither a message nor an observation file tells the time."""
+"""Time tag of samples in `vestige process` for recordings without a message or an observation file."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from vestige.recording.recording import Recording
     from vestige.records import Assistance
 
-MAX_LABEL_S = 1e5  # an unknown time: all of the recording
+MAX_LABEL_S = 1e5  # uncertainty of an unknown time, which covers the whole recording
 
 
 def late_or_early(error_s: float) -> str:
-    """Return the error of a time tag for a person.
+    """Return the error of a time tag as text for the user.
 
     Examples
     --------
@@ -28,7 +28,7 @@ def late_or_early(error_s: float) -> str:
 
 
 def label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
-    """Return the uncertainty of the time tag where it matters, else 0: E1 samples tell time modulo 100 ms only."""
+    """Return the uncertainty of the time tag if E1 samples alone tell time, which is modulo 100 ms; otherwise 0."""
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
 
     around_s = recording.description.time_uncertainty_s if stated_s is None else stated_s

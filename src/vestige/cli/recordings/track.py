@@ -1,4 +1,4 @@
-"""`vestige track`: track E1 of a recording, and write what a receiver would have written."""
+"""`vestige track`: track E1 of a recording, and write the files that a receiver would have written."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 def command(recording_path: Path, **options: Any) -> None:
     """Track E1 of RECORDING: observations, navigation message and correlators of every satellite.
 
-    Writes RINEX observations and navigation, the I/NAV pages, which `vestige osnma verify` takes, the correlators, and
-    the power of each satellite.
-    `-` stands for samples on standard input: of E1, or of both bands (`--band both`), of which E1 is tracked.
+    The command writes RINEX observations and navigation, I/NAV pages for `vestige osnma verify`, correlators, and the
+    power of each satellite. `-` stands for samples on standard input: of E1, or of both bands (`--band both`), of which
+    E1 is tracked.
     """
     from vestige.recording.tracked.tracked_folder import write_tracked
 
@@ -80,7 +80,7 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
 
 
 def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, int, float]:
-    """Return the same of standard input."""
+    """Return the same for samples on standard input."""
     from vestige.recording.tracked.track_recording import streamed_batches, track_batches
     from vestige.records import Band
 
@@ -102,7 +102,7 @@ def _without_e1(path: Path) -> InputFileError:
 
 
 def _print(tracked: TrackedRecording) -> None:
-    """Print a line for each satellite, and what the message says of the clock."""
+    """Print a line for each satellite, and the clock error that the message tells."""
     import math
     import statistics
 

@@ -1,4 +1,4 @@
-"""Output of verdicts snapshot by snapshot, as they come, so that none has to be kept in memory."""
+"""Output of verdicts snapshot by snapshot, so that no verdict has to be kept in memory."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ FAILED = 3  # exit status with --fail-on
 
 @dataclass(slots=True)
 class Tally:
-    """Tally of a recording: snapshots, verdicts by status, and the satellites with RECS that E1 never showed."""
+    """Tally of a recording: snapshots, verdicts by status, and the satellites with RECS that were never found on E1."""
 
     snapshots: int = 0
-    alarmed: bool = False  # whether a verdict or a state was one of alarm
+    alarmed: bool = False  # whether any verdict or state was an alarm
     counts: Counter[str] = field(default_factory=Counter)
     missed: set[int] = field(default_factory=set)
     seen: set[int] = field(default_factory=set)
 
     def add(self, step: Step) -> None:
-        """Count what follows from one snapshot."""
+        """Count the verdicts and changes of a snapshot."""
         self.snapshots += 1
         self.counts.update(verdict.status.name for verdict in step.verdicts)
         self.alarmed |= any(one.alarm for one in step.changes) or any(one.status in ALARMS for one in step.verdicts)
@@ -58,7 +58,7 @@ class Tally:
 
     @property
     def not_seen_on_e1(self) -> list[int]:
-        """Satellites with RECS that E1 never showed."""
+        """Satellites with RECS that were never found on E1."""
         return sorted(self.missed - self.seen)
 
     @property
@@ -71,7 +71,7 @@ class Tally:
 
     @property
     def advice(self) -> str:
-        """Advice on what to check if no satellite was found on E6; "" if one was."""
+        """Advice on causes to check if no satellite was found on E6; "" otherwise."""
         if not self.counts:
             swapped = "the files of the two bands may be swapped, or the start may be wrong: " if self.missed else ""
             return f"{self.nothing}; {swapped}`vestige inspect RECORDING` says what the recording holds"
@@ -85,7 +85,7 @@ class Tally:
         )
 
     def fails(self, limit: str | None) -> bool:
-        """Return whether the verdicts are what `--fail-on` names: `spoofed`, `alarm` or `unauthenticated`."""
+        """Return whether the verdicts match the value of `--fail-on`: `spoofed`, `alarm` or `unauthenticated`."""
         if limit == "unauthenticated":
             return set(self.counts) != {Status.AUTHENTIC.name}
         return self.alarmed if limit == "alarm" else limit is not None and Status.SPOOFED.name in self.counts
@@ -95,7 +95,7 @@ class Tally:
 
 
 def _row(verdict: Verdict, step: Step) -> VerdictRow:
-    """Return one verdict as a flat row; what was not measured is None."""
+    """Return a verdict as a flat row; a value that was not measured is None."""
     measured = step.block.measured
     epoch = int(np.flatnonzero(measured.snapshots.index == verdict.index)[0])
     here = (epoch, measured.snapshots.svids.index(verdict.svid))
@@ -118,12 +118,12 @@ def _row(verdict: Verdict, step: Step) -> VerdictRow:
 
 
 def _number(value: float) -> float | None:
-    """Return a number for JSON; None if nothing was measured, or if it is infinite, as of a saturated front end."""
+    """Return a number for JSON; None if nothing was measured, or the number is infinite (saturated front end)."""
     return value if math.isfinite(value) else None
 
 
 def entries(step: Step) -> list[VerdictEntry]:
-    """Return the verdicts of a snapshot for a program, with their checks; numbers in full precision."""
+    """Return the verdicts of a snapshot with their checks for programs; numbers have full precision."""
     return [
         {
             **_row(verdict, step),
@@ -145,7 +145,7 @@ def entries(step: Step) -> list[VerdictEntry]:
 
 
 def positions(step: Step) -> list[PositionEntry]:
-    """Return the positions out of authentic ranges of a step for a program, if there are any."""
+    """Return the positions from authentic ranges of a step for programs, if there are any."""
     return [
         {
             "snapshot": found.index,
@@ -166,7 +166,7 @@ def positions(step: Step) -> list[PositionEntry]:
 
 
 def lines(step: Step) -> list[str]:
-    """Return verdicts, position and changes of state of a snapshot as JSON: one object a line, each with its kind."""
+    """Return verdicts, position and changes of state of a snapshot as JSON: an object in each line, with its kind."""
     objects: list[VerdictLine | PositionLine | StateLine] = [{"kind": "verdict", **entry} for entry in entries(step)]
     objects += [{"kind": "position", **entry} for entry in positions(step)]
     objects += [_change(change, int(step.block.measured.snapshots.index[-1])) for change in step.changes]
@@ -188,7 +188,7 @@ def _change(change: StateChange, snapshot: int) -> StateLine:
 
 
 def print_snapshot(step: Step) -> None:
-    """Print the verdicts of a snapshot for a person."""
+    """Print the verdicts of a snapshot as text."""
     for verdict in step.verdicts[:1]:
         known_at = next((one.available_at for one in step.verdicts if one.available_at), None)
         known = f", known from {known_at}" if known_at else ""
@@ -205,7 +205,7 @@ def print_snapshot(step: Step) -> None:
             f"{verdict.status.name}{'' if verdict.status.name == 'AUTHENTIC' else f': {verdict.reason}'}"
         )
         if row["true_offset_m"] is not None:
-            echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true one")
+            echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true signal")
     _print_position(step)
     _print_not_run(step.verdicts)
 
@@ -222,7 +222,7 @@ def _print_position(step: Step) -> None:
 
 
 def print_changes(step: Step) -> None:
-    """Print the changes of state of a snapshot for a person."""
+    """Print the changes of state of a snapshot as text."""
     for change in step.changes:
         what = "ALARM" if change.alarm else "state"
         why = f": {change.reason}" if change.reason and change.after is not Status.AUTHENTIC else ""
@@ -230,7 +230,7 @@ def print_changes(step: Step) -> None:
 
 
 def _print_not_run(verdicts: Iterable[Verdict]) -> None:
-    """Print which checks beyond steps 1 and 2 could not be run for any satellite of a snapshot, one line a reason."""
+    """Print the checks beyond steps 1 and 2 that could not be run for any satellite, a line for each reason."""
     why = defaultdict(list)
     for name, reason in dict.fromkeys(
         (check.name, check.reason) for one in verdicts for check in one.checks[2:] if check.outcome is Outcome.NOT_RUN
@@ -241,7 +241,7 @@ def _print_not_run(verdicts: Iterable[Verdict]) -> None:
 
 
 def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> Tally:
-    """Print the verdicts for a person as they come, and what they come to, which is returned."""
+    """Print the verdicts as text as they come, then their tally, which is returned."""
     tally = Tally()
     for step in steps:
         print_snapshot(step)
@@ -255,13 +255,13 @@ def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> Tally:
 
 
 def print_not_seen(tally: Tally, put: Callable[[str], None] = echo) -> None:
-    """Print the satellites with RECS that E1 never showed, if there are any."""
+    """Print the satellites with RECS that were never found on E1, if there are any."""
     if unseen := tally.not_seen_on_e1:
         put(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}")
 
 
 def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> Tally:
-    """Print the verdicts for a program as they come: one JSON object, numbers in full precision; return their tally."""
+    """Print the verdicts as they come as one JSON object, with numbers in full precision; return their tally."""
     tally, separator, found = Tally(), "", []
     head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)
     echo(json.dumps(head, allow_nan=False).removesuffix("}") + ', "verdicts": [', nl=False)
@@ -276,7 +276,7 @@ def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mappin
 
 
 def exit_status(tally: Tally, limit: str | None) -> None:
-    """End with the exit status `FAILED` if the verdicts are what `--fail-on` names."""
+    """End with the exit status `FAILED` if the verdicts match the value of `--fail-on`."""
     if tally.fails(limit):
         click.get_current_context().exit(FAILED)
 
@@ -285,7 +285,7 @@ def exit_status(tally: Tally, limit: str | None) -> None:
 def csv_writer(path: Path) -> Iterator[Callable[[Step], None]]:
     """Yield a function that writes the verdicts of a snapshot to a table.
 
-    After Ctrl-C or damaged input the table has the verdicts until then, and the exception has a note that says so.
+    After Ctrl-C or damaged input the table has the verdicts so far, and the exception has a note about the table.
     """
     stop: BaseException | None = None
     with replacement(path) as part, part.open("w", newline="", encoding="utf-8") as stream:

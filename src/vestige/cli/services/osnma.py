@@ -1,4 +1,4 @@
-"""`vestige osnma`: verify OSNMA messages and take the keys out of them."""
+"""`vestige osnma`: verify OSNMA messages and extract their keys."""
 
 from __future__ import annotations
 
@@ -46,10 +46,11 @@ def verify_command(
 ) -> None:  # fmt: skip
     """Verify the OSNMA messages in FILE (Septentrio SBF or official test-vector CSV).
 
-    Public key against Merkle tree, root key against public key, every key against the root key, MACSEQ and tags
-    against the keys. With a public key alone, you vouch for it; with a Merkle tree alone, its own public keys are used.
-    A newer public key in the messages is used if it leads to the root of the Merkle tree.
-    The exit code is 1 if the root key or any key does not verify; the keys that do are written all the same.
+    The command verifies the public key against the Merkle tree, the root key against the public key, every key against
+    the root key, and MACSEQ and tags against the keys. With a public key alone, you vouch for that key. With a Merkle
+    tree alone, the public keys in the tree are used. A newer public key in the messages is used if it leads to the root
+    of the Merkle tree. The exit code is 1 if the root key or any key does not verify; all verified keys are written in
+    any case.
     """
     import json
 
@@ -85,7 +86,7 @@ def verify_command(
 
 
 def _lines(report: OsnmaReport, counts: SbfCounts) -> list[str]:
-    """Return the report for a person."""
+    """Return the report as lines of text."""
     from collections import Counter
 
     from vestige.crypto.osnma.messages.subframe import Content
@@ -119,7 +120,7 @@ def _lines(report: OsnmaReport, counts: SbfCounts) -> list[str]:
 
 
 def _losses(report: OsnmaReport, counts: SbfCounts) -> list[str]:
-    """Return what was lost or not used on the way from the file to the subframes."""
+    """Return the losses and unused data between the file and the subframes."""
     figures = {
         "with a wrong checksum": report.n_crc_failures,
         "missing in incomplete subframes": report.n_missing_pages,
@@ -159,7 +160,7 @@ def _problem_lines(report: OsnmaReport) -> list[str]:
 
 
 def _describe(report: OsnmaReport, counts: SbfCounts) -> dict[str, Any]:
-    """Return the report as JSON has it, without the keys."""
+    """Return the report as JSON values, without the keys."""
     from dataclasses import asdict
 
     tags = report.tags

@@ -1,4 +1,4 @@
-"""`vestige recs`: what RECS files say, and the chips in them once the key is known."""
+"""`vestige recs`: content of RECS files, and their chips once the key is known."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _reference = click.option(
 
 @click.group()
 def command() -> None:
-    """Look into, decrypt or make RECS files (re-encrypted code sequences of E6-C)."""
+    """Inspect, decrypt or make RECS files (re-encrypted code sequences of E6-C)."""
 
 
 command.add_command(make_command, "make")
@@ -42,10 +42,10 @@ command.add_command(make_command, "make")
 @_reference
 @json_option
 def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: GalileoTime | None, as_json: bool) -> None:
-    """Print header, epochs, needed keys and signature of each of FILES.
+    """Print header, epochs, required keys and signature of each of FILES.
 
-    Signatures are looked for beside the file and verified with the given certificates. Every file is looked at; if one
-    is bad, the exit code is 1 and its error comes after the good ones.
+    Signatures are expected beside each file and verified with the given certificates. Every file is read; if a file is
+    bad, the exit code is 1 and its error is printed after the good files.
     """
     import json
 
@@ -90,8 +90,8 @@ def decrypt_command(
 ) -> None:  # fmt: skip
     """Decrypt the RECS in FILE with validated OSNMA keys.
 
-    The output holds the useful chips of every RECS for which there is a key, one after the other, each filled up to a
-    whole byte; the report says which RECS they are. Without an output only the report is made.
+    The output contains the useful chips of every RECS that has a key, in sequence, each RECS padded to a whole byte.
+    The report lists these RECS. Without an output only the report is made.
     """
     import json
 
@@ -166,7 +166,7 @@ def _print_description(file: dict[str, Any]) -> None:
 def _decrypt_segments(
     segments: Sequence[EncryptedSegment], keys: dict[GalileoTime, ValidatedKey], mode: Any
 ) -> tuple[bytes, list[dict[str, Any]]]:
-    """Return the packed chips of all segments that have a key, and one row a segment."""
+    """Return the packed chips of all segments that have a key, and a row for each segment."""
     import hashlib
 
     from vestige.crypto.recs.recs_segment import decrypt as decrypt_segment

@@ -1,4 +1,4 @@
-"""`vestige theory`: thresholds, probabilities of detection, required C/N0; and the paper's numbers recomputed."""
+"""`vestige theory`: thresholds, probabilities of detection and required C/N0; also the paper's numbers, recomputed."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def command(
 ) -> None:
     """Print detection threshold, probability of detection and required C/N0.
 
-    The C/N0 is that of the component (E6-C alone); amplitudes are in standard deviations of the noise per dimension.
+    The C/N0 refers to the component (E6-C alone); amplitudes are in standard deviations of the noise per dimension.
     """
     if paper:
         _print_paper(as_json)
@@ -88,7 +88,7 @@ def command(
 
 
 def _print_result(result: Mapping[str, float]) -> None:
-    # P_d close to 1 needs the digits that tell it from 1
+    # P_d close to 1 is printed with enough digits to differ from 1
     digits = max(6, 3 - math.floor(math.log10(result["p_miss"]))) if result["p_miss"] > 1e-12 else 15
     lines = (
         ("C/N0", f"{result['cn0_dbhz']:g} dBHz"),

@@ -1,8 +1,8 @@
-"""`vestige demo`: authenticate a small recording, see what a wrong key and a shifted E6 do, then a sky, and statistics.
+"""`vestige demo`: authenticate a small recording, with a wrong key and a shifted E6 too, then a sky, and statistics.
 
-Everything is made here: the recording (`first_light.toml`), an OSNMA key chain, the RECS, some seconds of a sky with
-its message, keys and RECS (`night.toml`), and the simulated measurements of `quick.toml`, the paper's harsh conditions
-in short.
+The demo makes all its data: the recording (`first_light.toml`), an OSNMA key chain, and the RECS. Then follow some
+seconds of a sky with its message, keys and RECS (`night.toml`). The simulated measurements are those of `quick.toml`, a
+short form of the paper's harsh conditions.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vestige.cli.options import PATH
 from vestige.cli.terminal import echo
 from vestige.output import check_new_folder
 
-# four of the night's eight satellites at half its rate, and the RECS that is sent in second 8
+# four of the eight satellites of `night.toml` at half its rate, and the RECS that is sent in second 8
 SKY_EPOCHS = "5:9"
 SKY_SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7,8,13,14]", "recs.every=8")
 
@@ -37,8 +37,8 @@ SKY_SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7,8,13,14
 def command(folder: Path) -> None:
     """Show in a minute what vestige does, with every command as you would type it.
 
-    A recording is simulated and authenticated, then with a wrong key and with a replayed E6. Then come a sky from its
-    samples, statistics, and an attack.
+    A recording is simulated and authenticated, and again with a wrong key and with a replayed E6. Then follow the
+    samples of a sky, statistics, and an attack.
     """
     check_new_folder(folder)
     scenarios, night, sky = folder / "scenarios", folder / "recording", folder / "sky"
@@ -83,7 +83,7 @@ def command(folder: Path) -> None:
 
 
 def _run(*arguments: object) -> None:
-    """Print a command as one would type it, and run it."""
+    """Print a command as a user would type it, and run it."""
     from vestige.cli.main import vestige
 
     line = ["vestige", *(str(argument) for argument in arguments)]
@@ -99,7 +99,7 @@ def _set(settings: Iterable[str]) -> list[str]:
 
 
 def _delay_e6(recording: Path, output: Path, *, samples: int) -> None:
-    """Write a copy of a recording whose E6 is some samples late on the counter that both bands share."""
+    """Write a copy of a recording whose E6 is late by some samples on the shared counter."""
     from vestige.recording.recording import open_recording
     from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
 
@@ -117,7 +117,7 @@ def _delay_e6(recording: Path, output: Path, *, samples: int) -> None:
 
 
 def _encrypt_under_the_next_key(assistance: Path, output: Path) -> None:
-    """Write a copy of an assistance folder whose RECS were encrypted under the next key."""
+    """Write a copy of an assistance folder whose RECS are encrypted under the next key."""
     from vestige.crypto.recs.recs_segment import decrypt, encrypt
     from vestige.recording.assistance.assistance_writer import write_assistance
     from vestige.recording.assistance.folder import read_assistance

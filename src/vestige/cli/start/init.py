@@ -16,7 +16,7 @@ from vestige.errors import InputFileError
 def command(folder: Path) -> None:
     """Write FOLDER/scenarios: the scenario files that come with vestige, to run and to change.
 
-    FOLDER is the current folder if it is left out, and is made if it does not exist.
+    FOLDER is the current folder by default, and is made if it does not exist.
     """
     written = write_scenarios(folder)
     echo(f"wrote {written[0].parent}:")
@@ -33,7 +33,7 @@ def command(folder: Path) -> None:
 
 
 def write_scenarios(folder: Path) -> list[Path]:
-    """Return the files that were written into the folder `scenarios` of a folder, which must not be there yet."""
+    """Write the folder `scenarios`, which must not exist, into a folder, and return its files."""
     from vestige.scenario.shipped import shipped_scenarios
 
     target = folder / "scenarios"

@@ -1,4 +1,4 @@
-"""The correlation function over time as an animation: what the detectors look at, epoch after epoch."""
+"""The correlation function of each epoch as an animation, with the correlations that the detectors found."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from vestige.plots.figure import (
     new_axes,
 )
 
-FRAMES = 120  # at most: of a longer run every k-th epoch, as it is
+FRAMES = 120  # largest number of frames; of a longer run every k-th epoch is shown
 FRAMES_A_S = 10
 ANIMATION_DPI = 150
 _LINES = {"true signal": GREEN, "spoofer": ORANGE}
-_MARKERS = (("v", BLUE), ("^", RED), ("<", GREY), (">", BLACK))  # markers of the detectors in turn: none hides another
+_MARKERS = (("v", BLUE), ("^", RED), ("<", GREY), (">", BLACK))  # marker of each detector; no marker hides another
 
 
 def write_animation(
     results: xarray.Dataset, path: Path | str, *, svid: int | None = None, width_cm: float = WIDTH_CM
 ) -> int:
-    """Write a GIF and return its number of frames: magnitude over tap offset, and what each detector found.
+    """Write a GIF of magnitude over tap offset and detected correlations, and return its number of frames.
 
-    Under attack, dashed lines stand where the true signal and the strongest spoofing signal are.
+    Under attack, dashed lines mark the true signal and the strongest spoofing signal.
 
     The path ends in `.gif`; an inch of width has 150 pixels.
 
@@ -79,7 +79,7 @@ def write_animation(
     figure = figure_of(ax)
     figure.set_layout_engine("constrained")
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # the layout of the first frame is that of all: nothing moves but the signal
+    figure.set_layout_engine("none")  # all frames have the layout of the first frame, so that only the signal moves
 
     writer = PillowWriter(fps=FRAMES_A_S)
     with replacement(Path(path)) as part, writer.saving(figure, str(part), ANIMATION_DPI):
@@ -95,7 +95,7 @@ def write_animation(
 
 
 def _truth(selected: xarray.Dataset) -> dict[str, Float[np.ndarray, " n_epochs"]]:
-    """Return where the true signal and the strongest spoofing signal are, by name."""
+    """Return the offsets of the true signal and of the strongest spoofing signal by name."""
     power_db, spoofer_m = spoofing_power_and_offset(selected)
     strongest = np.argmax(np.where(np.isnan(power_db), -np.inf, power_db), axis=1)
     return {

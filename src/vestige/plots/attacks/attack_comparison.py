@@ -1,4 +1,4 @@
-"""All detectors under attack, one below the other, over what the attacker does [WFO, Sec. VI-B]."""
+"""Figure of all detectors under attack, each below the other, with the attacker's actions [WFO, Sec. VI-B]."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from vestige.plots.figure import (
     time_label,
 )
 
-_AXES_CM, _REST_CM = 4.0, 3.5  # height of the axes of a detector, and of all else
-_POWER_SHARE = 0.45  # share of the height of a range offset
+_AXES_CM, _REST_CM = 4.0, 3.5  # height of the axes of a detector, and height of all other parts
+_POWER_SHARE = 0.45  # height of the power axes as a share of the height of range-offset axes
 _MARGIN_M = 12.0
 _LINE: dict[str, Any] = {"linewidth": 0.5, "rasterized": True}
 
 
 def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Axes:
-    """Return the uppermost of the axes on one time axis: power of the spoofing signals, range offset of each detector.
+    """Return the uppermost of the axes: power of the spoofing signals, then the range offset of each detector.
 
-    Over the range offsets lie the lines on which they belong: where the true signal is, and where each spoofing signal
-    is, by the truth. A spoofing signal without power has no line.
+    Lines over the range offsets mark the truth: the true signal and each spoofing signal. A spoofing signal without
+    power has no line.
 
     Raises `VestigeError` if the campaign has no attack, or lacks the satellite.
     """
@@ -84,7 +84,7 @@ def spoofing_power_and_offset(
 
 
 def _limits(selected: xarray.Dataset, *places_m: Float[np.ndarray, "..."]) -> tuple[float, float]:
-    """Return what the axes of range offsets show: all places that are within the bank of correlators."""
+    """Return the limits of the range-offset axes: all true offsets within the bank of correlators."""
     offsets_m = column(selected, "tap_offset_m")
     shown_m = np.concatenate([np.zeros(1), *(one.ravel() for one in places_m)])
     shown_m = shown_m[(shown_m >= offsets_m[0]) & (shown_m <= offsets_m[-1])]

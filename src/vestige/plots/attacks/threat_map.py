@@ -1,6 +1,6 @@
-"""Attack by mitigation level as a map of colours: the counterpart of [WFO, Fig. 4] with measured numbers in it.
+"""Map of colours of each attack at each mitigation level: the counterpart of [WFO, Fig. 4] with measured numbers.
 
-Green is a defence that works, red one that does not. Whether that was expected is another matter, and stands in words.
+Green marks a defence that works, red a defence that fails. Words tell whether the outcome was expected.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from vestige.plots.figure import BLACK, GREY, LETTERS_PT, ORANGE, SMALL_LETTERS_
 
 MAP_WIDTH_CM = 29.0
 _ROW_CM, _ROUND_CM = 0.5, 3.2
-_WHOLE = 10.0  # from here on without decimals
-_LIGHT = 0.5  # opacity of the colours, so that black letters are read on them
+_WHOLE = 10.0  # numbers from this value on have no decimals
+_LIGHT = 0.5  # opacity of the colours, so that black letters are readable on them
 _WHITE, _RED = "#FFFFFF", "#CC3311"
 
 
@@ -27,7 +27,7 @@ class _Meaning(NamedTuple):
     legend: str
 
 
-# word of a cell: its colour, and what it says to a reader of the legend
+# word of a cell: its colour, and its explanation in the legend
 MEANINGS = {
     "mitigated": _Meaning("#007A4D", "mitigated: goes on with true ranges"),
     "mitigated late": _Meaning("#3CB88A", "mitigated late: wrong ranges at first"),
@@ -41,10 +41,11 @@ MEANINGS = {
 
 
 def threat_map(table: xarray.Dataset) -> Axes:
-    """Return the axes of the map: attacks with their scenes from the top, levels beside each other.
+    """Return the axes of the map: a line for each attack and scene, and a column for each level.
 
-    A cell has a word, the shares of runs that are detected, mitigated, and have a wrong range in use, and what was
-    expected if that differs. The table is `threats.zarr` of `vestige threats`: variables over `scene` and `level`.
+    A cell has a word, and the shares of runs that are detected, mitigated, and have a wrong range in use. If the
+    outcome was not expected, the cell also has the expected outcome. The table is `threats.zarr` of `vestige threats`:
+    variables over `scene` and `level`.
     """
     levels = table["level"].values.tolist()
     lines = _lines(table)
@@ -78,7 +79,7 @@ def threat_map(table: xarray.Dataset) -> Axes:
 
 
 def _lines(table: xarray.Dataset) -> list[tuple[str, int | None]]:
-    """Return what stands at the left of each line, and its row of the table: None of the name of an attack."""
+    """Return the label at the left of each line, and its row of the table, which is None for the name of an attack."""
     lines: list[tuple[str, int | None]] = []
     rows = zip(table["threat"].values, table["attack"].values, table["scene"].values, strict=True)
     for (threat, attack), scenes in groupby(enumerate(rows), key=lambda one: (one[1][0], one[1][1])):
@@ -109,7 +110,7 @@ def _legend(ax: Axes, table: xarray.Dataset) -> None:
 
 
 def _texts(cell: xarray.Dataset) -> tuple[str, str]:
-    """Return what stands on the left and on the right of a cell."""
+    """Return the texts on the left and on the right of a cell."""
     word, how = str(cell["word"].item()), str(cell["agreement"].item())
     if not word:
         value, budget = (_short(float(cell[name].item())) for name in ("alarms_a_day", "budget_alarms_a_day"))

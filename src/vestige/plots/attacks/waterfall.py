@@ -14,14 +14,14 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from vestige.plots.epochs import column, magnitudes_sigma, select, thinned, title_of
 from vestige.plots.figure import COLOUR_MAP, LETTERS_PT, dress, figure_of, new_axes, time_label
 
-SLICES = 90  # epochs that a landscape shows: more are a thicket at this width
-MAP_COLUMNS = 1600  # epochs that a map shows: some two for each pixel
+SLICES = 90  # largest number of epochs in a landscape that remain distinguishable at this width
+MAP_COLUMNS = 1600  # largest number of epochs in a map: about two for each pixel
 _BOX = (4.0, 4.6, 2.6)  # proportions of tap offset, time and magnitude
-_VIEW = {"elev": 44.0, "azim": -66.0}  # from the front, a little from the left: time runs away from the reader
+_VIEW = {"elev": 44.0, "azim": -66.0}  # from the front, a little from the left; time increases away from the reader
 
 
 def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
-    """Return axes with the magnitude of every tap as a landscape over tap offset and time; the run begins in front.
+    """Return axes with the magnitude of every tap as a landscape over tap offset and time; the run begins at the front.
 
     A long run is thinned: every k-th epoch is drawn, without averaging. An epoch without a correlation is a gap.
 
@@ -32,7 +32,7 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
     VestigeError
         If the results lack the satellite.
     ValueError
-        If `ax` is flat.
+        If `ax` does not have the projection `3d`.
     """
     shown = _thin(select(results, svid=svid), SLICES)
     offsets_m, time_s, magnitude = column(shown, "tap_offset_m"), column(shown, "time_s"), magnitudes_sigma(shown)
@@ -44,7 +44,7 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
         rstride=1, cstride=1, cmap=COLOUR_MAP, linewidth=0.15, edgecolor="#00000060", antialiased=True,
     )  # fmt: skip
     space.view_init(**_VIEW)
-    space.set_box_aspect(_BOX, zoom=0.9)  # room for the labels, which a layout does not see
+    space.set_box_aspect(_BOX, zoom=0.9)  # room for the labels, which the layout ignores
     title, time = title_of("Correlators", shown, with_detector=False), time_label(space.yaxis, time_s)
     dress(space, title=title, x="tap offset (m)", y=time)
     space.set_zlabel("magnitude (σ)", fontsize=LETTERS_PT)
@@ -89,7 +89,7 @@ def _thin(shown: xarray.Dataset, limit: int) -> xarray.Dataset:
 
 
 def _edges(centres: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n+1"]:
-    """Return the borders halfway between neighbours; the outermost are as far out as the next ones are in."""
+    """Return the borders halfway between neighbours, with symmetric outermost borders."""
     if centres.size < 2:
         return np.array([centres[0] - 0.5, centres[0] + 0.5])
     middle = (centres[1:] + centres[:-1]) / 2

@@ -11,7 +11,7 @@ from vestige.campaign.statistics import Proportion
 from vestige.plots.curves.sweep_curves import COLOURS
 from vestige.plots.figure import dress, legend, new_axes
 
-_APART = 0.006  # share of the width: curves stand beside each other
+_APART = 0.006  # distance between the curves as a share of the width
 
 
 def check_curves(
@@ -23,10 +23,10 @@ def check_curves(
     log: bool = False,
     ax: Axes | None = None,
 ) -> Axes:
-    """Return axes with one curve for each check, and at each strength its interval of confidence.
+    """Return axes with a curve for each check, and its confidence interval at each strength.
 
-    `seen` has for each check the runs in which it failed, at each strength of the attack, ascending. `label` is of the
-    axis of strengths, which is logarithmic if `log`.
+    `seen` has for each check the runs in which it failed, at each strength of the attack, ascending. `label` is the
+    label of the axis of strengths, which is logarithmic if `log`.
     """
     ax = new_axes() if ax is None else ax
     x = np.log(strength) if log else np.array(strength, dtype=np.float64)

@@ -18,7 +18,7 @@ from vestige.plots.figure import BLACK, PD_TEXT, PFA_TEXT, dress, legend, new_ax
 from vestige.theory.thresholds import miss_probability, probability_of_detection
 
 _CURVE_POINTS = 300
-_MARGIN_DB = 1.0  # theory goes on beyond the outermost points
+_MARGIN_DB = 1.0  # extension of the theory beyond the outermost points
 
 
 class _Kind(NamedTuple):
@@ -31,7 +31,7 @@ class _Kind(NamedTuple):
     theory: Callable[[Float[np.ndarray, " n"], float, float], Float[np.ndarray, " n"]]
     theory_label: str
     log: bool = True
-    of_others: bool = False  # the events are the trials that are not counted
+    of_others: bool = False  # whether the events are the trials that are not counted
 
 
 def _as_asked(cn0_dbhz: Float[np.ndarray, " n"], _: float, p_fa: float) -> Float[np.ndarray, " n"]:
@@ -51,12 +51,12 @@ COUNTED_EVENTS = {
 
 
 def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axes | None = None) -> Axes:
-    """Return axes with the relative frequency of an event against C/N0, its interval of confidence, and theory.
+    """Return axes with the relative frequency of an event against C/N0, its confidence interval, and theory.
 
-    The interval is that of Clopper and Pearson: it holds the probability in at least 95 % of all sweeps, also where
-    nothing or everything was counted. In log scale a count of 0 has no dot; an arrow hangs from the interval's end.
-    Theory is that of one correlator that is aligned with the signal. A sweep of several keys is one curve for each
-    combination of the others; one that does not vary C/N0 is drawn against the first key with numbers.
+    The interval is the Clopper–Pearson interval, which contains the probability in at least 95 % of all sweeps, for any
+    count. In log scale a count of 0 has no dot; an arrow points down from the interval's end. Theory applies to a
+    single correlator that is aligned with the signal. A sweep of several keys has a curve for each combination of the
+    other keys. A sweep that does not vary C/N0 is drawn against the first key with numbers.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
     Raises
     ------
     VestigeError
-        If the sweep lacks what is counted, or counts are impossible.
+        If the sweep lacks the counts, or counts are impossible.
     """
     kind = COUNTED_EVENTS[count]
     cn0_dbhz, trials, events = _counts(sweep, kind)
@@ -80,7 +80,7 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
     ax = new_axes() if ax is None else ax
 
     integration_s, p_fa = attribute(sweep, "integration_s"), attribute(sweep, "p_fa")
-    floor = min(0.3 / trials.max(), 0.1)  # in log scale
+    floor = min(0.3 / trials.max(), 0.1)  # lower end of the log scale
     margin = _MARGIN_DB if label == CN0 or np.ptp(x) == 0 else 0.05 * float(np.ptp(x))
     ends = x.min() - margin, x.max() + margin
     if integration_s is not None and p_fa is not None:

@@ -9,15 +9,15 @@ from matplotlib.axes import Axes
 from vestige.plots.epochs import column, is_missed, select, title_of
 from vestige.plots.figure import BLACK, BLUE, RED, dot_size_pt, dress, legend, new_axes, time_label
 
-_EMPTY_M = 15.0  # what the axis shows where nothing is detected
+_EMPTY_M = 15.0  # limit of the axis if nothing is detected
 
 
 def range_offset(
     results: xarray.Dataset, *, detector: str = "early", svid: int | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Return axes with measured minus predicted E6 range against time, a dot an epoch; positive is later.
+    """Return axes with measured minus predicted E6 range against time, a dot for each epoch; positive is later.
 
-    Epochs in which nothing is detected have no offset; they are ticks at the lower edge.
+    Epochs in which nothing is detected have no offset, and are drawn as ticks at the lower edge.
 
     Raises `VestigeError` if the results lack the detector or the satellite.
     """

@@ -1,4 +1,4 @@
-"""Receiver operating characteristic of a search: theory with the losses of its grid, and measured points."""
+"""Receiver operating characteristic (ROC) of a search: theory with the losses of its grid, and measured points."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ RocCurve = tuple[
 
 
 def roc_curves(curves: Sequence[RocCurve], *, title: str) -> Axes:
-    """Return P_d against the false-alarm probability of the whole search.
+    """Return axes with P_d against the false-alarm probability of the whole search.
 
-    Each curve has a name; overall PFA_TEXT and P_d of theory; PFA_TEXT, detections and trials of what was measured.
+    Each curve has a name, the overall P_fa and P_d of theory, and P_fa, detections and trials of the measurement.
     """
     ax = new_axes()
     for colour, (name, pfa, pd, at, found, trials) in zip(_COLOURS, curves, strict=False):

@@ -16,18 +16,19 @@ from vestige.plots.curves.sweep_curves import KEY
 from vestige.plots.epochs import attribute, is_detected, is_missed, select
 
 _MAX_FILE_BYTES = 1 << 26
-_CONSTANT = ("integration_s", "p_fa")  # attributes of a sweep; in a table, columns with one value throughout
+_CONSTANT = ("integration_s", "p_fa")  # attributes of a sweep; in a table, columns with the same value in all rows
 _COUNTS = ("trials", "detections", "false_alarm_trials", "false_alarms")
 
 
 def sweep_of(
     campaigns: Sequence[xarray.Dataset], *, detector: str = "early", svid: int | None = None
 ) -> xarray.Dataset:
-    """Return trials and detections of several campaigns, one row each.
+    """Return trials and detections of several campaigns, a row for each campaign.
 
-    The campaigns differ in C/N0, which stands in their attribute `cn0_dbhz`.
+    The campaigns differ in C/N0, which is their attribute `cn0_dbhz`.
 
-    Raises `VestigeError` if one of them has no C/N0 or no correlation, or they differ in integration time or P_fa.
+    Raises `VestigeError` if a campaign has no C/N0 or no correlation, or the campaigns differ in integration time or
+    P_fa.
     """
     rows = []
     for results in campaigns:
@@ -47,14 +48,14 @@ def sweep_of(
 
 
 def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
-    """Return a sweep from a CSV table with a header, for example the one that `vestige run --sweep` writes.
+    """Return a sweep from a CSV table with a header, for example from `vestige run --sweep`.
 
-    Columns: `cn0_dbhz`; `trials` and `detections`, or `false_alarm_trials` and `false_alarms`, or all four; if theory
-    is wanted, `integration_s` and `p_fa`, equal in all rows. In place of `detections` there may be a column for each
-    detector, `detections_early`. Columns before `cn0_dbhz` are the keys of a sweep, kept as text under `key NAME`;
-    others are ignored.
+    Columns are `cn0_dbhz`, and `trials` and `detections`, or `false_alarm_trials` and `false_alarms`, or all four.
+    Theory needs `integration_s` and `p_fa`, equal in all rows. In place of `detections` there may be a column for each
+    detector, such as `detections_early`. Columns before `cn0_dbhz` are the keys of a sweep, kept as text under `key
+    NAME`. Other columns are ignored.
 
-    Raises `InputFileError` if it is no such table.
+    Raises `InputFileError` if the file is no such table.
     """
     path = Path(path)
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")

@@ -1,4 +1,4 @@
-"""Curves of a sweep: its abscissa, and the rows that belong together."""
+"""Curves of a sweep: its abscissa, and the rows of each curve."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _CN0_KEY = "receiver.cn0_dbhz"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepCurve:
-    """Rows of a sweep that differ in the abscissa only."""
+    """Rows of a sweep that differ only in the abscissa."""
 
-    label: str  # the values of all other keys; empty if there is but one curve
+    label: str  # the values of all other keys; empty if there is only one curve
     rows: Int[np.ndarray, " n"]  # numbers of the rows, ascending in the abscissa
 
 
 def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
-    """Return label and values of what a sweep is drawn against: C/N0, or if it does not vary, the first key that does.
+    """Return label and values of the abscissa of a sweep: C/N0, or if C/N0 does not vary, the first key that does.
 
-    A key that has other values than numbers makes curves, see `curves`.
+    A key whose values are not numbers separates curves, see `curves`.
     """
     cn0_dbhz = np.atleast_1d(sweep["cn0_dbhz"].values).astype(np.float64)
     if np.unique(cn0_dbhz).size == 1:
@@ -43,7 +43,7 @@ def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
 
 
 def curves(sweep: xarray.Dataset) -> tuple[SweepCurve, ...]:
-    """Return the rows of a sweep, one curve for each combination of the keys that it is not drawn against.
+    """Return the curves of a sweep, one for each combination of the keys that are not the abscissa.
 
     Raises `VestigeError` if there are more curves than colours.
     """

@@ -1,8 +1,8 @@
-"""The files of an assistance folder, one by one: what each of them is, and what it holds.
+"""Readers of the single files of an assistance folder: kind and content of each file.
 
-| file | what it gives |
+| file | content |
 |---|---|
-| `*.RCS`, `*.bin` | RECS, see `vestige.crypto.recs.recs_file`; a `.bin` that is none (samples, say) is passed over |
+| `*.RCS`, `*.bin` | RECS, see `vestige.crypto.recs.recs_file`; a `.bin` file without RECS is skipped |
 | `*.BGD` | group delays, see `vestige.crypto.recs.group_delay` |
 | `keys.csv` | OSNMA keys, see `vestige.crypto.keys.key_file` |
 | `*.sbf`, `*.csv` with navigation pages | OSNMA keys, see `vestige.recording.navigation.navigation_pages` |
@@ -76,8 +76,8 @@ _BY_HEAD: tuple[tuple[str, FileKind, Callable[[bytes], bool]], ...] = (
 class FileTrust:
     """Trust anchors of OSNMA keys: public keys, and the Merkle tree that verified them."""
 
-    public_keys: tuple[PublicKey, ...]  # keys that root keys may be signed with
-    tree: MerkleTree | None  # that they were verified against
+    public_keys: tuple[PublicKey, ...]  # keys that may sign root keys
+    tree: MerkleTree | None  # tree that verified the public keys
 
     @classmethod
     def load(cls, public_keys: Sequence[Path], merkle_tree: Path | None) -> FileTrust:
@@ -86,7 +86,7 @@ class FileTrust:
         Raises `AuthenticationError` if a key does not lead to the root of the tree. Raises `InputFileError` or
         `UnsupportedError` if a file is not usable.
         """
-        paths: Sequence[Path | None] = public_keys or [None]  # a tree alone holds keys too
+        paths: Sequence[Path | None] = public_keys or [None]  # a Merkle tree alone also contains keys
         keys = [key for path in paths for key in load_public_keys(path, merkle_tree)]
         return cls(
             public_keys=tuple(dict.fromkeys(keys)), tree=None if merkle_tree is None else read_merkle_tree(merkle_tree)
@@ -97,12 +97,12 @@ class FileTrust:
 class Settings:
     """Settings that the readers of files need beside the file."""
 
-    trust: FileTrust | None = None  # what OSNMA keys must lead to; None if nothing is known to trust
-    # keys of the assistance server; if there are any, RECS and BGD files must be signed with one of them
+    trust: FileTrust | None = None  # trust anchors to which OSNMA keys must lead; None if there are none
+    # keys of the assistance server; if there are any, one of these keys must have signed each RECS and BGD file
     server_keys: Sequence[EllipticCurvePublicKey] = ()
     # signature files by folder and name of the signed file
     signatures: Mapping[Path, Mapping[str, tuple[Path, ...]]] = field(default_factory=dict)
-    reference: GalileoTime | None = None  # resolves 12-bit weeks
+    reference: GalileoTime | None = None  # time that resolves 12-bit weeks
     # verified root keys of the folder's key files, for the message that the receiver itself decodes
     roots: tuple[RootKey, ...] = ()
     # first and last time of transmission of the RECS that are kept
@@ -113,8 +113,8 @@ class Settings:
 class Contents:
     """Content of one file."""
 
-    summary: str  # in one line
-    signature: SignatureStatus | None = None  # what is known of its origin; None for kinds that are not signed
+    summary: str  # content of the file in one line
+    signature: SignatureStatus | None = None  # None for kinds of files that are not signed
     segments: tuple[EncryptedSegment, ...] = ()
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
@@ -124,13 +124,13 @@ class Contents:
     hardware_bias_s: float | None = None
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
     navigation: tuple[AuthenticatedData, ...] = ()  # navigation data that OSNMA tags verified
-    problems: tuple[VestigeError, ...] = ()  # what is wrong with a file of which a part is usable all the same
+    problems: tuple[VestigeError, ...] = ()  # faults of a file that is usable in part
 
 
 def assistance_kind(path: Path) -> FileKind | None:
-    """Return what a file is by its name, suffix or first bytes, or None if it is no assistance.
+    """Return the kind of a file by its name, suffix or first bytes, or None if the file is no assistance.
 
-    Raises `InputFileError` if it cannot be read, or has the name of a RECS file with a date that does not exist.
+    Raises `InputFileError` if the file cannot be read, or has the name of a RECS file with a date that does not exist.
     """
     suffix = path.suffix.lower()
     named = _BY_NAME.get(path.name.lower()) or _BY_SUFFIX.get(suffix)
@@ -167,7 +167,7 @@ def read_group_delays(path: Path, settings: Settings) -> Contents:
 
 
 def read_keys(path: Path, settings: Settings) -> Contents:
-    """Return the validated keys of a key file; who wrote it received them."""
+    """Return the validated keys of a key file, which the writer of the file received."""
     trust = _trust(path, settings)
     file = load_key_file(path, trust.public_keys, trust.tree)
     return Contents(
@@ -180,16 +180,16 @@ def read_keys(path: Path, settings: Settings) -> Contents:
 
 
 def read_navigation_pages(path: Path, settings: Settings) -> Contents:
-    """Return the keys that the OSNMA in recorded navigation pages proves, those of lost subframes among them.
+    """Return the keys that the OSNMA in recorded navigation pages proves, including the keys of lost subframes.
 
-    What was demodulated is returned beside them: a forged key is in it. So are the root keys: they may withdraw keys of
-    other files.
+    The demodulated keys are returned, too, because a forged key is among them. The root keys are returned because a
+    root key may withdraw keys of other files.
     """
     return contents_of_pages(path, read_pages(path), settings)
 
 
 def contents_of_pages(path: Path, pages: Iterable[InavPage], settings: Settings) -> Contents:
-    """Return the same for pages wherever they come from; `path` names their source in messages."""
+    """Return the same contents for pages from any source; `path` names the source in messages."""
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
     receiver.learn(settings.roots)
@@ -223,7 +223,7 @@ def read_ionosphere_delays(path: Path, _settings: Settings) -> Contents:
     return Contents(summary=f"predicted delays of {len(delays)} satellites", ionosphere_e1_m=delays)
 
 
-# Trust is read before all of these, see `Trust.load`.
+# Trust anchors are read before all files of these kinds, see `FileTrust.load`.
 READERS: Mapping[FileKind, Callable[[Path, Settings], Contents]] = {
     FileKind.RECS: read_recs,
     FileKind.GROUP_DELAY: read_group_delays,
@@ -235,7 +235,7 @@ READERS: Mapping[FileKind, Callable[[Path, Settings], Contents]] = {
 
 
 def _signed(path: Path, settings: Settings, at_most: int) -> tuple[bytes, SignatureStatus]:
-    """Return the bytes of a file and what is known of the origin of these very bytes."""
+    """Return the bytes of a file and the status of the signature of these very bytes."""
     data = read_bytes(path, at_most=at_most)
     signatures = settings.signatures.get(path.parent, {}).get(path.name, ())
     status = verify_data(data, path, signatures, settings.server_keys)
@@ -246,7 +246,5 @@ def _signed(path: Path, settings: Settings, at_most: int) -> tuple[bytes, Signat
 
 def _trust(path: Path, settings: Settings) -> FileTrust:
     if settings.trust is None:
-        raise AuthenticationError(
-            f"{path}: its keys prove nothing without an OSNMA public key or Merkle tree to lead to"
-        )
+        raise AuthenticationError(f"{path}: its keys prove nothing without an OSNMA public key or Merkle tree")
     return settings.trust

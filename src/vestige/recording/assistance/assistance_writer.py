@@ -26,23 +26,23 @@ def write_assistance(
     alerts: Sequence[GalileoTime] = (),
     server_key: EllipticCurvePrivateKey | None = None,
 ) -> tuple[Path, ...]:
-    """Write all that `assistance` holds into `folder` as the server and the receiver would, and return the files.
+    """Write `assistance` into `folder` as the server and the receiver would, and return the files.
 
-    RECS at equal intervals become aggregated files, others unitary ones. A hardware bias of zero and an empty set of
-    ionospheric delays are not written: nobody may have determined them, and without a file they are taken as zero.
+    RECS at equal intervals become aggregated files, other RECS unitary files. A hardware bias of zero and an empty set
+    of ionospheric delays are not written. A reader takes a missing bias or delay as zero.
 
     Parameters
     ----------
     folder
-        The folder, made if it is not there. Files of the same names are overwritten.
+        The folder, which is made if it does not exist. Files of the same names are overwritten.
     assistance
         RECS, group delays and keys to write. Group delays are rounded to 2⁻³² s.
     roots
-        Verified root keys that the keys lead to; a key file cannot do without.
+        Verified root keys to which the keys lead; every key file needs them.
     alerts
         Subframes in which an alert message was verified.
     server_key
-        Signs RECS and BGD files if given.
+        Key that signs RECS and BGD files; None for unsigned files.
     """
     if assistance.keys and not roots:
         raise ValueError("keys are written with the root keys that they lead to")
@@ -70,7 +70,7 @@ def write_assistance(
 
 
 def _runs(segments: Sequence[EncryptedSegment]) -> Iterator[list[EncryptedSegment]]:
-    """Yield the segments that go into one file each: alike, at equal intervals, as many as fit into the header."""
+    """Yield the segments of each file: segments of one kind at equal intervals, as many as the header can count."""
 
     def alike(segment: EncryptedSegment) -> tuple[int, int, int, int]:
         return segment.svid, segment.n_chips, segment.key_delay, segment.random_offset
@@ -91,7 +91,7 @@ def _runs(segments: Sequence[EncryptedSegment]) -> Iterator[list[EncryptedSegmen
 
 
 def _fits(epochs: Sequence[int], epoch: int) -> bool:
-    """Return whether `epoch` goes on a run of epochs (ds) at equal intervals, within what a header can say."""
+    """Return whether `epoch` continues a run of epochs (ds) at equal intervals, within the limits of a header."""
     period = epoch - epochs[-1]
     if not 0 < period <= recs_file.MAX_PERIOD_DS or (len(epochs) + 1) * period > recs_file.MAX_DURATION_DS:
         return False

@@ -1,11 +1,10 @@
-"""The assistance folder: RECS, group delays, OSNMA keys and corrections, as the processor wants them.
+"""The assistance folder: RECS, group delays, OSNMA keys and corrections as input of the processor.
 
-What may stand in the folder, or one folder below, is listed in `vestige.recording.assistance.assistance_files`.
-
-Nothing is used that was not validated: a key must lead to the public key or the Merkle tree; when certificates are
-given, a RECS or BGD file must be signed with one of them (they are never taken from the folder itself). Where two files
-contradict each other, neither is used; a key that a signed root key of any file withdraws is not used either. A damaged
-file costs nothing but itself: it is one problem in the report.
+`vestige.recording.assistance.assistance_files` lists the files that may be in the folder or in a direct subfolder. Only
+validated files are used. A key must lead to the public key or the Merkle tree. When certificates are given, one of them
+must have signed each RECS or BGD file. Certificates are never taken from the folder itself. Where two files contradict
+each other, neither is used. A key that a signed root key of any file withdraws is not used either. A damaged file is
+reported as a problem, and all other files stay in use.
 """
 
 from __future__ import annotations
@@ -38,24 +37,24 @@ from vestige.validated_key import ValidatedKey
 
 T = TypeVar("T")
 
-# RECS are published up to a week ahead [WFO, Sec. II-A], and the group delays with them. Older ones are used, and it is
-# said: how long a file is valid is not public.
+# RECS are published up to a week ahead [WFO, Sec. II-A], together with the group delays. Older group delays are used
+# with a warning, because the validity of a file is not public.
 OLDEST_GROUP_DELAY_S = 7 * DAY_S
 
-Message = tuple[Path, Callable[[Settings], Contents | None]]  # where it is from, and what it holds; None for nothing
-FileCache = dict[Path, tuple[tuple[object, ...], Contents]]  # by file: how it was when it was read, and what it held
+Message = tuple[Path, Callable[[Settings], Contents | None]]  # source and reader of the message
+FileCache = dict[Path, tuple[tuple[object, ...], Contents]]  # state and content of each file when read
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AssistanceFile:
-    """A file that was used.
+    """An assistance file that was used.
 
     Attributes
     ----------
     content
         Content of the file in one line.
     signature
-        Status of its signature; None for kinds that are not signed.
+        Status of the file's signature; None for kinds of files that are not signed.
     """
 
     path: Path
@@ -75,11 +74,11 @@ class AssistanceFolder:
     files
         The files that were used.
     problems
-        Why others, or parts of them, were not.
+        Reasons why other files, or parts of files, were not used.
     missing
-        One line for each kind of data that is not there and that the processor would want.
+        One line for each kind of data that the processor needs and the folder lacks.
     navigation
-        Navigation data in the receiver's own message that OSNMA tags verified.
+        Navigation data of the receiver's own message that OSNMA tags verified.
     """
 
     assistance: Assistance
@@ -90,7 +89,7 @@ class AssistanceFolder:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings to read before trusting a verdict: data that only the folder itself vouches for."""
+        """Warnings to read before trusting a verdict: data for which the folder itself is the only evidence."""
         anchors = [file.path.name for file in self.files if file.kind in (FileKind.PUBLIC_KEY, FileKind.MERKLE_TREE)]
         corrections = [file for file in self.files if file.kind in (FileKind.RECEIVER, FileKind.IONOSPHERE)]
         trust = f"OSNMA keys are trusted on the word of the assistance folder itself ({', '.join(anchors)}); "
@@ -99,7 +98,7 @@ class AssistanceFolder:
 
 
 class _Problems:
-    """Collects errors, or raises the first one."""
+    """Collector of errors, which raises the first error if `strict`."""
 
     def __init__(self, *, strict: bool) -> None:
         self.collected: list[VestigeError] = []
@@ -112,7 +111,7 @@ class _Problems:
             self.collected.append(problem)
 
     def attempt(self, step: Callable[[], T]) -> T | None:
-        """Return what `step` returns, or None if it finds something wrong with a file."""
+        """Return the result of `step`, or None if `step` finds a fault in a file."""
         try:
             return step()
         except VestigeError as error:
@@ -132,43 +131,43 @@ def read_assistance(
     remembered: FileCache | None = None,
     message: Message | None = None,
 ) -> AssistanceFolder:
-    """Return all usable assistance in `folder`, and what is wrong with the rest.
+    """Return all usable assistance in `folder`, and the problems of the other files.
 
     Parameters
     ----------
     folder
         Folder of RECS, group delays, OSNMA keys and corrections; its direct subfolders are read too.
     public_key, merkle_tree
-        Files of OSNMA's public key (XML or PEM) and Merkle tree (XML). If one is given, those in the folder are not
-        used.
+        Files of OSNMA's public key (XML or PEM) and Merkle tree (XML). If either is given, the keys and trees in the
+        folder are not used.
     certificates
-        PEM public keys or X.509 certificates of the assistance server. If there are any, unsigned files are not used.
+        PEM public keys or X.509 certificates of the assistance server. If any is given, unsigned files are not used.
     reference
         A time within 39 years, which resolves 12-bit weeks where a file's name does not.
     window
-        Only RECS that are transmitted from the first to the second time are kept: a week of RECS fills gigabytes.
+        First and last time of transmission of the RECS to keep, because a week of RECS fills gigabytes.
     strict
         Raise the first problem instead of collecting it.
     remembered
-        Files that the same call read before. It is brought up to date, and RECS and BGD files that did not change are
-        not read again.
+        Cache of the files that an earlier call read. The cache is updated, and RECS and BGD files that did not change
+        are not read again.
     message
-        Message that the receiver itself has decoded, and the recording that it is from. Keys in the message are used
-        like those of a file of navigation pages; they may lead to the signed root keys of a key file.
+        Message that the receiver itself has decoded, and the recording that is its source. Keys in the message are used
+        like keys of a file of navigation pages. Such keys may lead to the signed root keys of a key file.
 
     Raises
     ------
     InputFileError
-        If there is no such folder, or a file that the caller names is not usable.
+        If the folder does not exist, or a file that the caller names is not usable.
     AuthenticationError
-        If the public key that the caller names does not lead to his Merkle tree.
+        If the public key that the caller names does not lead to the Merkle tree that the caller names.
     VestigeError
         If `strict`, for the first file that is not usable.
 
     Returns
     -------
     AssistanceFolder
-        Assistance for the processor, and what is wrong or missing in the folder.
+        Assistance for the processor, and the faults and gaps of the folder.
 
     Examples
     --------
@@ -253,7 +252,7 @@ def _contents(
 
 
 def _sorted_files(folder: Path, problems: _Problems) -> dict[FileKind, list[Path]]:
-    """Return the files of a folder, and of the folders in it, by kind."""
+    """Return the files of a folder and of its direct subfolders by kind."""
     found = list(list_folder(folder))
     for path in tuple(found):
         if path.is_dir() and not path.name.startswith("."):
@@ -268,15 +267,15 @@ def _sorted_files(folder: Path, problems: _Problems) -> dict[FileKind, list[Path
 
 
 def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
-    """Return what the folder itself offers to trust, or None; two Merkle trees are none."""
+    """Return the trust anchors in the folder itself; None if there are none, or two Merkle trees."""
     public_keys, trees = files[FileKind.PUBLIC_KEY], files[FileKind.MERKLE_TREE]
     if len(trees) > 1:
-        raise InputFileError(trees[1], "Merkle tree", f"a second one beside {trees[0]}", "one; name the one you trust")
+        raise InputFileError(trees[1], "Merkle tree", f"a second tree beside {trees[0]}", "one tree; name yours")
     return FileTrust.load(public_keys, trees[0] if trees else None) if public_keys or trees else None
 
 
 def _trust_content(files: Mapping[FileKind, Sequence[Path]]) -> Iterator[AssistanceFile]:
-    """Yield what is in each file of public keys; a key is named once, and then the file that held it."""
+    """Yield the content of each file of public keys; a repeated key is named as the key of its first file."""
     tree = next(iter(files[FileKind.MERKLE_TREE]), None)
     named: dict[bytes, Path] = {}
     for kind, paths in files.items():
@@ -288,7 +287,7 @@ def _trust_content(files: Mapping[FileKind, Sequence[Path]]) -> Iterator[Assista
 
 
 def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assistance:
-    """Return what all files hold together, RECS and keys in the order of time."""
+    """Return the joint content of all files, with RECS and keys in the order of time."""
     segments = (
         ((s.transmit_time, s.svid, -s.n_chips, s.key_delay, s.random_offset), s, path)
         for path, contents in read
@@ -303,17 +302,17 @@ def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assis
         group_delays=_agreed("group delays", delays, problems),
         keys=_agreed("OSNMA keys", keys, problems),
         received=tuple(sorted({one for _, contents in read for one in contents.received}, key=lambda one: one.time)),
-        hardware_bias_e1_e6_s=sum(_agreed("hardware bias", biases, problems), 0.0),  # one or none
+        hardware_bias_e1_e6_s=sum(_agreed("hardware bias", biases, problems), 0.0),  # at most one value
         ionosphere_e1_m=dict(_agreed("ionospheric delays", ionosphere, problems)),
     )
 
 
 def _usable_keys(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> list[tuple[Path, ValidatedKey]]:
-    """Return the keys that no signed root key withdraws, in whichever file it is."""
+    """Return the keys that no signed root key of any file withdraws."""
     register = ChainRegister()
     roots = (root for _, contents in read for root in contents.roots)
     for root in sorted(roots, key=lambda root: root.received_at):
-        with suppress(RevokedKeyError):  # none of its keys was taken, unless by a file that did not know better
+        with suppress(RevokedKeyError):  # a revoked key was taken only from a file that did not contain the revocation
             register.add(root)
     for _, contents in read:
         for time in contents.alerts:
@@ -333,7 +332,7 @@ def _usable_keys(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> 
 
 
 def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problems) -> tuple[T, ...]:
-    """Return things in the order of their keys; what two files say differently under one key is left out."""
+    """Return values in the order of their keys, without the keys for which two files give different values."""
     found: dict[Any, tuple[T, Path]] = {}
     contradicted = set()
     between: Counter[tuple[Path, Path]] = Counter()
@@ -350,7 +349,7 @@ def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problem
 
 
 def _of_another_time(assistance: Assistance) -> Iterator[str]:
-    """Yield a line for each satellite whose group delays are not of the time of its RECS."""
+    """Yield a line for each satellite whose group delays are not valid at the time of its RECS."""
     last = {segment.svid: segment.transmit_time for segment in assistance.segments}  # in the order of time
     for svid, sent in sorted(last.items()):
         since = [delay.valid_from for delay in assistance.group_delays if delay.svid == svid]
@@ -365,7 +364,7 @@ def _of_another_time(assistance: Assistance) -> Iterator[str]:
 
 
 def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: FileTrust | None) -> tuple[str, ...]:
-    """Return what the processor would want beside what there is, one line for each kind."""
+    """Return one line for each kind of data that the processor needs and the folder lacks."""
     missing = []
     if trust is None:
         missing.append("OSNMA public key or Merkle tree: none, so no key can be validated")

@@ -1,9 +1,9 @@
-"""An assistance folder into which files still come: RECS from the server, keys from the receiver.
+"""An assistance folder that still receives files: RECS from the server, keys from the receiver.
 
-The folder is read again when something in it has changed, RECS and BGD files only if they have changed themselves, and
-of the RECS only those of the next quarter of an hour are kept, also where the recording is far ahead. Reading takes a
-fifth of the time at most, however large the files are. What is wrong with a file is no problem as long as it may be
-half written: it is told when it stays so.
+The folder is read again when a file in the folder has changed; an unchanged RECS or BGD file is not read again. Only
+the RECS of the next quarter of an hour are kept, also where the recording is far ahead. Reading takes a fifth of the
+time at most, however large the files are. A file with a fault may be half written, so the fault is reported only if it
+persists.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from vestige.recording.assistance.folder import AssistanceFolder, FileCache, rea
 from vestige.records import Assistance
 from vestige.time import GalileoTime
 
-AHEAD_S, RENEWED_S = 900.0, 60.0  # RECS are read so far ahead, and again when less than the second is left
+AHEAD_S, RENEWED_S = 900.0, 60.0  # time for which RECS are read ahead, and remaining time at which they are read again
 BEHIND_S = 1.0
-PATIENCE_S = 5.0  # longer than writing a file takes
-REST = 4.0  # times as long as reading took
+PATIENCE_S = 5.0  # longer than the time to write a file
+REST = 4.0  # shortest pause as a multiple of the reading time
 
 _Stamp = tuple[frozenset[tuple[Path, int, int]], int]
 
 
 class LiveMessage(Protocol):
-    """A message that grows."""
+    """Navigation message that grows while a recording is processed."""
 
-    path: Path  # file of the recording that it is from
+    path: Path  # file of the recording that contains the message
 
     @property
     def version(self) -> int:
-        """Another number when it holds something new."""
+        """Version of the content, a different number after each change."""
 
     def contents(self, settings: Settings) -> Contents | None:
-        """Return what it holds by now; None for nothing."""
+        """Return the content so far; None if there is none."""
 
 
 class GrowingAssistance:
     """Assistance folder that still receives files.
 
     `message` is the navigation message that the receiver decodes itself. `warn` is called once with each fault of a
-    file. All other parameters are those of `read_assistance`.
+    file. All other parameters are the parameters of `read_assistance`.
     """
 
     def __init__(
@@ -66,18 +66,18 @@ class GrowingAssistance:
         self._stamp: _Stamp | None = None
         self._window = (GalileoTime(0, 1), GalileoTime(0, 0))  # none
         self._not_before_s = 0.0
-        self._wrong: dict[str, tuple[float, VestigeError]] = {}  # since when
+        self._wrong: dict[str, tuple[float, VestigeError]] = {}  # time since which each fault persists, and the fault
         self.found = AssistanceFolder(assistance=Assistance(), files=(), problems=(), missing=())
 
     @property
     def until(self) -> GalileoTime:
-        """Time up to which RECS were read; those after it are not in `found`, though they may be in the folder."""
+        """Time up to which RECS were read; later RECS may be in the folder, but are not in `found`."""
         return self._window[1]
 
     def look(self, first: GalileoTime, last: GalileoTime, *, at_once: bool = False) -> bool:
-        """Bring `found` up to date, for RECS from one time to another; return whether something changed.
+        """Update `found` for RECS from one time to another; return whether something changed.
 
-        A change soon after reading is taken in later, unless it has to be `at_once`.
+        A change soon after reading is read later, unless `at_once` is true.
 
         Raises `VestigeError` as `read_assistance`.
         """
@@ -90,7 +90,7 @@ class GrowingAssistance:
                 self._read(self._window)
             else:
                 self._read((first + -BEHIND_S, first + ahead_s))
-            while not self._covers(first, last):  # no RECS for long
+            while not self._covers(first, last):  # the folder lacks RECS for a long time
                 ahead_s *= 4
                 self._read((first + -BEHIND_S, first + ahead_s))
             self._not_before_s = now_s + (1 + REST) * (time.monotonic() - now_s)
@@ -104,7 +104,7 @@ class GrowingAssistance:
         return changed
 
     def _covers(self, first: GalileoTime, last: GalileoTime) -> bool:
-        """Return whether the RECS that were read hold the next one after `first`, or all until after `last`."""
+        """Return whether the known RECS include the first RECS after `first`, or all RECS until after `last`."""
         since, until = self._window
         next_ones = (one for one in self.found.assistance.segments if one.transmit_time > first)
         return since <= first and (
@@ -124,17 +124,17 @@ class GrowingAssistance:
         self._window = window
 
     def tell(self) -> None:
-        """Warn of what is wrong now, without patience."""
+        """Warn of all present faults at once."""
         for _, problem in self._wrong.values():
             self._warn(problem)
 
     def _files(self) -> _Stamp:
-        """Return what changes when a file of the folder, or one folder below, or the message changes."""
+        """Return a value that changes with each file of the folder and its subfolders, and with the message."""
         found = set()
         for path in (*self.path.glob("*"), *self.path.glob("*/*")):
             try:
                 state = path.stat()
-            except OSError:  # gone since it was listed
+            except OSError:  # the file was removed after the listing
                 continue
             found.add((path, state.st_size, state.st_mtime_ns))
         return frozenset(found), 0 if self._message is None else self._message.version

@@ -1,9 +1,9 @@
 """RECS for a recording whose E6-C was not encrypted, so that the whole chain can run on a real signal.
 
-The transmitted E6-C chips (primary ⊕ secondary code) stand for the encrypted code: they are the ECS. Re-encrypted
-under an OSNMA key they become RECS, as a server would publish them, with times of transmission on whole deciseconds,
-where E6-C's secondary code starts. The processor learns nothing else from this. What it cannot show is secrecy:
-anybody knows these chips.
+The transmitted E6-C chips (primary ⊕ secondary code) replace the encrypted code: these chips are the ECS. The ECS
+re-encrypted under an OSNMA key becomes a RECS, as a server would publish it. The times of transmission are whole
+deciseconds, where E6-C's secondary code starts. The processor gets no other information from these files. Such a test
+cannot show secrecy, because anybody knows these chips.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ OPEN_CODE = "these RECS hold the open E6-C code, which everybody knows: they pro
 def transmit_times(
     first: GalileoTime, last: GalileoTime, *, travel_s: Iterable[float], duration_s: float, interval_s: float
 ) -> tuple[GalileoTime, ...]:
-    """Return the deciseconds of transmission whose segments all satellites bring completely into the samples.
+    """Return the times of transmission in ds at which the samples contain the complete segments of all satellites.
 
-    They lie between the receiver-clock times `first` and `last`; `travel_s` are the apparent travel times of the
+    The samples lie between the receiver-clock times `first` and `last`; `travel_s` are the apparent travel times of the
     satellites.
     """
     travel = tuple(travel_s)
@@ -73,7 +73,7 @@ def make_segments(
         if key is None:
             continue
         for svid in svids:
-            # every decisecond of Galileo time starts a period of the secondary code [E6-CODES]
+            # a period of the secondary code starts at every decisecond of Galileo time [E6-CODES]
             chips = ChipSequence(
                 svid=svid,
                 transmit_time=time,
@@ -91,9 +91,9 @@ def open_code_warning(
     *,
     cipher_mode: CipherMode = CipherMode.CBC,
 ) -> str | None:
-    """Return what to know before trusting a verdict with RECS of the open E6-C code; None if no RECS holds it.
+    """Return a warning about RECS of the open E6-C code; None if no RECS contains that code.
 
-    Of each satellite one RECS is decrypted, the first one that has its key. `folder` is where they are from.
+    The check decrypts the first RECS of each satellite that has a key. `folder` is the source of the RECS.
     """
     by_time = {key.time: key for key in keys}
     first: dict[int, EncryptedSegment] = {}
@@ -106,7 +106,7 @@ def open_code_warning(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MadeAssistance:
-    """An assistance folder that was made: its RECS, and the files in it."""
+    """Assistance folder that was made: its RECS and its files."""
 
     segments: tuple[EncryptedSegment, ...]
     files: tuple[Path, ...]
@@ -126,14 +126,14 @@ def make_assistance(
     svids: tuple[int, ...] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> MadeAssistance:
-    """Make the assistance folder of a recording with open E6-C: RECS, group delays of zero, keys, trust anchor, a note.
+    """Make the assistance folder of a recording with open E6-C: RECS, zero group delays, keys, trust anchor and a note.
 
     Raises `InputFileError` if the folder exists, or a file is not usable. Raises `VestigeError` if no satellite is
-    seen, no segment fits into the recording, or no key is of its time.
+    seen, no segment fits into the recording, or no key belongs to its time.
 
-    `keys_path` is a key file, or navigation pages with OSNMA; like the files that the keys must lead to, it is copied
-    into the folder. Without `svids` RECS are made for the satellites that E1 sees; `progress` is called with the number
-    of those that it was searched for, and of all.
+    `keys_path` is a key file, or navigation pages with OSNMA. The key file and the trust anchors are copied into the
+    folder. Without `svids` RECS are made for the satellites that are found on E1. `progress` is called with the number
+    of satellites for which E1 was searched, and the number of all satellites.
     """
     with new_folder(output) as unfinished:
         name = KEYS_NAME if assistance_kind(keys_path) is None else keys_path.name

@@ -1,4 +1,4 @@
-"""Corrections that the user knows: front-end delay and ionosphere, as two small files beside the assistance.
+"""Corrections from the user: front-end delay and ionosphere, as two small files beside the assistance.
 
 `receiver.toml` holds the calibrated delay of the E6 front end minus that of E1, in one of two units::
 
@@ -24,8 +24,8 @@ from vestige.recording.text_lines import numbered_lines
 
 RECEIVER_NAME, IONOSPHERE_NAME = "receiver.toml", "ionosphere.csv"
 CORRECTIONS_HEADER = "svid,slant_delay_e1_m"
-MAX_BIAS_S = 1e-3  # a larger value is in a wrong unit; the largest published bias is 5.4 µs
-MAX_DELAY_M = 1000.0  # no ionosphere delays E1 by more
+MAX_BIAS_S = 1e-3  # a larger value is probably in a wrong unit; the largest published bias is 5.4 µs
+MAX_DELAY_M = 1000.0  # upper limit of the ionospheric delay on E1
 
 _UNIT_S = {"hardware_bias_e1_e6_s": 1.0, "hardware_bias_e1_e6_m": 1 / SPEED_OF_LIGHT_MPS}
 
@@ -33,14 +33,14 @@ _UNIT_S = {"hardware_bias_e1_e6_s": 1.0, "hardware_bias_e1_e6_m": 1 / SPEED_OF_L
 def read_hardware_bias(path: Path) -> float:
     """Return the delay of the E6 front end minus that of E1 in s that `receiver.toml` gives.
 
-    Raises `InputFileError` if the file is not TOML, or does not hold exactly one of the two keys with a number of at
+    Raises `InputFileError` if the file is not TOML, or does not contain exactly one of the two keys with a number of at
     most ± 1 ms.
     """
     table = read_toml_file(path, at_most=1 << 20)
     if len(table) != 1 or not table.keys() <= _UNIT_S.keys():
         raise InputFileError(path, "keys", ", ".join(table) or "none", f"one of {' and '.join(_UNIT_S)}")
     ((key, value),) = table.items()
-    number = value * _UNIT_S[key] if type(value) in (int, float) and abs(value) < 1e9 else None  # a bool is no number
+    number = value * _UNIT_S[key] if type(value) in (int, float) and abs(value) < 1e9 else None  # a bool is rejected
     if number is None or not abs(number) <= MAX_BIAS_S:
         raise InputFileError(path, key, value, f"a number, at most ± {MAX_BIAS_S / _UNIT_S[key]:g}")
     return number

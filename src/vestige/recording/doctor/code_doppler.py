@@ -1,12 +1,12 @@
-"""Whether code and carrier of E1 have the same Doppler: if not, the spectrum is reversed.
+"""Test of whether code and carrier of E1 have the same Doppler; if they do not, the spectrum is reversed.
 
 Theory of operation
 -------------------
-E1-B, E1-C and E6-B are real signals on a carrier. If the carrier stands at 0 Hz, the conjugate samples show the same
-signals at the Dopplers of the other sign, and nothing is missing. But the code runs faster by f_d/f_c whatever the
-sense of the spectrum is. So the code phases of two windows give a Doppler each that does not depend on it. The slope of
-these over the carrier's Dopplers is +1, or −1 for a reversed spectrum. The slope does not change if the samples jump,
-because all satellites jump alike.
+E1-B, E1-C and E6-B are real signals on a carrier. If the carrier is at 0 Hz, the conjugate samples show the same
+signals at Dopplers of the opposite sign. But the code rate changes by the factor 1 + f_d/f_c in either sense of the
+spectrum. So the code phases of two windows give a Doppler of each satellite that does not depend on the sense of the
+spectrum. The slope of the code Dopplers over the carrier Dopplers is +1, or −1 for a reversed spectrum. The slope does
+not change if the samples jump, because all satellites jump alike.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from vestige.recording.doctor.reading import head
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
 
-CODE_WINDOW_S = 0.06  # duration of samples for one code phase: as few as E1 can be measured in
-APART_S = (0.02, 0.2)  # between the windows, at least, and at most: the code must stay within the taps
+CODE_WINDOW_S = 0.06  # duration of samples for one code phase: the shortest in which E1 can be measured
+APART_S = (0.02, 0.2)  # shortest and longest time between the windows; the code must stay within the taps
 CODE_SIGMA_S = 2e-8  # error of one code phase in such a window at 40 dBHz
-SIGNIFICANCE = 4.0  # standard deviations between a slope of 0 and one of 1 at least
-_SLOPES = (-1.6, -0.4)  # that a reversed spectrum gives
+SIGNIFICANCE = 4.0  # least number of standard deviations between a slope of 0 and a slope of 1
+_SLOPES = (-1.6, -0.4)  # range of the slope for a reversed spectrum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,18 +36,18 @@ class E1Satellite:
     svid: int
     doppler_hz: float
     cn0_dbhz: float
-    snapshot: E1Snapshot | None  # None if the samples are too short for a measurement; the values above are rough then
+    snapshot: E1Snapshot | None  # None if the samples are too short for a measurement; then the values above are rough
 
 
 def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bool:
-    """Return whether the code phases change as if all Dopplers had the other sign; False if that cannot be told.
+    """Return whether the code phases change as if all Dopplers had the other sign; False if that is uncertain.
 
     Parameters
     ----------
     file
-        E1 as it was read when the satellites were measured.
+        The E1 file, read as for the measurement of the satellites.
     satellites
-        At least two with a measurement; a sum of Dopplers of some kHz is needed in 100 ms.
+        At least two satellites with a measurement; the test needs a sum of Dopplers of some kHz in 100 ms.
     """
     whole = head(file, CODE_WINDOW_S + APART_S[1])
     if whole is None:
@@ -87,7 +87,7 @@ def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bo
 
 
 def _at(one: E1Satellite, snapshot: E1Snapshot, ahead_s: float) -> Acquisition:
-    """Return where a satellite is in samples that start `ahead_s` after its measurement, to half a chip in 0.2 s."""
+    """Return the satellite in samples that start `ahead_s` after its measurement, to half a chip in 0.2 s."""
     period_s = E1_CODE_PERIOD_S
     phase_s = snapshot.transmit_phase_s + ahead_s
     return Acquisition(

@@ -1,11 +1,11 @@
-"""Whether the samples are one piece: code phases at the beginning, in the middle and at the end must fit together.
+"""Test of whether the samples are continuous: code phases at the beginning, in the middle and at the end must agree.
 
 Theory of operation
 -------------------
-The time of transmission of a signal grows by 1 + f_d/f_c a second of the receiver's counter. So the times that E1-C
-shows (modulo the 100 ms of its secondary code) at two places of the file, and the mean Doppler, tell by how much the
-counter and the signal differ. Missing samples make the signal jump ahead, all satellites alike; repeated samples make
-it fall back. Loss of whole multiples of 100 ms is not seen.
+The time of transmission of a signal grows by (1 + f_d/f_c) s in a second of the receiver's counter. E1-C shows the time
+of transmission modulo the 100 ms of its secondary code. The times at two positions of the file and the mean Doppler
+give the jump of the signal against the counter. Missing samples make the signals of all satellites jump ahead; repeated
+samples make them fall back. A loss of a multiple of 100 ms is not seen.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from vestige.signals.definitions import E6B
 from vestige.time import GalileoTime
 
 SHORTEST_S = 0.112  # two windows in which E1 can be measured
-# smallest jump, and what is added for each second between two positions: the oscillator drifts
+# smallest jump, and its increase for each second between two positions, because the oscillator drifts
 TOLERANCE_S = (1e-6, 1e-8)
 _SATELLITES = 3
-_DOPPLER_SPAN_HZ = 1000.0  # by which the Doppler may change through the recording
+_DOPPLER_SPAN_HZ = 1000.0  # largest change of the Doppler during the recording
 _NEAR_HZ = 250.0
 _NEAR_ENOUGH_S = 0.3
 _E6_S = 0.022  # duration of E6 samples in which a code phase is found
@@ -52,16 +52,16 @@ class MeasuredPlace:
 def examine_continuity(
     reader: SampleReader, e6: SampleReader | None, satellites: Sequence[E1Satellite], limit: TimeLimit
 ) -> Iterator[Finding]:
-    """Yield where E1 or E6 jumps, is all one value, or ends.
+    """Yield the findings that E1 or E6 jumps, or that the signals of E1 end.
 
     Parameters
     ----------
     reader
-        The samples of E1, with the description that shows the satellites.
+        Reader of the E1 samples, with the description that shows the satellites.
     e6
-        Those of E6, likewise.
+        Reader of the E6 samples, likewise.
     satellites
-        Those at the beginning, the strongest first; three of them are followed.
+        Satellites at the beginning, the strongest first; the first three are followed.
     """
     followed = [one for one in satellites if one.snapshot is not None][:_SATELLITES]
     if not followed:
@@ -110,7 +110,7 @@ def _e6_jump(
     followed: Sequence[E1Satellite],
     limit: TimeLimit,
 ) -> Iterator[Finding]:
-    """Yield that E6 jumps between two places of E1, which are brought nearer to each other."""
+    """Yield the finding that E6 jumps between two positions of E1, after the interval was narrowed."""
     shift_s = _e6_shift_s(e6, earlier, later)
     if shift_s is None:
         return
@@ -122,7 +122,7 @@ def _e6_jump(
             later = middle
         elif _e6_shift_s(e6, middle, later) is not None:
             earlier = middle
-        else:  # it drifts, and no jump is left
+        else:  # the clock drifts, and no jump is left
             break
     begin_s, end_s = (
         (one.first - e1.first_sample) / e1.file.sample_rate_hz + (e1.start - e6.start) for one in (earlier, later)
@@ -138,9 +138,10 @@ def _e6_jump(
 
 
 def _e6_shift_s(reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
-    """Return by how much E6 is ahead of its counter at the later place: by its own code phases and E1's Dopplers.
+    """Return the time in s by which E6 is ahead of its counter at the later position.
 
-    None if it is not, or shows no satellite at both places.
+    The code phases of E6 and the Dopplers of E1 give this time. None if E6 is not ahead, or no satellite is seen at
+    both positions.
     """
     before, after = _e6_phases(reader, earlier), _e6_phases(reader, later)
     shifts, span_s = [], 0.0
@@ -157,7 +158,7 @@ def _e6_shift_s(reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPla
 
 
 def _e6_phases(reader: SampleReader, place: MeasuredPlace) -> dict[int, tuple[GalileoTime, float]]:
-    """Return the times of transmission that E6-B shows, modulo 1 ms, and the times of the samples that show them."""
+    """Return the times of transmission that E6-B shows, modulo 1 ms, and the times of their samples."""
     found: dict[int, tuple[GalileoTime, float]] = {}
     for svid, snapshot in place.snapshots.items():
         rate = reader.file.sample_rate_hz
@@ -183,7 +184,7 @@ def _at_the_beginning(reader: SampleReader, followed: Sequence[E1Satellite]) -> 
             yield fault(
                 FindingKind.SEVERAL_SIGNALS, reader.band,
                 f"E1: {len(signals)} signals of E{one.svid:02d} at once ({weaker})",
-                "somebody repeats or simulates signals: see vestige search e1",
+                "a transmitter repeats or simulates signals: see vestige search e1",
             )  # fmt: skip
     if jumps:
         by_s, at_s = median(one.by_s for one in jumps), median(one.at_s for one in jumps)
@@ -221,7 +222,7 @@ def _near(batch: SampleBatch, one: E1Satellite) -> tuple[Acquisition, ...]:
 
 
 def _shift_s(earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
-    """Return by how much the signals are ahead of the counter at the later place; None if they are not."""
+    """Return the time in s by which the signals are ahead of the counter at the later position, or None."""
     shifts = []
     span_s = 0.0
     for svid, before in earlier.snapshots.items():
@@ -247,7 +248,7 @@ def _narrowed(
     followed: Sequence[E1Satellite],
     limit: TimeLimit,
 ) -> tuple[MeasuredPlace, MeasuredPlace]:
-    """Return two places nearer to each other, between which the signals jump."""
+    """Return two positions nearer to each other, between which the signals jump."""
     while (later.first - earlier.first) / reader.file.sample_rate_hz > _NEAR_ENOUGH_S and not limit.is_over:
         middle = _place(reader, (earlier.first + later.first) // 2, count, followed[:1])
         if middle is None:
@@ -256,7 +257,7 @@ def _narrowed(
             later = middle
         elif _shift_s(middle, later) is not None:
             earlier = middle
-        else:  # it drifts, and no jump is left
+        else:  # the clock drifts, and no jump is left
             break
     return earlier, later
 

@@ -1,4 +1,4 @@
-"""The satellites on E1, and what is wrong with the description of the samples if there are none."""
+"""The satellites on E1, and the faults of the description of the samples if no satellite is found."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from vestige.signals.definitions import CARRIER_HZ
 
 SVIDS = range(1, MAX_SVID + 1)
 READING_PFA = 1e-4  # probability that noise alone shows a satellite in one reading of the samples
-WIDE_STEP_HZ = 10_000.0  # step of the centre of the Dopplers where none is found within ±5 kHz
-WIDE_HZ = 60_000.0  # as far as the middle goes
-STANDING_HZ = 3_500.0  # no satellite has a larger mean Doppler than the others together if the receiver's clock is good
-_STRETCHES = 8  # code periods for the list of satellites: down to some 33 dBHz
-_TRY_STRETCHES = 2  # code periods for one reading: down to some 38 dBHz
-_STRONGER_DB = 0.5  # by which a reading must be better than the one before, which is simpler
-_TRY_BINS = 2  # every second one of the Doppler bins, for half of the time: 1 dB lost on average
+WIDE_STEP_HZ = 10_000.0  # step of the Doppler centre if no satellite is found within ±5 kHz
+WIDE_HZ = 60_000.0  # largest Doppler centre
+STANDING_HZ = 3_500.0  # largest mean Doppler of all satellites together if the receiver's clock is good
+_STRETCHES = 8  # number of code periods for the list of satellites, down to some 33 dBHz
+_TRY_STRETCHES = 2  # number of code periods for each reading, down to some 38 dBHz
+_STRONGER_DB = 0.5  # least gain in C/N0 over the simpler reading before
+_TRY_BINS = 2  # every second Doppler bin takes half of the time and loses 1 dB on average
 _RATES = 8  # number of usual sampling rates
-_RATE_STRETCHES = 1  # code periods for each sampling rate that is tried; enough above some 41 dBHz
+_RATE_STRETCHES = 1  # number of code periods for each sampling rate that is tried; enough above some 41 dBHz
 
 Progress = Callable[[str, int, int], None]
 
@@ -53,18 +53,18 @@ class E1Result:
 
 
 def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: Progress) -> E1Result:
-    """Return the satellites in the first 100 ms of E1; where there are none, as which description shows some.
+    """Return the satellites in the first 100 ms of E1; if none is found, search with other descriptions.
 
     Parameters
     ----------
     file
         The samples of E1 as described.
     other
-        Those of E6, which may hold E1.
+        The samples of E6, which may contain E1.
     try_s
         Processor time for which other descriptions are tried, in s.
     progress
-        Called with what is done, and the numbers of satellites that are done and of all.
+        Called with the name of the step, the number of satellites done and the number of all.
     """
     findings: list[Finding] = []
     sibling = better_sibling(file)
@@ -154,7 +154,7 @@ def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading 
 
 
 def _standing_offset(file: BandFile, found: tuple[Acquisition, ...]) -> Iterator[Finding]:
-    """Yield a line if all Dopplers lie on one side, as no sky has them."""
+    """Yield a line if all Dopplers lie on one side of zero, which is impossible for a real sky."""
     dopplers = sorted(one.doppler_hz for one in found)
     middle = dopplers[len(dopplers) // 2]
     if len(dopplers) >= 3 and abs(middle) > STANDING_HZ and dopplers[0] * dopplers[-1] > 0:
@@ -172,7 +172,7 @@ _Hit = tuple[Reading, tuple[Acquisition, ...]]
 def _first_that_fits(
     file: BandFile, other: BandFile | None, limit: TimeLimit, progress: Progress
 ) -> tuple[_Hit | None, list[str]]:
-    """Return the reading that shows signals, with them, and what was tried completely."""
+    """Return the reading that shows signals, these signals, and the kinds of mistakes that were tried completely."""
     tried: list[str] = []
     for name, hits in _groups(file, other):
         strongest: _Hit | None = None
@@ -190,11 +190,11 @@ def _first_that_fits(
 
 
 def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Iterator[_Hit | None]]]:
-    """Yield the names of mistakes, and for each the readings that would mend it: with signals, or None."""
+    """Yield the name of each kind of mistake, and its readings with their signals, or None."""
     yield "reversed spectrum", _tried(reversed_readings(file))
     if other is not None:
         yield "swapped bands", _tried(swapped_readings(file, other))
-    # together, because the high bytes of other numbers are weak signals, too: the strongest is taken
+    # The formats are compared together, because the high bytes of other numbers give weak signals, too.
     yield "real or complex and number formats", _tried(chain(layout_readings(file), format_readings(file)))
     yield "the likeliest sampling rates", _rates(file)
     yield f"centre frequencies to ±{(WIDE_HZ + 5e3) / 1e3:.0f} kHz", _centres(file)
@@ -207,7 +207,7 @@ def _tried(readings: Iterable[Reading]) -> Iterator[_Hit | None]:
 
 
 def _rates(file: BandFile) -> Iterator[_Hit | None]:
-    """Yield the sampling rates in the order in which the repetition of the codes suggests them, up to one that fits."""
+    """Yield the sampling rates that the repetition of the codes suggests, the likeliest first, until one fits."""
     batch = head(file, E1_WINDOW_S)
     if batch is None:
         return
@@ -224,7 +224,7 @@ def _rates(file: BandFile) -> Iterator[_Hit | None]:
 
 
 def _centres(file: BandFile) -> Iterator[_Hit | None]:
-    """Yield what the Dopplers around one centre frequency after the other show, up to one that fits."""
+    """Yield the signals around each centre frequency in turn, until a centre frequency fits."""
     batch = head(file, _window_s(_TRY_STRETCHES))
     for number in range(2 * int(WIDE_HZ / WIDE_STEP_HZ)):
         middle_hz = WIDE_STEP_HZ * (number // 2 + 1) * (-1) ** number

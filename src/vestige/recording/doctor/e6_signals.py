@@ -1,4 +1,4 @@
-"""E6 beside the satellites of E1: whether its description is right, and whether E6-C is encrypted."""
+"""Check of E6 against the satellites of E1: whether the description of E6 is right, and E6-C is encrypted."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from vestige.sample_processor.e6_acquisition import OPEN_SHARE, E6Acquisition, a
 from vestige.signals.definitions import E6B, E6C
 
 E6_WINDOW_S = 0.1  # duration of samples: one period of the secondary code
-BAND_OFFSET_S = 2e-6  # between E1 and E6 that ionosphere, satellite and receiver hardware do not explain
-_LOOKED_AT = 6  # satellites, the strongest on E1
+BAND_OFFSET_S = 2e-6  # delay between E1 and E6 that is too large for ionosphere, satellite and receiver hardware
+_LOOKED_AT = 6  # number of satellites to search for, the strongest on E1
 _TRIED = 3  # number of satellites tried with each other description
 _TRY_S = 0.012
-PREDICTED_SPAN_HZ = 400.0  # around the Doppler that E1 predicts
+PREDICTED_SPAN_HZ = 400.0  # Doppler span around the prediction of E1
 _WIDE_HZ = 60_000.0  # range of the centre of the Dopplers, for a wrong centre frequency
-_BLIND_SPAN_HZ = 5000.0  # without E1
+_BLIND_SPAN_HZ = 5000.0  # Doppler span without E1
 _BLIND_STRETCHES = 12
 
 
@@ -46,7 +46,7 @@ class E6Satellite:
     svid: int
     cn0_dbhz: float  # C/N0 of E6-B, rough: low by up to 4 dB
     e6c_open: bool  # whether the primary code of E6-C repeats every millisecond
-    secondary_fits: bool | None  # whether its signs are those of the secondary code; None if the samples are too short
+    secondary_fits: bool | None  # whether its signs agree with the secondary code; None if the samples are too short
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,18 +61,18 @@ class E6Result:
 def examine_e6(
     files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: float, *, span_hz: float = PREDICTED_SPAN_HZ
 ) -> E6Result:
-    """Return which satellites E6-B and E6-C show, and as which description if not as the given one.
+    """Return the satellites that E6-B and E6-C show, and the description that shows them.
 
     Parameters
     ----------
     files
-        The samples of E6 as described, or the ways to read them if E1 has already shown that bands are swapped.
+        The samples of E6 as described, or several possible descriptions if E1 has already shown that bands are swapped.
     e1
-        Satellites of E1, the strongest first; without any, all are looked for.
+        Satellites of E1, the strongest first; if there are none, all satellites are searched for.
     try_s
         Processor time for which other descriptions are tried, in s.
     span_hz
-        Largest difference in Hz between the Dopplers on E6 and those that E1 gives.
+        Largest difference in Hz between the Dopplers on E6 and the predictions of E1.
     """
     findings: list[Finding] = []
     sky = [(one.svid, one.doppler_hz * E6_CARRIER_HZ / E1_CARRIER_HZ) for one in e1[:_LOOKED_AT]]
@@ -107,7 +107,7 @@ def examine_e6(
 
 
 def expected_start_s(snapshot: E1Snapshot, batch: SampleBatch) -> float:
-    """Return when, after the first sample of E6, E1 lets the first code period of E6 start; modulo 1 ms."""
+    """Return the time from the first sample of E6 to the first start of a code period that E1 predicts, modulo 1 ms."""
     ahead_s = batch.start - snapshot.time
     phase_s = snapshot.transmit_phase_s + ahead_s * (1 + snapshot.doppler_hz / E1_CARRIER_HZ)
     return -phase_s % E6B.period_s
@@ -126,7 +126,7 @@ def _shown(file: BandFile, sky: list[tuple[int, float]], span_hz: float) -> list
 
 
 def _readings(file: BandFile) -> Iterator[Iterable[Reading]]:
-    """Yield the readings that would mend one kind of mistake, one kind after the other."""
+    """Yield the readings for each kind of mistake in turn."""
     yield reversed_readings(file)
     yield chain(layout_readings(file), format_readings(file))
     batch = head(file, E6_WINDOW_S)
@@ -191,7 +191,7 @@ def _satellites(
 
 
 def _offset(batch: SampleBatch, e1: Sequence[E1Satellite], acquired: dict[int, E6Acquisition]) -> Iterator[Finding]:
-    """Yield a line if E6 is later or earlier than E1 by more than hardware explains."""
+    """Yield a line if the delay between E6 and E1 is too large for hardware."""
     period_s = E6B.period_s
     apart = [
         (acquired[one.svid].code_start_s - expected_start_s(one.snapshot, batch) + period_s / 2) % period_s
@@ -231,7 +231,7 @@ def _encryption(satellites: list[E6Satellite]) -> Iterator[Finding]:
 
 
 def _reversed(file: BandFile, sky: list[tuple[int, float]], span_hz: float) -> Reading | None:
-    """Return the reading with the other sense of the spectrum if it places more satellites at their Dopplers."""
+    """Return the reading with the reversed spectrum if it shows more satellites at their predicted Dopplers."""
     telling = sorted(sky, key=lambda one: -abs(one[1]))[:_TRIED]
     if not telling or abs(telling[0][1]) < 3 * span_hz:
         return None

@@ -1,9 +1,9 @@
-"""The doctor of a recording: which satellites are in it, and what is wrong with its samples or their description.
+"""Examination of a recording: its satellites, and the faults of its samples or of their description.
 
-The description is taken as it is first. Only where it shows no signal, descriptions that are one mistake away are
-tried, for `TRY_S` of processor time at most in each band, which is half of that on two idle cores. The first 100 ms are
-looked at, and windows of 100 ms in the middle and at the end. Samples of float32 are all read, for `READ_S` of
-processor time at most, because one that is not a number stops every other command.
+The given description is tried first. If it shows no signal, descriptions that differ by one mistake are tried. This
+search takes at most `TRY_S` of processor time in each band, which is half as much time on two idle cores. The search
+uses the first 100 ms, and windows of 100 ms in the middle and at the end. All samples of float32 are read, for at most
+`READ_S` of processor time, because every other command stops at a sample that is not a number.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from vestige.sample_processor.e1_snapshot import MIN_PERIODS
 from vestige.signals.definitions import E1C, E6C
 from vestige.time import GalileoTime
 
-TRY_S = 36.0  # processor time for descriptions that are one mistake away
+TRY_S = 36.0  # processor time for descriptions that differ by one mistake
 READ_S = 10.0  # processor time in which samples of float32 are read, some 10 GB
-SHORTEST_E1_S = (MIN_PERIODS + 2) * E1C.period_s  # in which the time of transmission can be measured
+SHORTEST_E1_S = (MIN_PERIODS + 2) * E1C.period_s  # shortest E1 for a measurement of the time of transmission
 SHORTEST_E6_S = min(length.n_chips for length in LENGTHS) / E6C.chip_rate_hz
-RECEIVED_KEY_S = 2 * SUBFRAME_S  # duration of E1 in which a whole subframe with its key lies, wherever it begins
-_GUESSED_HZ = 4000.0  # by which Dopplers may be wrong on a centre frequency that is the middle of the signals
-_SOME_TIME = GalileoTime(1200, 0)  # for samples whose time nothing tells: code phases do not need it
-_ENDS_ONLY = 2  # distinct values of a signal that is clipped to one bit
+RECEIVED_KEY_S = 2 * SUBFRAME_S  # duration of E1 that always contains a whole subframe with its key
+_GUESSED_HZ = 4000.0  # largest Doppler error if the centre frequency was estimated from the signals
+_SOME_TIME = GalileoTime(1200, 0)  # start of samples without a time tag; code phases do not need the true time
+_ENDS_ONLY = 2  # number of distinct values of a signal that is clipped to one bit
 # number of values of a front end with four bits or less, which stores many samples at its outermost values
 _FEW_VALUES = 16
-_READ_SAMPLES = 1 << 20  # at once, to find those that are not finite
-_LOOKED_AT_S = 0.02  # at each place that is looked at for equal samples and clipping
+_READ_SAMPLES = 1 << 20  # number of samples in each read of the search for values that are not finite
+_LOOKED_AT_S = 0.02  # duration of the samples at each position that is tested for equal samples and clipping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,14 +57,14 @@ class Examination:
 
     @property
     def faults(self) -> tuple[Finding, ...]:
-        """Findings that something is wrong."""
+        """Findings of a fault."""
         return tuple(one for one in self.findings if one.is_fault)
 
 
 def examine(
     description: RecordingDescription, *, progress: Progress = lambda _step, _done, _total: None
 ) -> Examination:
-    """Return what the signals in a recording's samples say of it.
+    """Return the result of an examination of the signals in a recording.
 
     Raises `InputFileError` if a sample file cannot be opened.
 
@@ -73,7 +73,7 @@ def examine(
     description
         The recording as it is described.
     progress
-        Called with the step, and with the parts of it that are done and of all.
+        Called with the name of the step, the number of its parts that are done and the number of all.
     """
     if any(file.start is None for file in description.bands.values()):
         description = redated(description, _SOME_TIME)
@@ -120,7 +120,7 @@ def _satellites(e6: E6Result | None) -> tuple[E6Satellite, ...]:
 
 
 def _e6_files(e6: BandFile, e1: BandFile | None, result: E1Result | None) -> list[BandFile]:
-    """Return descriptions of E6 to try: the given one, or that of the E1 file if E1 was found in the E6 file."""
+    """Return the descriptions of E6 to try, which include that of the E1 file if E1 was found in the E6 file."""
     if e1 is None or result is None or result.file.path == e1.path:
         return [e6]
     return [reading.file for reading in swapped_readings(e6, e1)]
@@ -132,7 +132,7 @@ def _head_is_usable(file: BandFile) -> bool:
 
 
 def _equal_or_broken(reader: SampleReader) -> Iterator[Finding]:
-    """Yield the faults of the values at the beginning, in the middle and at the end."""
+    """Yield the faults of the values at the beginning, in the middle and at the end of the samples."""
     name, band, rate = reader.file.path.name, reader.band, reader.file.sample_rate_hz
     count = min(max(round(_LOOKED_AT_S * rate), 1), reader.n_samples)
     firsts = (reader.first_sample, (reader.first_sample + reader.end_sample - count) // 2, reader.end_sample - count)
@@ -167,7 +167,7 @@ def _not_a_number(band: Band, error: InputFileError) -> Finding:
 
 
 def _not_finite(reader: SampleReader, limit: TimeLimit) -> Iterator[Finding]:
-    """Yield the first sample of float32 that is no finite number, and how far the file was read if not to its end."""
+    """Yield the first sample of float32 that is not finite, and how far the file was read if not to its end."""
     if reader.file.form.component != "float32":
         return
     for first in range(reader.first_sample, reader.end_sample, _READ_SAMPLES):
@@ -190,7 +190,7 @@ def _not_finite(reader: SampleReader, limit: TimeLimit) -> Iterator[Finding]:
 def _clipped(reader: SampleReader) -> Iterator[Finding]:
     file = reader.file
     batch = head(replace(file, start=file.start or _SOME_TIME), _LOOKED_AT_S)
-    if better_sibling(file) is not None:  # it is the format that lays the values there
+    if better_sibling(file) is not None:  # a wrong format moves the values to the ends
         return
     if batch is None or not front_end_status(batch, file.form).saturated:
         return
@@ -222,7 +222,7 @@ def _short(reader: SampleReader) -> Iterator[Finding]:
 
 
 def _duration(description: RecordingDescription) -> Iterator[Finding]:
-    """Yield what the duration of the recording is too short for."""
+    """Yield the purposes for which the recording is too short."""
     durations = [open_samples(file).duration_s for file in description.bands.values()]
     seconds = min(durations, default=math.inf)
     lacks = []

@@ -1,4 +1,4 @@
-"""Findings about the signals of a recording, one a line: the evidence, and what to change."""
+"""Findings about the signals of a recording, one a line: the evidence, and the change to make."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vestige.records import Band
 
 
 class FindingKind(StrEnum):
-    """Kind of a finding; the names stand in the JSON of `vestige inspect`."""
+    """Kind of a finding; the names appear in the JSON of `vestige inspect`."""
 
     NO_SIGNAL = "no signal"
     SWAPPED_BANDS = "swapped bands"
@@ -33,13 +33,13 @@ class FindingKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One thing that the samples show."""
+    """A single finding about the samples."""
 
     kind: FindingKind
     band: Band | None
-    is_fault: bool  # False: a remark on a recording that is as its description says
-    evidence: str  # what was found, with its numbers
-    advice: str  # what to change or to do
+    is_fault: bool  # False for a remark on a recording that agrees with its description
+    evidence: str  # evidence of the finding, with its numbers
+    advice: str  # change to make, or action to take
 
     @property
     def line(self) -> str:
@@ -48,20 +48,21 @@ class Finding:
 
 
 def fault(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> Finding:
-    """Return a finding that something is wrong."""
+    """Return a finding of a fault."""
     return Finding(kind=kind, band=band, is_fault=True, evidence=evidence, advice=advice)
 
 
 def remark(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> Finding:
-    """Return a finding that nothing is wrong with."""
+    """Return a finding that is not a fault."""
     return Finding(kind=kind, band=band, is_fault=False, evidence=evidence, advice=advice)
 
 
 @dataclass(slots=True)
 class TimeLimit:
-    """Limit of the processor time for finding the right description; it counts from when it is made.
+    """Limit of the processor time for the search of the right description, counted from the creation of the object.
 
-    It is processor time, not the time of day, so the findings do not depend on what else the machine does.
+    Processor time, in contrast to the time of day, does not depend on the load of the machine, so neither do the
+    findings.
     """
 
     seconds: float

@@ -1,4 +1,4 @@
-"""Other descriptions of the same samples, each of which is one mistake away from the one that was given."""
+"""Other descriptions of the same samples, each of which differs from the given description by one mistake."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from vestige.recording.samples.sample_format import SampleFormat, SampleType
 from vestige.records import SampleBatch
 from vestige.signals.definitions import CARRIER_HZ
 
-_LOOKED_AT = 1 << 16  # samples that tell whether a format is plausible
-_KURTOSIS = (1.2, 6.0)  # noise behind a quantiser of 2 bits or more; a wrong byte order gives other values
-_LEAST_IF = 0.05  # share of the sampling rate: an intermediate frequency of real samples
+_LOOKED_AT = 1 << 16  # number of samples that decide whether a format is plausible
+_KURTOSIS = (1.2, 6.0)  # kurtosis of noise behind a quantiser of 2 bits or more; a wrong byte order gives other values
+_LEAST_IF = 0.05  # smallest intermediate frequency of real samples, as a share of the sampling rate
 _SIBLINGS: dict[SampleType, SampleType] = {"int8": "uint8", "uint8": "int8", "int16": "uint16", "uint16": "int16"}
 
 
@@ -26,20 +26,20 @@ _SIBLINGS: dict[SampleType, SampleType] = {"int8": "uint8", "uint8": "int8", "in
 class Reading:
     """One way to read a band's samples."""
 
-    kind: FindingKind  # kind of the mistake that the given description would have
+    kind: FindingKind  # kind of the mistake in the given description
     file: BandFile
-    says: str  # what is different, as the evidence says it: "the spectrum reversed"
-    change: str  # what to write in the description
+    says: str  # difference, in the words of the evidence: "the spectrum reversed"
+    change: str  # change to make in the description
 
     def fault(self, evidence: str) -> Finding:
-        """Return the finding that the samples are as this reading has them, not as described."""
+        """Return the finding that this reading fits the samples and the description does not."""
         return fault(self.kind, self.file.band, f"{self.file.band.value}: {evidence}", self.change)
 
 
 def head(file: BandFile, duration_s: float, first_s: float = 0.0) -> SampleBatch | None:
-    """Return the samples of a file from `first_s` on, as many as there are; None if they cannot be read as described.
+    """Return up to `duration_s` of samples of a file from `first_s` on; None if they cannot be read as described.
 
-    Samples that are not finite numbers, as other formats have them, cannot.
+    Samples that are not finite numbers, which occur if the format is wrong, also give None.
     """
     try:
         reader = open_samples(file)
@@ -73,7 +73,7 @@ def reversed_readings(file: BandFile) -> Iterator[Reading]:
 
 
 def swapped_readings(file: BandFile, other: BandFile) -> Iterator[Reading]:
-    """Yield the samples of the other band's file, as its description or as this band's says."""
+    """Yield the samples of the other band's file, read with the description of either band."""
     shift_hz = CARRIER_HZ[file.band] - CARRIER_HZ[other.band]
     seen = []
     for one in (
@@ -99,7 +99,7 @@ def swapped_readings(file: BandFile, other: BandFile) -> Iterator[Reading]:
 
 
 def _has_intermediate_frequency(file: BandFile) -> bool:
-    """Return whether samples can be real: around 0 Hz the noise of real ones exceeds an acquisition's threshold."""
+    """Return whether samples can be real: around 0 Hz the noise of real samples exceeds an acquisition's threshold."""
     return abs(CARRIER_HZ[file.band] - file.center_frequency_hz) >= _LEAST_IF * file.sample_rate_hz
 
 
@@ -154,10 +154,10 @@ def format_readings(file: BandFile) -> Iterator[Reading]:
 
 
 def better_sibling(file: BandFile) -> Reading | None:
-    """Return the reading with or without sign if the given one lays all values at the ends of the scale.
+    """Return the reading with or without sign if the given format puts all values at the ends of the scale.
 
-    Signed numbers read as offset binary, or the reverse, keep their sign and lose their size: the signals are there,
-    some 2 dB weaker.
+    Signed numbers read as offset binary, or the reverse, keep their sign and lose their size. The signals are still
+    found, some 2 dB weaker.
     """
     sibling = _SIBLINGS.get(file.form.component)
     if sibling is None:
@@ -188,7 +188,7 @@ def rate_reading(file: BandFile, rate_hz: float) -> Reading:
 
 
 def centre_reading(file: BandFile, offset_hz: float) -> Reading:
-    """Return the reading with another centre frequency: signals were found `offset_hz` above where they should be."""
+    """Return the reading with another centre frequency, for signals `offset_hz` above the expected frequency."""
     center_hz = file.center_frequency_hz - offset_hz
     return Reading(
         kind=FindingKind.CENTRE_FREQUENCY,
@@ -208,7 +208,7 @@ def _components(file: BandFile) -> np.ndarray | None:
 
 
 def _implausibility(file: BandFile) -> float | None:
-    """Return how far the components are from noise, by their kurtosis; None if they cannot be samples."""
+    """Return the difference of the components' kurtosis from noise; None if the components cannot be samples."""
     values = _components(file)
     if values is None or values.size < 256:
         return None

@@ -1,10 +1,11 @@
 """Journal of a receiver that follows a recording: after any interruption the receiver continues where it was.
 
-`verdicts.jsonl` has one line for each verdict and each change of state. `state.json` says how many bytes of it count
-and what their SHA-256 is, which epoch was the last, and what the receiver remembers; it is replaced as a whole after
-the lines were written. So a run that was killed between the two has lines that do not count: they are cut off, and
-written again when the epoch is processed again from the same state, with the same result. No line is lost, and no line
-is there twice. If the lines that count are not those that were written, that is an error, and nothing is cut off.
+`verdicts.jsonl` has one line for each verdict and each change of state. `state.json` contains the number of valid bytes
+in `verdicts.jsonl`, the SHA-256 of these bytes, the last epoch and the receiver's state. `state.json` is replaced as a
+whole after the lines were written. If a run is killed between the two writes, the newest lines are not valid yet. The
+next run cuts them off, processes the epoch again from the same state and writes the same lines. No line is lost, and no
+line appears twice. If the valid lines differ from the lines that were written, the journal raises an error and cuts
+nothing off.
 """
 
 from __future__ import annotations
@@ -41,9 +42,9 @@ class FollowProgress:
     """Progress in following a recording: the last snapshot, and the receiver state after it."""
 
     index: _Count  # number of the last snapshot
-    sent: GalileoTime  # when its RECS was sent
-    state: ReceiverState  # what is remembered after it
-    time_tag_error_s: float = 0.0  # by how much the time tag of the samples was late
+    sent: GalileoTime  # time of transmission of its RECS
+    state: ReceiverState  # receiver state after the snapshot
+    time_tag_error_s: float = 0.0  # error of the samples' time tag in s, positive if it is late
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,9 +57,9 @@ class _State:
 
 
 class FollowJournal:
-    """The folder, open for one writer; a context manager.
+    """Journal folder, open for one writer; a context manager.
 
-    `settings` are what the verdicts depend on, in words; a folder of other settings is refused.
+    `settings` lists the settings on which the verdicts depend, in words; a folder with other settings is refused.
 
     Raises `InputFileError` if the folder holds something else, was made with other settings, is damaged, or is in use.
     """
@@ -69,7 +70,7 @@ class FollowJournal:
         with ExitStack() as held:
             self._lock = held.enter_context(only_writer(folder))
             self.progress, self._n_bytes, self._hash = self._opened()
-            check_output(folder / LINES, ())  # no link to another file
+            check_output(folder / LINES, ())  # a link to another file is refused
             self._lines = held.enter_context((folder / LINES).open("ab"))
             self._lines.truncate(self._n_bytes)
             self._held = held.pop_all()
@@ -114,7 +115,7 @@ class FollowJournal:
         return state
 
     def record(self, lines: Sequence[str], progress: FollowProgress) -> None:
-        """Keep the lines of one epoch and how far it goes: both or neither."""
+        """Keep the lines of an epoch and the progress: both or neither."""
         data = "".join(f"{line}\n" for line in lines).encode()
         with naming(self._folder / LINES):
             self._lines.write(data)
@@ -134,7 +135,7 @@ class FollowJournal:
         self.progress = progress
 
     def _keep(self, state: _State) -> None:
-        text = json.dumps(self._adapter.dump_python(state, mode="json"))  # an infinite limit stays what it is
+        text = json.dumps(self._adapter.dump_python(state, mode="json"))  # an infinite limit stays infinite
         with replacement(self._folder / STATE) as part:
             part.write_text(text, encoding="utf-8")
         os.fsync(self._lock)

@@ -1,26 +1,26 @@
-"""Follows a recording while it is written: each RECS epoch as soon as everything that a verdict needs is there.
+"""Iterator over a recording that is still being written: yields each RECS epoch as soon as its data are complete.
 
 Theory of operation
 -------------------
-An epoch needs four things, which come at different times: its RECS (downloaded days ago), its samples, the E1
-observations around it, and the OSNMA key, which is complete half a minute to a minute after the samples were taken.
-Where there is a second channel or there are accelerometers, the keys and the accelerations of that time are waited for,
-too. Then its snapshot is that of the finished recording, bit for bit: the samples reach as far as any search may look,
-and more observations would change nothing (`ObservationTrack.settled`).
+An epoch needs its RECS (downloaded days ago), its samples, the E1 observations around it, and the OSNMA key. The key is
+complete half a minute to a minute after the samples were taken. With a second channel or with accelerometers, the epoch
+also waits for the keys and the accelerations of its time. Then the snapshot is the same as from the finished recording,
+bit for bit. The samples cover the range of every search, and more observations would change nothing
+(`ObservationTrack.settled`).
 
-Epochs are handed out in the order of time, because the state of the receiver goes from one to the next. One that waits
-for its key holds up those after it, whose keys come later anyway. A key that never comes must not hold up everything:
-`wait_s` after its samples an epoch is handed out as it is, and its verdict is that the key is missing.
+Epochs are yielded in the order of time, because the receiver state passes from each epoch to the next. An epoch that
+waits for its key delays the later epochs, whose keys come later anyway. A missing key must not stop the receiver. So an
+epoch is yielded at the latest `wait_s` after its samples; if its key is missing, the verdict says so.
 
-Where E1 is tracked in the samples, the observations, the keys and the time of the recording come out of them as well.
-An epoch waits until a message has told the time. A key that has not come `wait_s` of tracked signal after the samples
-is missing, however fast a file is read.
+If E1 is tracked in the samples, tracking also gives the observations, the keys and the time of the recording. An epoch
+waits until a message has told the time. A key counts as missing if `wait_s` of signal after the epoch was tracked
+without it, however fast a file is read.
 
-Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` is told which epochs still need
-samples. Every decision about samples refers to that look.
+Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` gets the epochs that still need
+samples. Every decision about samples refers to the state at that look.
 
-Nothing in a file says that it is finished. `idle_s` without anything new, or the end of a pipe, does; then what is left
-is handed out as it is, as from a finished recording.
+A file does not say that it is finished. A recording counts as finished after `idle_s` without new data, or at the end
+of a pipe. Then the remaining epochs are yielded with the available data, as from a finished recording.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ from vestige.time import GalileoTime
 class WaitLimits:
     """Limits of the waiting times, in s."""
 
-    poll_s: float = 1.0  # between two looks
-    wait_s: float = 180.0  # for the key and the observations of an epoch whose samples are there
-    idle_s: float | None = None  # for anything new before the recording counts as finished; None to wait for ever
+    poll_s: float = 1.0  # time between two looks
+    wait_s: float = 180.0  # longest wait for the key and the observations of an epoch whose samples are complete
+    idle_s: float | None = None  # time without new data that ends the recording; None to wait for ever
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,34 +59,34 @@ class FollowedEpoch:
 
     sent: GalileoTime  # time of transmission of its RECS
     snapshot: Snapshot
-    assistance: Assistance  # what is known by now
-    # what the second channel has of OSNMA by now, and the accelerations since the epoch before and further
+    assistance: Assistance  # assistance that is known so far
+    # OSNMA of the second channel so far, and the accelerations since the epoch before
     channels: OtherChannels
-    time_tag_error_s: float = 0.0  # by how much the snapshot's time, which is the receiver clock's, is late
+    time_tag_error_s: float = 0.0  # error of the snapshot's receiver-clock time in s, positive if it is late
 
 
 @dataclass(slots=True, kw_only=True)
 class Following:
-    """The epochs of a recording that grows; iterate once."""
+    """The epochs of a recording that grows, for a single iteration."""
 
     live: LiveRecording
     folder: GrowingAssistance
     second: GrowingAssistance | None = None  # folder of OSNMA keys of the second channel
     accelerations: GrowingAccelerations | None = None  # file of inertial sensors
     time_uncertainty_s: float  # upper limit of the receiver clock's error
-    searchable: bool  # as `RecordingSource`, and the next
+    searchable: bool  # same as for `RecordingSource`, like the next
     cn0_estimator: str = NOISE_FLOOR
-    hardware_bias_s: float | None = None  # delay of E6 minus E1 in the receiver, in place of that of the folder
+    hardware_bias_s: float | None = None  # delay of E6 minus E1 in the receiver, in place of the folder's value
     patience: WaitLimits
     index: int = 0  # number of the next snapshot
-    after: GalileoTime | None = None  # time of the last RECS that needs no snapshot any more, None at first
+    after: GalileoTime | None = None  # time of the last RECS that no longer needs a snapshot, None at first
 
     def __iter__(self) -> Iterator[FollowedEpoch]:
-        """Yield the epochs in the order of time; raises as what it reads."""
+        """Yield the epochs in the order of time; raises the errors of the files that are read."""
         complete_since: dict[GalileoTime, float] = {}
         news_s = time.monotonic()
         while True:
-            if self._look(complete_since) or self.live.full:  # a pipe that is not read cannot have news
+            if self._look(complete_since) or self.live.full:  # a full buffer stops the pipe
                 news_s = time.monotonic()
             while (epoch := self._next(complete_since, finished=False)) is not None:
                 yield epoch
@@ -107,18 +107,18 @@ class Following:
     def _is_idle(self, news_s: float) -> bool:
         """Return whether nothing new has come for so long that the recording counts as finished.
 
-        While samples wait to be tracked it is this machine that is late, not the writer.
+        While samples wait to be tracked, the delay is on this machine, not at the writer.
         """
         idle_s = self.patience.idle_s
         return idle_s is not None and time.monotonic() - news_s >= idle_s and not self.live.is_behind
 
     def _look(self, complete_since: dict[GalileoTime, float], *, at_once: bool = False) -> bool:
-        """Take in what is new; return whether anything is."""
+        """Read new data; return whether there were any."""
         changed = self.live.look()
         self.live.say_held_up(self.patience.wait_s)
         changed |= self._look_at_folder(at_once=at_once)
         if self.second is not None:
-            changed |= self.second.look(self.live.start, self.live.start)  # it has keys alone
+            changed |= self.second.look(self.live.start, self.live.start)  # the second channel gives only keys
         if self.accelerations is not None:
             changed |= self.accelerations.look()
         for one in [one for one in complete_since if self.after is not None and one <= self.after]:
@@ -137,11 +137,11 @@ class Following:
 
     @property
     def _known_until(self) -> GalileoTime:
-        """Time of transmission up to which it is known which RECS may be in the samples by now."""
+        """Time of transmission up to which the RECS that may be in the samples are known."""
         return min(self.live.end + -TRAVEL_TIME_S[0], self.folder.until)
 
     def _to_come(self) -> list[GalileoTime]:
-        """Return the times of the RECS that need a snapshot yet, as far as they may be in the samples by now."""
+        """Return the times of the RECS that still need a snapshot and may be in the samples so far."""
         segments = self.folder.found.assistance.segments
         low = bisect_left(segments, self.live.start + -TRAVEL_TIME_S[1], key=_sent)
         if self.after is not None:
@@ -150,17 +150,17 @@ class Following:
         return sorted({one.transmit_time for one in segments[low:high]})
 
     def _next(self, complete_since: dict[GalileoTime, float], *, finished: bool) -> FollowedEpoch | None:
-        """Return the next epoch if it is ready, or if nothing more will come."""
+        """Return the next epoch if it is ready, or if no more data will come."""
         sent = next(iter(self._to_come()), None)
         if sent is None:
             return None
         if not finished:
             waited_s = time.monotonic() - complete_since.get(sent, math.inf)
-            overdue = waited_s >= self.patience.wait_s and not self.live.is_behind  # its key may be in what waits
+            overdue = waited_s >= self.patience.wait_s and not self.live.is_behind  # samples that wait may hold the key
             if not self._is_ready(sent):
                 if not (overdue or self._is_passed(sent)):
                     return None
-                self._look_at_folder(at_once=True)  # what is about to be missing may have come
+                self._look_at_folder(at_once=True)  # data that would be missing may have come
         return self._handed_out(sent)
 
     def _is_passed(self, sent: GalileoTime) -> bool:
@@ -169,7 +169,7 @@ class Following:
         return tracked is not None and self.live.complete(sent) and tracked - sent >= self.patience.wait_s
 
     def _is_ready(self, sent: GalileoTime) -> bool:
-        """Return whether everything is there that the finished recording will have for an epoch."""
+        """Return whether all data that the finished recording will have for an epoch are available."""
         return self.live.complete(sent) and self._has_keys(sent) and self._is_observed(sent) and self._is_sensed(sent)
 
     def _has_keys(self, sent: GalileoTime) -> bool:
@@ -177,11 +177,11 @@ class Following:
         known = {key.time for key in assistance.keys}
         if not all(one.key_time in known for one in segments_between(assistance, sent, sent)):
             return False
-        # the newest key that a finished recording compares is that of the subframe in which the RECS was sent
+        # The newest key that a finished recording compares belongs to the subframe in which the RECS was sent.
         return self.second is None or any(sent - one.time < SUBFRAME_S for one in self.second.found.assistance.keys)
 
     def _is_observed(self, sent: GalileoTime) -> bool:
-        """Return whether the observations are final, and the samples reach as far as they say."""
+        """Return whether the observations are final, and the samples reach as far as the observations require."""
         track, at = self.live.track, sent + (MEDIAN_TRAVEL_TIME_S + self.live.time_tag_error_s)
         if track is None:
             return True
@@ -191,7 +191,7 @@ class Following:
         return self.live.complete(sent)
 
     def _is_sensed(self, sent: GalileoTime) -> bool:
-        """Return whether the accelerations reach as far as the snapshot's time may be."""
+        """Return whether the accelerations reach the latest possible time of the snapshot."""
         return self.accelerations is None or self.accelerations.reaches(
             sent + (MEDIAN_TRAVEL_TIME_S + E1_WINDOW_S + self.live.time_tag_error_s)
         )

@@ -1,8 +1,8 @@
-"""Samples of several channels out of one pipe: each channel as if it had a pipe of its own.
+"""Samples of several channels out of a common pipe: each channel is read as if it had its own pipe.
 
-A recorder with two front ends writes frames, one sample of each channel in turn: `E1[0] E6[0] E1[1] E6[1] …`. The
-channels are read by one thread each. The thread that finds its channel empty reads the pipe for all of them. What the
-others have not taken yet waits, at most `WAITING_BYTES` a channel; then the reader waits for them.
+A recorder with two front ends writes frames, one sample of each channel in turn: `E1[0] E6[0] E1[1] E6[1] …`. A thread
+reads each channel. A thread that finds its channel empty reads the pipe for all channels. Bytes that the other threads
+have not taken yet are buffered, up to `WAITING_BYTES` a channel. Then the reading thread waits for the other threads.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ _BLOCK_FRAMES = 1 << 15
 class FrameSplitter:
     """Splits the frames of a pipe into channels.
 
-    Half a frame at the end is dropped.
+    An incomplete frame at the end is dropped.
 
     Parameters
     ----------
     read
-        Reads the pipe: at most so many bytes, none at the end; may wait, and raise `OSError`.
+        Function that reads at most the given number of bytes from the pipe, none at the end; it may wait, and raise
+        `OSError`.
     sample_bytes
         Bytes of one sample, the same for all channels.
     n_channels
         Samples in a frame.
     wanted
-        The channels that are read; the samples of others are dropped. None for all.
+        The channels that are read; samples of other channels are dropped. None for all channels.
     header_bytes
         Bytes before the first frame, which are skipped.
 
@@ -60,7 +61,7 @@ class FrameSplitter:
         self._changed = threading.Condition()
 
     def read(self, channel: int, at_most: int) -> bytes:
-        """Return the next bytes of a channel, as soon as there are any; none at the end.
+        """Return the next bytes of a channel as soon as there are any; empty at the end.
 
         Raises `OSError` if the pipe could not be read.
         """
@@ -85,7 +86,7 @@ class FrameSplitter:
         return any(len(part) >= WAITING_BYTES for part in self._parts.values())
 
     def _take(self) -> None:
-        """Read some frames; only one thread does at a time, and no other waits for the lock meanwhile."""
+        """Read some frames; only one thread reads at a time, and no other thread waits for the lock meanwhile."""
         block, error = b"", None
         try:
             block = self._read(_BLOCK_FRAMES * self._n_channels * self._sample_bytes)

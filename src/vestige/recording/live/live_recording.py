@@ -1,10 +1,9 @@
-"""A recording that another process is still writing, as far as it goes: sample files, or pipes.
+"""A recording that another process is still writing: the samples so far, in files or pipes.
 
-`look` says what is new, and until the next look everything here is as of that moment. Any window of a file can be read
-at any time. For a pipe, `keep` says which RECS still need a snapshot; all other samples are dropped.
+`look` finds new data, and until the next look the state of the object does not change. Any window of a file can be read
+at any time. For a pipe, `keep` names the RECS that still need a snapshot; all other samples are dropped.
 
-Times here are those that are right: where E1 is tracked, a message tells by how much the time tag of the samples is
-late.
+Times in this module are corrected: if E1 is tracked, a message tells the error of the samples' time tag.
 """
 
 from __future__ import annotations
@@ -32,42 +31,41 @@ from vestige.time import GalileoTime
 
 BEFORE_S = SEGMENT_WINDOW_S - TRAVEL_TIME_S[0] + 0.1
 AFTER_S = SEGMENT_WINDOW_S + TRAVEL_TIME_S[1] + E1_WINDOW_S + 0.1
-OBSERVED_BEFORE_S = 2.0  # duration of observations that are kept before a RECS, whose epochs around it are interpolated
-MOVED_S = 0.1  # by which windows that are kept may still move, when a message tells the error of the time tag
-ROOM = 1.5  # windows that a buffer has to hold at least
+OBSERVED_BEFORE_S = 2.0  # duration of observations that are kept before a RECS, for the interpolation
+MOVED_S = 0.1  # largest move of a kept window when a message tells the error of the time tag
+ROOM = 1.5  # least size of a buffer, in windows
 
 
 class LiveRecording:
-    """A recording that grows.
+    """A recording that grows while it is processed.
 
-    Raises `InputFileError` if there are no E6 samples, or nothing tells their time.
+    Raises `InputFileError` if there are no E6 samples, or no time tag.
 
     Parameters
     ----------
     description
         Description of the recording.
     observations
-        The file of E1 observations, which need not be there yet; None to measure them in the E1 samples.
+        The file of E1 observations, which need not exist yet; None to measure E1 in the samples.
     replaceable
         Whether E1 is measured in the samples if that file stays empty, as in a finished recording.
     streams
         The samples of the bands that come from pipes.
     tracking
-        Tracks E1, in place of a file of observations; None without.
+        Tracking of E1, in place of a file of observations; None without tracking.
     told
         Whether the time tag is known to be right to 40 ms, without tracking.
     uncertainty_s
-        How far from their place a search may look for the RECS, in s.
+        Largest distance of a RECS from its expected position that a search covers, in s.
     warn
-        Is told what is wrong with a line of observations, which samples were dropped, and that the writer of a pipe is
-        held up.
+        Function that gets the faults of lines of observations, the dropped samples, and the waits of a pipe's writer.
 
     Attributes
     ----------
     n_dropped
-        Snapshots so far whose samples were read out of a pipe and dropped.
+        Number of snapshots so far whose samples were read out of a pipe and dropped.
     full
-        Whether nothing more can be read out of a pipe before a RECS that waits has its snapshot.
+        Whether a pipe cannot be read further before a waiting RECS has its snapshot.
     """
 
     def __init__(
@@ -95,18 +93,18 @@ class LiveRecording:
             self.track = tracking.track
         self._readers: dict[Band, SampleReader] = {}
         self._read: dict[Band, StreamState] = {}
-        self._clock_s: tuple[float, float] | None = None  # by how much earlier and later the latest observations are
+        self._clock_s: tuple[float, float] | None = None  # smallest and largest clock error of the latest observations
         self._seen: tuple[int, ...] = ()
         self._told_held_up: set[Band] = set()
-        self._kept_error_s: float | None = None  # error of the time tag, when it was first known
+        self._kept_error_s: float | None = None  # first known error of the time tag
         self.n_dropped, self.full = 0, False
         self._look()
         self._tagged_start = SampleReader(
             file=description.bands[Band.E6], n_samples=0
-        ).start  # fails if nothing tells it
+        ).start  # raises if there is no time tag
 
     def look(self) -> bool:
-        """Look at what was written, track some of it, and return whether there is more of it."""
+        """Look for new samples, track some of them, and return whether there is more to process."""
         changed = self._look()
         if self.tracking is None:
             return changed
@@ -127,25 +125,25 @@ class LiveRecording:
         return seen != before
 
     def resume(self, after: GalileoTime, time_tag_error_s: float) -> None:
-        """Track only what the RECS after a time need; by so much the time tag was late then."""
+        """Track only the samples that RECS after `after` need; `time_tag_error_s` is the time tag's error."""
         if self.tracking is not None and Band.E1 in self._readers:
             self.tracking.resume(after - self._readers[Band.E1].start + time_tag_error_s)
 
     @property
     def _trackable(self) -> SampleReader | StreamSamples:
-        """The E1 samples that are there."""
+        """The E1 samples that are available."""
         stream = self._streams.get(Band.E1)
         return self._readers[Band.E1] if stream is None else StreamSamples(stream, self._read[Band.E1].end_sample)
 
     @property
     def time_tag_error_s(self) -> float:
-        """By how much the time tag of the samples is late, as far as it is known."""
+        """Error of the samples' time tag in s, positive if it is late, as far as known."""
         return 0.0 if self.tracking is None else self.tracking.time_tag_error_s or 0.0
 
     def observed(self) -> ObservationTrack | None:
-        """Return the observations to judge an epoch by that is not waited for any longer; None to measure E1 anew.
+        """Return the observations for an epoch that no longer waits; None to measure E1 in the samples.
 
-        Raises `InputFileError` if nothing more is written, and no observation was.
+        Raises `InputFileError` if the recording has ended without any observation.
         """
         file = self._observations
         if self.tracking is not None:
@@ -161,7 +159,7 @@ class LiveRecording:
         return self.track
 
     def _tracked(self, tracking: LiveTracking) -> ObservationTrack | None:
-        """Return what tracking observed; None if that is too little, and E1 can be measured without."""
+        """Return the tracked observations; None if these are too few, and E1 can be measured without tracking."""
         if tracking.time_tag_error_s is not None:
             return tracking.track
         if not self._told:
@@ -223,7 +221,7 @@ class LiveRecording:
         return self.tracking is not None and self.tracking.is_behind(self._trackable)
 
     def complete(self, sent: GalileoTime) -> bool:
-        """Return whether all samples are there, and tracked, that a snapshot of the RECS of a time may need."""
+        """Return whether all samples that a snapshot of the RECS of a time may need are available and tracked."""
         ends = list(self._ends.values())
         if (tracked := self.tracked) is not None:
             ends.append(tracked)
@@ -232,14 +230,14 @@ class LiveRecording:
     def stalled(self, sent: GalileoTime) -> bool:
         """Return whether one band has all samples that a RECS may need, and nothing is left to be tracked.
 
-        Then the other band has ended, or is held up.
+        Then the other band has ended, or its writer waits.
         """
         ends = self._ends
         late = max(ends.values()) - sent >= self._span_s[1] and not self.is_behind
         return late and len(ends) > 1
 
     def say_held_up(self, least_s: float) -> None:
-        """Warn once of a band of which the samples end so much earlier than those of the other."""
+        """Warn once if the samples of a band end much earlier than those of the other band."""
         ends = self._ends
         for band, end in ends.items():
             behind_s = max(ends.values()) - end
@@ -253,7 +251,7 @@ class LiveRecording:
                 )
 
     def place(self, travel_s: Sequence[float]) -> None:
-        """Take in how long signals are under way by the receiver's clock: its error places the windows of all RECS."""
+        """Update the clock error from the apparent travel times; this error sets the windows of all RECS."""
         travel_s = [one - self.time_tag_error_s for one in travel_s]
         if travel_s:
             early, late = TRAVEL_TIME_S
@@ -261,14 +259,14 @@ class LiveRecording:
             self._clock_s = (min(max(early - min(travel_s), 0.0), most_s), min(max(max(travel_s) - late, 0.0), most_s))
 
     def keep(self, sent: Sequence[GalileoTime], until: GalileoTime) -> None:
-        """Let go of what was read out of a pipe and is not needed any more.
+        """Drop the samples of a pipe that are no longer needed.
 
         Parameters
         ----------
         sent
-            Times of the RECS that need a snapshot yet, as far as they are known.
+            Known times of the RECS that still need a snapshot.
         until
-            Up to when they are known.
+            Time up to which these RECS are known.
         """
         if self.tracking is not None:
             self.tracking.release((min(sent) if sent else until) + (self.time_tag_error_s - OBSERVED_BEFORE_S))
@@ -283,7 +281,7 @@ class LiveRecording:
 
     @property
     def _unplaced(self) -> bool:
-        """Whether nothing tells yet where in the samples a RECS is: by how much the clock is wrong is unknown."""
+        """Whether the position of a RECS in the samples is still unknown, because the clock error is unknown."""
         if self.tracking is not None:
             return not self._told and not self.tracking.is_told
         return self._observations is not None and self._clock_s is None
@@ -293,7 +291,7 @@ class LiveRecording:
         readers = dict(self._readers)
         for band, stream in self._streams.items():
             found = stream.cut(*self._window(sent, band))
-            if found is None:  # a part of a window would be searched in vain
+            if found is None:  # a search in a part of a window would be in vain
                 if band is Band.E6:
                     self._say_dropped(stream, sent)
                 found = stream.nothing()
@@ -309,7 +307,7 @@ class LiveRecording:
         self._warn(VestigeError(f"RECS of {sent}: the E6 samples were dropped: {full}the RECS came too late"))
 
     def wait(self, timeout_s: float) -> None:
-        """Wait until it is worth another look, at most so long."""
+        """Wait until another look is useful, at most the given time."""
         if self.is_behind:
             return
         stream = self._streams.get(Band.E6) or next(iter(self._streams.values()), None)
@@ -332,14 +330,14 @@ class LiveRecording:
         stream.wait(timeout_s)
 
     def finish(self) -> None:
-        """Say that no more is written."""
+        """Mark the recording as complete."""
         if self._observations is not None:
             self._observations.end()
         if self.tracking is not None:
             self.tracking.finish(self._trackable)
 
     def _kept(self, sent: GalileoTime, band: Band) -> tuple[int, int]:
-        """Return the window to keep: one that grew or moved would reach what was let go, so it only shrinks."""
+        """Return the window to keep, which only shrinks, because a larger window would need dropped samples."""
         if self.tracking is None:
             return self._window(sent, band)
         if self._kept_error_s is None and self.tracking.is_told:
@@ -348,7 +346,7 @@ class LiveRecording:
         return self._samples(sent, band, error_s, (-self._before_s - margin_s, self._after_s + margin_s))
 
     def _window(self, sent: GalileoTime, band: Band) -> tuple[int, int]:
-        """Return the first sample of a band and the end of what a RECS of a time may need."""
+        """Return the numbers of the first and the end sample of a band that a RECS of a time may need."""
         return self._samples(sent, band, self.time_tag_error_s, self._span_s)
 
     def _samples(self, sent: GalileoTime, band: Band, late_s: float, span_s: tuple[float, float]) -> tuple[int, int]:
@@ -359,13 +357,13 @@ class LiveRecording:
 
     @property
     def _span_s(self) -> tuple[float, float]:
-        """From when to when the samples are that a RECS may need, after it was sent."""
+        """Begin and end of the samples that a RECS may need, in s after its transmission."""
         early_s, late_s = self._clock_s or (0.0, 0.0)
         return -self._before_s - early_s, self._after_s + late_s
 
     @property
     def _most_clock_s(self) -> float:
-        """Clock error up to which windows fit into the buffer; an absurd observation must not fill it."""
+        """Clock error up to which windows fit into the buffer; an absurd observation must not fill the buffer."""
         if not self._streams:
             return math.inf
         capacity_s = min(
@@ -376,12 +374,12 @@ class LiveRecording:
 
 
 def buffer_s(uncertainty_s: float) -> float:
-    """Return how many seconds of a pipe a buffer has to hold, the place of a RECS being known to ± `uncertainty_s`."""
+    """Return the time in s that the buffer of a pipe must hold if the time of a RECS is known to ± `uncertainty_s`."""
     return ROOM * (BEFORE_S + AFTER_S + 2 * uncertainty_s)
 
 
 def awaited_observations(description: RecordingDescription) -> Path | None:
-    """Return the file of a recording's folder that will hold observations by its name, but has no first line yet."""
+    """Return the file of a recording's folder that is an observation file by its name, but has no first line yet."""
     return next((path for path in observation_names(description) if b"\n" not in _beginning(path)), None)
 
 

@@ -1,8 +1,9 @@
 """Tracking of E1 while its samples arrive: observations, the message, and the error of the time tag.
 
-The tracking receiver takes `TRACKED_STRETCH_S` of samples at a time. What it gives is the same as of the finished
-recording: the stretches begin at the same samples. Pseudoranges are known to multiples of 100 ms until a message has
-told the time; observations wait until then, and are placed by it. All is dropped as soon as no RECS needs it any more.
+The tracking receiver takes `TRACKED_STRETCH_S` of samples at a time. The result is the same as of the finished
+recording, because the stretches begin at the same samples. Pseudoranges are ambiguous by multiples of 100 ms until a
+message has told the time. Observations wait for that time, which resolves the ambiguity. Observations that no RECS
+needs any more are dropped.
 """
 
 from __future__ import annotations
@@ -31,20 +32,20 @@ from vestige.sample_processor.tracking.tracking_receiver import (
 )
 from vestige.time import GalileoTime
 
-AT_ONCE_S = 2.0  # duration of samples that are tracked before other input is looked at
-UNPLACED_S = 200.0  # duration of observations that wait for the time; a message tells it after 30 s
-RETRACKED_S = 600.0  # before the last verdict: time enough for a root key, ephemerides and the time
+AT_ONCE_S = 2.0  # duration of samples that are tracked before other input is read
+UNPLACED_S = 200.0  # duration of observations that wait for the time, which a message tells after 30 s
+RETRACKED_S = 600.0  # time before the last verdict, long enough for a root key, ephemerides and the time
 
 
 class TrackableSamples(Protocol):
-    """E1 samples as far as they were written."""
+    """E1 samples that were written so far."""
 
     @property
     def end_sample(self) -> int:
-        """Number after that of the last sample."""
+        """Number of the last sample plus 1."""
 
     def read(self, first: int, count: int) -> SampleBatch:
-        """Return some of them."""
+        """Return some of the samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +53,10 @@ class StreamSamples:
     """Samples out of a pipe, for tracking."""
 
     stream: SampleStream
-    end_sample: int  # number after that of the last one, as of one look
+    end_sample: int  # number of the last sample plus 1, at the time of a look
 
     def read(self, first: int, count: int) -> SampleBatch:
-        """Return samples that were not let go; those of a stretch of which any was dropped come after the gap."""
+        """Return samples that are still kept; if samples of a stretch were dropped, return those after the gap."""
         found = self.stream.cut(first, first + count)
         while found is None:
             first = self.stream.next_after(first)
@@ -71,26 +72,26 @@ class LiveTracking:
     file
         The E1 samples.
     message
-        Takes the pages.
+        Message that takes the pages.
     settings
         Loop settings, the same for all channels.
     workers
-        Threads.
+        Number of threads.
     warn
-        Is told that tracking had to start anew.
+        Function that gets a warning when tracking had to start anew.
 
     Attributes
     ----------
     track
-        The observations, for any time for which they are kept.
+        The observations at any time for which they are kept.
     time_tag_error_s
         Error of the samples' time tag in s, positive if it is late; None as long as no message has told the time.
     end_sample
-        Number after that of the last sample that was tracked.
+        Number of the last tracked sample plus 1.
     first_observed
         Time of the first epoch with an observation, by the receiver's clock; None before.
     seen
-        Satellites that were observed.
+        Satellites that were observed so far.
     """
 
     def __init__(
@@ -126,7 +127,7 @@ class LiveTracking:
         return (self.end_sample - self._first) / self._file.sample_rate_hz
 
     def resume(self, seconds: float) -> None:
-        """Begin so many seconds after the first sample, less `RETRACKED_S`: what was before has its verdicts."""
+        """Begin the given time after the first sample, less `RETRACKED_S`; earlier samples have their verdicts."""
         stretches = max(math.floor((seconds - RETRACKED_S) / TRACKED_STRETCH_S), 0)
         self._first = self.end_sample = self._file.first_sample + stretches * self._count
 
@@ -135,14 +136,14 @@ class LiveTracking:
         return samples.end_sample - self.end_sample >= self._count
 
     def advance(self, samples: TrackableSamples, *, at_most_s: float = AT_ONCE_S) -> None:
-        """Track samples that are there, up to `at_most_s` of them."""
+        """Track up to `at_most_s` of the available samples."""
         for _ in range(round(at_most_s / TRACKED_STRETCH_S)):
             if not self.is_behind(samples):
                 return
             self._take(samples.read(self.end_sample, self._count))
 
     def finish(self, samples: TrackableSamples) -> None:
-        """Track what is left: no more samples come."""
+        """Track the remaining samples; no more will come."""
         while self.is_behind(samples):
             self._take(samples.read(self.end_sample, self._count))
         if not self._ended and samples.end_sample > self.end_sample:
@@ -164,7 +165,7 @@ class LiveTracking:
             self.take(self._receiver.track(batch, self._pool), self._told_s())
 
     def take(self, stretch: TrackedStretch, told_s: float | None) -> None:
-        """Take what a stretch of samples gave, and the error of the time tag as it is known after it."""
+        """Take the observations of a stretch of samples, and the error of the time tag after the stretch."""
         for epoch in stretch.epochs:
             if epoch.observations:
                 self.first_observed = self.first_observed or epoch.time
@@ -181,7 +182,7 @@ class LiveTracking:
         return self._receiver.time_tag_error_s if self._receiver.time_is_told else None
 
     def place_by_time_tag(self) -> None:
-        """Place the observations by the time tag, which is known to be right to 40 ms: no message tells the time."""
+        """Place the observations by the time tag, which is known to be right to 40 ms, if no message tells the time."""
         self._epochs.place(self._receiver.time_tag_error_s)
 
     def release(self, before: GalileoTime) -> None:
@@ -190,12 +191,12 @@ class LiveTracking:
 
 
 class _KeptEpochs:
-    """Observations that are still needed, for an `ObservationTrack`: those that are placed."""
+    """Observations with resolved time that are still needed, for an `ObservationTrack`."""
 
     def __init__(self) -> None:
         self._unplaced: deque[ObservationEpoch] = deque(maxlen=round(UNPLACED_S * EPOCHS_PER_S))
         self._placed: deque[ObservationEpoch] = deque()
-        self.first = 0  # number of the first one in `_placed`
+        self.first = 0  # number of the first epoch in `_placed`
 
     def wait(self, epochs: Sequence[ObservationEpoch]) -> None:
         """Keep epochs until a message tells the time."""
@@ -223,7 +224,7 @@ class _KeptEpochs:
 
 
 class _EpochIterator:
-    """Stops where the observations end now, and goes on when there are more."""
+    """Iterator that stops at the present end of the observations, and continues when there are more."""
 
     def __init__(self, kept: _KeptEpochs) -> None:
         self._kept, self._number = kept, kept.first

@@ -1,7 +1,7 @@
-"""The message that tracking decodes while a recording grows: OSNMA keys and ephemerides, in a constant memory.
+"""The message that tracking decodes while a recording grows: OSNMA keys and ephemerides, in constant memory.
 
-Pages are verified as they come, so a new key costs the work of its own subframe. What is older than `KEPT_S` is
-dropped: a RECS needs a key of the next minutes. Signed root keys and the chain stay.
+Pages are verified as they come, so a new key costs the work of its own subframe. Keys and pages older than `KEPT_S` are
+dropped, because a RECS needs a key of the next minutes. Signed root keys and the chain are kept.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from vestige.navigation.inav.page import InavPage
 from vestige.recording.assistance.assistance_files import Contents, FileTrust, Settings, contents_of_receiver
 from vestige.recording.tracked.message_navigation import EphemerisCollector, authenticated_orbits
 
-KEPT_S = 240.0  # age of keys and demodulated pages; a RECS waits for its key for a shorter time
-ISSUES = 3  # issues of the ephemerides of a satellite that are kept: half an hour of real ones
+KEPT_S = 240.0  # largest age of keys and demodulated pages; a RECS waits for its key for a shorter time
+ISSUES = 3  # number of ephemeris issues of a satellite that are kept: half an hour of a real message
 
 
 class ReceivedMessage:
@@ -28,9 +28,9 @@ class ReceivedMessage:
     Parameters
     ----------
     path
-        The recording, for messages.
+        Path of the recording, for error messages.
     kept_s
-        How much of the past is kept in s.
+        Age in s up to which keys and pages are kept.
     """
 
     def __init__(self, path: Path, *, kept_s: float = KEPT_S) -> None:
@@ -40,13 +40,13 @@ class ReceivedMessage:
         self._collector = EphemerisCollector(ISSUES)
         self._trust: FileTrust | None = None
         self._receiver: OsnmaReceiver | None = None
-        self._roots: tuple[RootKey, ...] = ()  # root keys of key files, which the receiver has learned
-        self._n_subframes = 0  # subframes of earlier receivers with another trust anchor
+        self._roots: tuple[RootKey, ...] = ()  # root keys from key files that the receiver knows
+        self._n_subframes = 0  # number of subframes of earlier receivers with another trust anchor
         self._begun = False
 
     @property
     def version(self) -> int:
-        """Another number when a subframe was completed, or the first page came."""
+        """Version of the message, a different number after each completed subframe and after the first page."""
         return self._begun + self._n_subframes + (0 if self._receiver is None else self._receiver.n_subframes)
 
     def take(self, pages: Iterable[InavPage]) -> None:
@@ -62,15 +62,15 @@ class ReceivedMessage:
             self._forget()
 
     def finish(self) -> None:
-        """Say that no more pages come: the last subframe is taken as it is."""
+        """Mark the message as complete; the last subframe is taken even if incomplete."""
         if self._receiver is not None:
             self._receiver.finish()
             self._n_subframes += 1
 
     def contents(self, settings: Settings) -> Contents | None:
-        """Return keys, root keys and what was demodulated, None before the first page.
+        """Return keys, root keys and demodulated keys; None before the first page.
 
-        Raises `AuthenticationError` if there is nothing that keys could lead to.
+        Raises `AuthenticationError` if there is no trust anchor for the keys.
         """
         if not self._begun:
             return None
@@ -85,12 +85,12 @@ class ReceivedMessage:
         return contents_of_receiver(receiver)
 
     def ephemerides(self) -> tuple[tuple[Ephemeris, ...], frozenset[int]]:
-        """Return the ephemerides by now, and the satellites of which OSNMA tags have verified them."""
+        """Return the ephemerides so far, and the satellites whose ephemerides OSNMA tags have verified."""
         proven = () if self._receiver is None else self._receiver.navigation()
         return authenticated_orbits(self._collector.ephemerides, proven)
 
     def _receiver_for(self, trust: FileTrust) -> OsnmaReceiver:
-        """Return the receiver of a trust anchor; a new one is given the pages that are kept."""
+        """Return the receiver of a trust anchor; a new receiver gets the pages that are kept."""
         if self._receiver is None or trust != self._trust:
             if self._receiver is not None:
                 self._n_subframes += self._receiver.n_subframes

@@ -12,18 +12,18 @@ from vestige.recording.observations import sbf
 from vestige.recording.samples import test_vector_csv
 from vestige.time import GalileoTime
 
-_HEAD_BYTES = 1 << 16  # an SBF file that starts in the middle of a block has a sync within the longest block
+_HEAD_BYTES = 1 << 16  # longest SBF block: each stretch of this length contains a sync
 
 
 def read_pages(
     path: Path, *, start: GalileoTime | None = None, counts: sbf.SbfCounts | None = None
 ) -> Iterator[InavPage]:
-    """Yield the E1-B I/NAV pages of an SBF or a test-vector CSV file; the content tells which it is.
+    """Yield the E1-B I/NAV pages of an SBF or a test-vector CSV file; the content tells the format.
 
-    `start` is that of the first page of a test vector; without it, it is read from the navigation words. SBF tells the
-    time, and fills `counts`.
+    `start` is the start of the first page of a test vector; by default the start is read from the navigation words. An
+    SBF file tells the time itself, and fills `counts`.
 
-    Raises `InputFileError` if the file is neither, or is damaged in a way that leaves nothing to read.
+    Raises `InputFileError` if the file has another format, or is so damaged that nothing can be read.
     """
     with open_file(path) as file:
         head = file.read(_HEAD_BYTES)

@@ -1,11 +1,12 @@
-"""Galileo broadcast ephemerides as RINEX 3 and 4 navigation files [RINEX].
+"""RINEX 3 and 4 navigation files with Galileo broadcast ephemerides [RINEX].
 
-A record has eight lines: satellite, time of clock and clock polynomial, then seven lines of four numbers. A file may
-hold other systems and F/NAV, which are passed over: the clock of F/NAV belongs to the pair (E1, E5a). In version 4
-each record has a line before it that names its kind.
+A record has eight lines: satellite, time of clock and clock polynomial, then seven lines of four numbers. Records of
+other systems and of F/NAV are skipped, because the clock of F/NAV belongs to the pair (E1, E5a). In version 4 each
+record has a line before it that names its kind.
 
-The Galileo week in these files goes on with that of GPS, 1024 more. Near the end of a week some writers put the week of
-transmission where that of toe belongs, so toe is taken as the time of its week that is nearest to toc.
+The Galileo week in these files is counted from the GPS epoch, so it is larger by 1024. Near the end of a week some
+writers give the week of transmission in place of the week of toe. So the reader chooses the week of toe that is nearest
+to toc.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ _LINES = 8
 _WIDTH = 19
 _E1B_INAV, _CLOCK_E5B_E1 = 1 << 0, 1 << 9  # bits of "data sources" [RINEX]
 _ANY_INAV, _ANY_SOURCE = 0b101, 0b111
-_SMALLEST = 1e-99  # whose exponent has two digits
-_UNKNOWN_TIME = 0.9999e9  # transmission time not known [RINEX]
+_SMALLEST = 1e-99  # smallest number whose exponent has two digits
+_UNKNOWN_TIME = 0.9999e9  # marks an unknown transmission time [RINEX]
 
-# field -> (line, number in the line from 0, smallest, largest) [RINEX]; beyond the limits it is garbage
+# field -> (line, number in the line from 0, smallest, largest) [RINEX]; a value beyond the limits is invalid
 _PLACES: Mapping[str, tuple[int, int, float, float]] = {
     "af0_s": (0, 1, -1.0, 1.0),
     "af1": (0, 2, -1e-6, 1e-6),
@@ -65,21 +66,21 @@ _Lines = list[tuple[int, str]]
 
 
 def is_rinex_navigation(first_line: str) -> bool:
-    """Return whether the first line of a file is that of RINEX navigation data, of any version."""
+    """Return whether the first line of a file marks RINEX navigation data, of any version."""
     return first_line[60:80].strip() == "RINEX VERSION / TYPE" and first_line[20:21] == "N"
 
 
 def read_rinex_navigation(path: Path) -> tuple[Ephemeris, ...]:
-    """Return the Galileo I/NAV ephemerides of the file in its order, each issue of a satellite once.
+    """Return the Galileo I/NAV ephemerides in the order of the file, each issue of a satellite once.
 
-    Raises `InputFileError` if it is not such a file, is cut off, has a number that cannot be, or no Galileo I/NAV
+    Raises `InputFileError` if the file has another format, is cut off, has an impossible number, or no Galileo I/NAV
     ephemeris. Raises `UnsupportedError` for RINEX 2.
     """
     return parse_rinex_navigation(path, numbered_lines(path))
 
 
 def parse_rinex_navigation(path: Path, lines: Iterator[tuple[int, str]]) -> tuple[Ephemeris, ...]:
-    """Return the same of numbered lines wherever they come from; `path` is the name in errors."""
+    """Return the ephemerides in numbered lines from any source; errors name `path`."""
     found: dict[tuple[int, int, GalileoTime], Ephemeris] = {}
     for record in _records(path, lines):
         ephemeris = _ephemeris(path, record)
@@ -209,7 +210,7 @@ def write_rinex_navigation(
 ) -> None:
     """Write ephemerides as a RINEX 3.05 navigation file; numbers keep 13 digits, which is 0.1 mm of an orbit.
 
-    Raises `ValueError` if there is none, or toe or toc is not a whole second.
+    Raises `ValueError` if there is no ephemeris, or toe or toc is not a whole second.
 
     Parameters
     ----------
@@ -218,13 +219,13 @@ def write_rinex_navigation(
     ephemerides
         One or more.
     ionosphere
-        Coefficients of the ionosphere, for the header, where they have five digits; None for none.
+        Coefficients of the ionosphere for the header, which keeps five digits; None for a header without them.
     """
     path.write_text(rinex_navigation_text(ephemerides, ionosphere=ionosphere), encoding="ascii", newline="\n")
 
 
 def rinex_navigation_text(ephemerides: Iterable[Ephemeris], *, ionosphere: BroadcastIonosphere | None = None) -> str:
-    """Return what `write_rinex_navigation` writes; raises as it does."""
+    """Return the text that `write_rinex_navigation` writes; raises the same errors."""
     records = [line for ephemeris in ephemerides for line in _written(ephemeris)]
     if not records:
         raise ValueError("a navigation file needs an ephemeris")
@@ -239,7 +240,7 @@ def rinex_navigation_text(ephemerides: Iterable[Ephemeris], *, ionosphere: Broad
 
 
 def _coefficients(ionosphere: BroadcastIonosphere) -> str:
-    """Return the coefficients as a line of the header has them: A4, 1X, 4D12.4 [RINEX]."""
+    """Return the coefficients as a line of the header in the format A4, 1X, 4D12.4 [RINEX]."""
     values = ionosphere.ai0_sfu, ionosphere.ai1_sfu_per_deg, ionosphere.ai2_sfu_per_deg2, 0.0
     return "GAL  " + "".join(f"{value:12.4E}" for value in values)
 

@@ -1,12 +1,12 @@
-"""Accelerations of the receiver as CSV, out of inertial sensors, finished or still being written.
+"""Accelerations of the receiver from inertial sensors, in a CSV file that is complete or still being written.
 
-The first line names the columns; times are those of the receiver's clock, as in its observations::
+The first line names the columns; times are on the receiver's clock, as in its observations::
 
     gst_week,gst_second,east_mps2,north_mps2,up_mps2
     1421,561616.00,0.013,-0.002,0.008
 
-The acceleration is that of the antenna against the Earth along local axes, with gravity taken off: what a strap-down
-system gives that knows its attitude. There is a row a second or more.
+The columns give the acceleration of the antenna relative to the Earth along local axes, without gravity. A strap-down
+system with known attitude measures this acceleration. There is at least a row a second.
 """
 
 from __future__ import annotations
@@ -36,39 +36,39 @@ ACCELERATION_COLUMNS: Mapping[str, tuple[float, float]] = {
 }
 GRAVITY_MPS2 = 9.8  # 9.78 at the equator to 9.83 at the poles
 _GRAVITY_TOLERANCE_MPS2 = 0.2
-_GRAVITY_S = 20.0  # nobody accelerates at 1 g in one direction for half of so long
+_GRAVITY_S = 20.0  # no receiver accelerates at 1 g in one direction for half of this time
 _TOLD = 4  # numbers of a row that are kept: elapsed time and acceleration
 
 
 def read_accelerations(path: Path) -> Accelerations:
     """Return the accelerations of a file.
 
-    Raises `InputFileError` if the columns are others, a value is no number or out of its limits, time does not advance,
-    there are fewer than two rows, or gravity is still in them.
+    Raises `InputFileError` if the columns differ, a value is not a number within its limits, time does not advance,
+    there are fewer than two rows, or gravity was not removed.
     """
     table = _Table(path)
     for number, line in numbered_lines(path):
         table.take(number, line)
     if not table.begun:
-        check_header(path, "", ACCELERATION_COLUMNS)  # which an empty file has
+        check_header(path, "", ACCELERATION_COLUMNS)  # an empty file fails here
     if table.n_rows < 2:
         raise InputFileError(path, "file", f"{table.n_rows} rows", "two or more")
     return table.accelerations()
 
 
 class GrowingAccelerations:
-    """A file of accelerations that grows; it need not be there yet.
+    """A file of accelerations that grows; the file need not exist yet.
 
-    `warn` is told what is wrong with a row, which is left out.
+    `warn` gets the fault of each damaged row, which is left out.
     """
 
     def __init__(self, path: Path, *, warn: Callable[[VestigeError], None]) -> None:
         self._table, self._lines, self._warn = _Table(path), GrowingLines(path), warn
 
     def look(self) -> bool:
-        """Take in what is new; return whether anything is.
+        """Read new rows; return whether there were any.
 
-        Raises `InputFileError` if the columns are others, or the file became shorter.
+        Raises `InputFileError` if the columns differ, or the file became shorter.
         """
         changed = False
         while (line := self._lines.take()) is not None:
@@ -87,16 +87,16 @@ class GrowingAccelerations:
 
     @property
     def found(self) -> Accelerations:
-        """Accelerations that are known by now. Raises InputFileError if gravity is still in them."""
+        """Accelerations that are known so far. Raises InputFileError if they include gravity."""
         return self._table.accelerations()
 
     def release(self, time: GalileoTime) -> None:
-        """Forget what lies before a time."""
+        """Drop the accelerations before a time."""
         self._table.release(time)
 
 
 class _Table:
-    """The rows of a file, as they come."""
+    """Rows of a file that were read so far."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -136,20 +136,20 @@ class _Table:
             self._rows.extend((elapsed_s, *acceleration))
 
     def accelerations(self) -> Accelerations:
-        """Return the rows."""
+        """Return the rows as accelerations."""
         rows = np.array(self._rows).reshape(-1, _TOLD)
         _check_gravity(self._path, rows)
         return Accelerations(start=self._start, elapsed_s=rows[:, 0].copy(), acceleration_mps2=rows[:, 1:].copy())
 
     def release(self, time: GalileoTime) -> None:
-        """Forget the rows before the last that is not later than a time."""
+        """Drop the rows before the last row that is not later than a time."""
         elapsed_s = np.array(self._rows[::_TOLD])
         first = int(np.searchsorted(elapsed_s, time - self._start, side="right")) - 1
         del self._rows[: _TOLD * max(first, 0)]
 
 
 def _check_gravity(path: Path, rows: Float[np.ndarray, "n 4"]) -> None:
-    """Raise InputFileError if the middle of what is sensed is as large as gravity, in whatever axes."""
+    """Raise InputFileError if the median acceleration is as large as gravity, in any axes."""
     if len(rows) and rows[-1, 0] - rows[0, 0] >= _GRAVITY_S:
         usual = float(np.linalg.norm(np.median(rows[:, 1:], axis=0)))
         if abs(usual - GRAVITY_MPS2) <= _GRAVITY_TOLERANCE_MPS2:

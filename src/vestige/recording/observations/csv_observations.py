@@ -1,4 +1,4 @@
-"""E1 observations as CSV: one line a satellite and epoch, the units in the column names, no digit lost.
+"""E1 observations as CSV: a line for each satellite and epoch, with units in the column names and all digits.
 
 The first line names the columns, in any order::
 
@@ -6,8 +6,8 @@ The first line names the columns, in any order::
     1161,348018.5,3,24563187.25,129081234.0625,-993.0,-0.41,45.1,0
 
 Required are the time, the satellite and the pseudorange; the other columns, or single values, may be missing. Lines of
-one epoch stand together, epochs in time order. `cycle_slip` 1 says that the carrier phase is not continuous with the
-epoch before.
+the same epoch follow each other, and epochs are in time order. The value 1 of `cycle_slip` means that the carrier phase
+is not continuous with the epoch before.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ _SECOND = re.compile(r"\d{1,6}(\.\d+)?", re.ASCII)
 
 
 def is_csv_observations(first_line: str) -> bool:
-    """Return whether the first line of a file is the header of such a table."""
+    """Return whether the first line of a file is the header of a CSV table of observations."""
     return {"gst_week", "svid", "pseudorange_m"} <= {name.strip() for name in first_line.split(",")}
 
 
 class CsvParser:
-    """An `EpochParser` of this table; an epoch is whole when a line of the next one comes.
+    """An `EpochParser` of CSV observations; an epoch is complete when a line of the next epoch comes.
 
-    Raises `InputFileError` if a line does not hold what the header says, a value cannot be measured, a satellite comes
-    twice in an epoch, or time does not advance.
+    Raises `InputFileError` if a line does not agree with the header, a value is impossible, a satellite appears twice
+    in an epoch, or time does not advance.
     """
 
     def __init__(self, path: Path) -> None:
@@ -58,11 +58,11 @@ class CsvParser:
 
     @property
     def begun(self) -> bool:
-        """Whether the header was understood."""
+        """Whether the header was read without error."""
         return bool(self._columns)
 
     def take(self, number: int, line: str) -> ObservationEpoch | None:
-        """Return the epoch before, if a line is the first of another one."""
+        """Return the epoch before, if a line is the first line of another epoch."""
         path = self._path
         if not self._columns:
             self._columns = _columns(path, line)
@@ -92,7 +92,7 @@ class CsvParser:
     def finish(self) -> ObservationEpoch | None:
         """Return the last epoch."""
         if not self._columns:
-            _columns(self._path, "")  # which an empty file has
+            _columns(self._path, "")  # an empty file fails here
         return self._epoch()
 
     def _epoch(self) -> ObservationEpoch | None:
@@ -102,7 +102,7 @@ class CsvParser:
 
 
 def write_csv_observations(path: Path, epochs: Iterable[ObservationEpoch]) -> None:
-    """Write epochs, in time order, so that reading gives back the same bits."""
+    """Write epochs, in time order, so that a reader gets the same bits."""
     with path.open("w", encoding="ascii", newline="\n") as stream:
         stream.write(",".join(OBSERVATION_COLUMNS) + "\n")
         for epoch in epochs:

@@ -1,10 +1,10 @@
-"""E1 observations out of E1 samples, for recordings without an observation file.
+"""E1 observations from E1 samples, for recordings without an observation file.
 
-`measure_e1` gives each satellite's time of transmission modulo 100 ms, the period of E1-C's secondary code.
-Satellites in view differ by less than 25 ms in travel time, so their times of transmission are placed together; the
-common multiple of 100 ms is the one that puts the median travel time nearest to that of a medium orbit. That is right
-as long as the recording's time tag is within ±`TIME_TAG_TOLERANCE_S` of the truth, or its error is known from the
-hand-over search (`time_tag_search`). A receiver with a tracking loop reads the time of week from I/NAV instead.
+`measure_e1` gives each satellite's time of transmission modulo 100 ms, the period of E1-C's secondary code. Satellites
+in view differ by less than 25 ms in travel time, so they share a common multiple of 100 ms. The chosen multiple puts
+the median travel time nearest to that of a medium orbit. This choice is right if the error of the recording's time tag
+is below `TIME_TAG_TOLERANCE_S`, or is known from the hand-over search (`time_tag_search`). A receiver with a tracking
+loop reads the time of week from I/NAV instead.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vestige.sample_processor.e1_snapshot import MIN_SECONDARY_MARGIN_DB, NOISE_
 from vestige.time import GalileoTime
 
 TIME_TAG_TOLERANCE_S = (
-    0.04  # half the secondary code period, less 9 ms by which a median travel time may differ from 86
+    0.04  # half the secondary code period, less the 9 ms by which a median travel time may differ from 86 ms
 )
 
 
@@ -32,10 +32,10 @@ def observe(
     cn0_estimator: str = NOISE_FLOOR,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[GalileoTime, dict[int, E1Observation]]:
-    """Return a time and the E1 observations of `svids` at it; satellites that are not there are not in it.
+    """Return a time and the E1 observations of `svids` at that time, without the satellites that are not found.
 
-    The batch is best 100 ms. `time_tag_error_s` is by how much its time tag is known to be late, `progress` is called
-    with the number of satellites that have been looked for, and of all.
+    The best duration of the batch is 100 ms. `time_tag_error_s` is the known error of the batch's time tag, positive if
+    it is late. `progress` is called with the number of satellites searched so far and the number of all satellites.
     """
     acquired = acquire(batch, svids, progress=progress)
     tried = (measure_e1(batch, one, cn0_estimator=cn0_estimator) for one in acquired)
@@ -48,15 +48,16 @@ def observe(
 
 
 def place_travel_times(phases_s: Mapping[int, float], median_s: float = MEDIAN_TRAVEL_TIME_S) -> dict[int, float]:
-    """Return travel times out of travel times modulo 100 ms, with one multiple for all satellites, in s.
+    """Return travel times in s from travel times modulo 100 ms, with a common multiple for all satellites.
 
-    `phases_s` are reception minus transmission modulo 100 ms, `median_s` what the median travel time is, to 50 ms.
+    `phases_s` are reception minus transmission modulo 100 ms. `median_s` is the expected median travel time, with an
+    error below 50 ms.
     """
     if not phases_s:
         return {}
     turns = 2 * np.pi * np.array(list(phases_s.values())) / SECONDARY_PERIOD_S
     mean = np.angle(np.sum(np.exp(1j * turns)))
-    together = mean + np.angle(np.exp(1j * (turns - mean)))  # within half a period of their circular mean
+    together = mean + np.angle(np.exp(1j * (turns - mean)))  # all turns within half a period of their circular mean
     travel = together / (2 * np.pi) * SECONDARY_PERIOD_S
     shift = round((median_s - float(np.median(travel))) / SECONDARY_PERIOD_S)
     return {svid: float(time) for svid, time in zip(phases_s, travel + shift * SECONDARY_PERIOD_S, strict=True)}

@@ -1,7 +1,7 @@
-"""E1 observations out of a file that a receiver is still writing.
+"""E1 observations from a file that a receiver is still writing.
 
-Lines count when they are whole, epochs when nothing more can belong to them: a RINEX epoch with its last record, a CSV
-epoch when the next one begins. A whole line that is damaged is left out and reported.
+A line counts when its end is written. A RINEX epoch counts with its last record, a CSV epoch when the next epoch
+begins. A complete line that is damaged is left out and reported.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from vestige.records.observation_epoch import ObservationEpoch
 class GrowingObservations:
     """A file of E1 observations that grows, for an `ObservationTrack`.
 
-    Its iterators stop where the file ends now, and go on when it has grown. It need not be there yet.
-
-    `warn` is told what is wrong with a line.
+    The iterators stop at the present end of the file, and continue when the file has grown. The file need not exist
+    yet. `warn` gets the fault of each damaged line.
     """
 
     def __init__(self, path: Path, *, warn: Callable[[VestigeError], None]) -> None:
@@ -30,17 +29,17 @@ class GrowingObservations:
         self.ended = False
 
     def __iter__(self) -> Iterator[ObservationEpoch]:
-        """Return an iterator that may go on after it stopped."""
+        """Return an iterator that may continue after it stopped."""
         return _GrowingEpochs(self)
 
     @property
     def n_bytes(self) -> int:
-        """Size of the file, 0 before it is there."""
+        """Size of the file in bytes, 0 before the file exists."""
         return self.path.stat().st_size if self.path.exists() else 0
 
     @property
     def begun(self) -> bool:
-        """Whether the first line is there."""
+        """Whether the first line was read."""
         return self.path.exists() and GrowingLines(self.path).take() is not None
 
     def missing(self) -> InputFileError:
@@ -49,7 +48,7 @@ class GrowingObservations:
         return InputFileError(self.path, "line 1", found, FIRST_LINE)
 
     def end(self) -> None:
-        """Say that the file grows no more: its last epoch is whole."""
+        """Mark the file as complete, and so its last epoch."""
         self.ended = True
 
 

@@ -1,20 +1,21 @@
 """E1 observations at a moment between the epochs of a file.
 
-A snapshot begins when its RECS does, not when the E1 receiver prints. Between two epochs a and b, T apart, the carrier
-phase tells the motion to a fraction of a wavelength, so the pseudorange follows it. With u = (t - t_a)/T:
+A snapshot begins with its RECS, at a time between two epochs of the E1 receiver. Between two epochs a and b, T apart,
+the carrier phase gives the motion to a fraction of a wavelength, so the interpolated pseudorange follows the phase.
+With u = (t - t_a)/T:
 
 * Doppler f and its rate are linear in u: exact for constant acceleration.
 * Phase φ is the cubic through φ_a and φ_b with the slopes -f_a and -f_b (Hermite): exact for constant acceleration and
-  constant jerk. Without a phase, or across a cycle slip, it is the integral of the Doppler: exact for constant
-  acceleration; then no phase is returned.
+  constant jerk. Without a phase, or across a cycle slip, φ is the integral of the Doppler, which is exact for constant
+  acceleration. Then no phase is returned.
 * Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)): the mean of the two codes, carried along the phase.
 
-What a file lacks is made first: a Doppler from the phases of the neighbouring epochs (the parabola through three, the
-line through two), a Doppler rate from their Dopplers. A rate that nothing tells is zero: in half a snapshot of 16 ms
-even 50 Hz/s turn the carrier by less than 0.002 cycles.
+Missing values are computed first: a Doppler from the phases of the neighbouring epochs (the parabola through three, the
+line through two), a Doppler rate from their Dopplers. A Doppler rate that cannot be computed is set to zero. In half a
+snapshot of 16 ms even 50 Hz/s turn the carrier by less than 0.002 cycles.
 
-A satellite is left out rather than guessed: if the epochs on both sides are not there or further apart than the allowed
-gap, if no Doppler can be had, or if code and carrier disagree (the receiver's clock was set in between).
+A satellite is left out if the epochs on both sides are missing, or further apart than the allowed gap. A satellite is
+also left out if there is no Doppler, or if code and carrier disagree because the receiver's clock was set in between.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 WAVELENGTH_M = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
-SAME_TIME_S = 1e-8  # an epoch as near as this is taken as it is; the range changes by under 0.01 mm
-SLIP_CYCLES, SLIP_HZ = 1.0, 5.0  # phase and integrated Doppler may differ by this much, plus this much times T
-CODE_CARRIER_M = 150.0  # half an E1 chip: noise and multipath stay below, a receiver's clock step does not
+SAME_TIME_S = 1e-8  # an epoch as near as this is used without interpolation; the range changes by under 0.01 mm
+SLIP_CYCLES, SLIP_HZ = 1.0, 5.0  # allowed difference of phase and integrated Doppler: a constant, plus a rate times T
+CODE_CARRIER_M = 150.0  # half an E1 chip: more than noise and multipath, less than a step of the receiver's clock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Point:
-    """One satellite at one epoch, `t` seconds after the moment that is asked for."""
+    """Observation of a satellite at an epoch, `t` seconds after the requested moment."""
 
     t: float
     observation: E1Observation
@@ -48,8 +49,8 @@ class _Point:
 def interpolate(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> dict[int, E1Observation]:
     """Return the E1 observations at `time` by SVID.
 
-    Epochs come in time order, on both sides of `time`; a few beyond the two nearest help to fill in what they lack.
-    `max_gap_s` is the longest time between two observations of a satellite for them to be one track.
+    Epochs are in time order, on both sides of `time`; a few epochs beyond the two nearest help to compute missing
+    values. `max_gap_s` is the longest time between two observations of a satellite in the same track.
     """
     result = {}
     for svid in sorted({svid for epoch in epochs for svid in epoch.observations}):
@@ -65,7 +66,7 @@ def interpolate(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_ga
 
 
 def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> bool:
-    """Return whether further epochs, all later than these, would leave `interpolate` at `time` as it is."""
+    """Return whether further epochs, all later than these, would not change the result of `interpolate` at `time`."""
     if not epochs or epochs[-1].time - time < -SAME_TIME_S:
         return False
     tracks: dict[int, list[tuple[float, E1Observation]]] = {}
@@ -76,16 +77,16 @@ def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s
 
 
 def _is_final(track: list[tuple[float, E1Observation]], last: float, max_gap_s: float) -> bool:
-    """Return the same for one satellite: (t, observation), `last` being the t of the last epoch of any."""
+    """Return the same for a satellite with its points; `last` is the t of the last epoch of any satellite."""
     here = next((index for index, (t, _) in enumerate(track) if t >= -SAME_TIME_S), None)
     if here is None:
         return last - track[-1][0] > max_gap_s
     if track[here][0] > SAME_TIME_S and here == 0:
-        return True  # none before, so there is no observation
+        return True  # no earlier epoch, so there is no observation
     observation = track[here][1]
     if not math.isnan(observation.doppler_hz + observation.doppler_rate_hz_per_s):
         return True
-    # What it lacks comes from the next one, what that lacks from the one after.
+    # The next point supplies missing values of this point, and the point after it those of the next point.
     known_next = len(track) > here + 1 and not math.isnan(track[here + 1][1].doppler_hz)
     return known_next or len(track) > here + 2 or last - track[-1][0] > max_gap_s
 
@@ -111,7 +112,7 @@ def _between(a: _Point, b: _Point) -> E1Observation | None:
     u = -a.t / duration
     has_phase = _joined(a, b)
     total = last.carrier_phase_cycles - first.carrier_phase_cycles if has_phase else -(f_a + f_b) / 2 * duration
-    # Hermite cubic from 0 to `total` with slopes -f_a, -f_b; it is the parabola if `total` is the integral of f.
+    # Hermite cubic from 0 to `total` with slopes -f_a, -f_b; a parabola if `total` is the integral of f.
     moved = total * u**2 * (3 - 2 * u) - duration * (f_a * u * (1 - u) ** 2 - f_b * u**2 * (1 - u))
     if abs(last.pseudorange_m - first.pseudorange_m - WAVELENGTH_M * total) > CODE_CARRIER_M:
         return None
@@ -139,7 +140,7 @@ def _joined(a: _Point, b: _Point) -> bool:
 
 
 def _complete(points: list[_Point], index: int, max_gap_s: float) -> E1Observation:
-    """Return the observation at `index` with Doppler and Doppler rate, made from its neighbours if it has none."""
+    """Return the observation at `index` with Doppler and Doppler rate, computed from its neighbours if missing."""
     near = _neighbours(points, index, max_gap_s)
     observation = points[index].observation
     doppler = _doppler(points, index, max_gap_s)
@@ -152,14 +153,14 @@ def _complete(points: list[_Point], index: int, max_gap_s: float) -> E1Observati
 
 
 def _doppler(points: list[_Point], index: int, max_gap_s: float) -> float:
-    """Return the Doppler at `index`: as it is, or the derivative of the phases around it; NaN if there are none."""
+    """Return the Doppler at `index` as observed, or from the phases around it; NaN if there are no phases."""
     here = points[index]
     if not math.isnan(here.observation.doppler_hz):
         return here.observation.doppler_hz
     near = [points[i] for i in _neighbours(points, index, max_gap_s)]
     joined = [
         p for p in near if p is here or (_joined(p, here) if p.t < here.t else _joined(here, p))
-    ]  # at most one on each side
+    ]  # at most one point on each side
     if len(joined) < 2:
         return math.nan
     reference = here.observation.carrier_phase_cycles
@@ -169,7 +170,7 @@ def _doppler(points: list[_Point], index: int, max_gap_s: float) -> float:
 
 
 def _neighbours(points: list[_Point], index: int, max_gap_s: float) -> list[int]:
-    """Return the indices of the point before, the point itself and the point after, as far as they are near."""
+    """Return the indices of the point and of its neighbours, without a neighbour beyond the gap."""
     return [
         i
         for i in (index - 1, index, index + 1)

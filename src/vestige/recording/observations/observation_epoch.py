@@ -15,7 +15,7 @@ from vestige.time import GalileoTime
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
-# Beyond these a number is garbage. Pseudoranges hold the receiver's clock error, of up to minutes.
+# Limits beyond which a number is invalid. Pseudoranges include the receiver's clock error, of up to minutes.
 LIMITS = {
     "pseudorange_m": (-1e11, 1e11),
     "carrier_phase_cycles": (-1e12, 1e12),
@@ -27,27 +27,27 @@ LIMITS = {
 
 @runtime_checkable
 class EpochParser(Protocol):
-    """Takes the lines of an observation file one by one, wherever they come from, and gives an epoch when it is whole.
+    """Parser that takes the lines of an observation file one by one, and gives each epoch when it is complete.
 
-    After an error it can go on with the next line: what was bad is left out.
+    After an error the parser can continue with the next line; the bad line is left out.
     """
 
     @property
     def begun(self) -> bool:
-        """Whether the header was understood; an error before means that the file is none of this kind."""
+        """Whether the header was read; an error before means that the file is of another kind."""
         ...
 
     def take(self, number: int, line: str) -> ObservationEpoch | None:
-        """Return the epoch that a line completes, if it does."""
+        """Return the epoch that a line completes, or None."""
         ...
 
     def finish(self) -> ObservationEpoch | None:
-        """Return the epoch that the end of the file completes, if it does; raises if the file was cut off."""
+        """Return the epoch that the end of the file completes, or None; raises if the file was cut off."""
         ...
 
 
 def read_epochs(path: Path, parser: EpochParser) -> Iterator[ObservationEpoch]:
-    """Yield the epochs of a whole file; raises as the parser, and as `numbered_lines`."""
+    """Yield the epochs of a whole file; raises the errors of the parser and of `numbered_lines`."""
     for number, line in numbered_lines(path):
         epoch = parser.take(number, line)
         if epoch is not None:
@@ -58,9 +58,9 @@ def read_epochs(path: Path, parser: EpochParser) -> Iterator[ObservationEpoch]:
 
 
 def checked(path: Path, line: int, name: str, value: float) -> float:
-    """Return the value of an observation field if it is one that a receiver can measure.
+    """Return the value of an observation field if a receiver can measure such a value.
 
-    Raises `InputFileError` if it lies outside `LIMITS`.
+    Raises `InputFileError` if the value lies outside `LIMITS`.
     """
     low, high = LIMITS[name]
     if not low <= value <= high:
@@ -80,9 +80,9 @@ def checked_svid(path: Path, line: int, text: str) -> int:
 
 
 def check_order(path: Path, line: int, before: GalileoTime | None, time: GalileoTime) -> None:
-    """Check that an epoch is later than the one before it.
+    """Check that an epoch is later than the epoch before.
 
-    Raises `InputFileError` if it is not.
+    Raises `InputFileError` if the epoch is not later.
     """
     if before is not None and time <= before:
         raise InputFileError(path, f"line {line}: time", str(time), f"a time after {before}")

@@ -1,7 +1,7 @@
-"""E1 observation files of any kind, and the observations at any time.
+"""E1 observation files of any format, and the observations at any time.
 
-What a file is follows from its first line. Files are read forward, an epoch at a time, so a day of them needs no more
-memory than a minute.
+The first line of a file tells its format. Files are read forward, an epoch at a time, so a day of observations needs no
+more memory than a minute.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ OBSERVATION_READERS: dict[str, tuple[Callable[[str], bool], Callable[[Path], Epo
     "CSV": (is_csv_observations, CsvParser),
 }
 
-FIRST_LINE = "RINEX observations, or CSV with gst_week, gst_second, svid, pseudorange_m"  # what one begins with
-GAP_INTERVALS = 2  # an epoch may be missing; more is a new track
-INTERVAL_EPOCHS = 16  # looked at to learn the interval
+FIRST_LINE = "RINEX observations, or CSV with gst_week, gst_second, svid, pseudorange_m"  # expected first line
+GAP_INTERVALS = 2  # longest gap in intervals: one epoch may be missing, and a longer gap begins a new track
+INTERVAL_EPOCHS = 16  # number of epochs used to find the interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationFile:
-    """A file of E1 observations; iterate over it, as often as you like, for its epochs in time order."""
+    """A file of E1 observations; each iteration gives its epochs in time order."""
 
     path: Path
     kind: str
 
     def __iter__(self) -> Iterator[ObservationEpoch]:
-        """Yield the epochs; raises as the reader of its kind."""
+        """Yield the epochs; raises the errors of the parser of its format."""
         return read_epochs(self.path, OBSERVATION_READERS[self.kind][1](self.path))
 
 
 def observation_kind(path: Path) -> str | None:
-    """Return which kind of observation file `path` is, or None if it is none."""
+    """Return the format of the observation file `path`, or None if the file is no observation file."""
     try:
         line = next(numbered_lines(path), (1, ""))[1]
     except InputFileError:
@@ -56,7 +56,7 @@ def observation_kind(path: Path) -> str | None:
 
 
 def kind_of_line(line: str) -> str | None:
-    """Return which kind of observation file has this first line, or None."""
+    """Return the format of an observation file with this first line, or None."""
     return next((kind for kind, (recognise, _) in OBSERVATION_READERS.items() if recognise(line)), None)
 
 
@@ -72,12 +72,12 @@ def open_observations(path: Path) -> ObservationFile:
 
 
 class ObservationTrack:
-    """E1 observations at any time out of a file. Times that advance read it once; a time before starts again.
+    """E1 observations at any time from a file. Advancing times read the file once; an earlier time starts again.
 
     Parameters
     ----------
     file
-        The observations. A file that still grows gives the epochs that are there, and the next ones later.
+        The observations. A file that still grows gives the epochs so far, and the next epochs later.
     max_gap_s
         Longest time in s over which to interpolate; by default twice the interval of the first epochs.
     """
@@ -91,7 +91,7 @@ class ObservationTrack:
 
     @property
     def max_gap_s(self) -> float:
-        """Longest time in s over which to interpolate; 0 while nothing tells the interval."""
+        """Longest time in s over which to interpolate; 0 while the interval is unknown."""
         if self._stated_s is not None:
             return self._stated_s
         self._lead += itertools.islice(self._lead_epochs, INTERVAL_EPOCHS - len(self._lead))
@@ -106,21 +106,21 @@ class ObservationTrack:
     def at(self, time: GalileoTime) -> dict[int, E1Observation]:
         """Return the observations at a receiver-clock time by SVID; see `interpolation` for the method.
 
-        Raises `InputFileError` if the file is bad as far as it has to be read for this.
+        Raises `InputFileError` if the part of the file that has to be read is damaged.
         """
         max_gap_s = self.max_gap_s
         self._read_around(time, 2 * max_gap_s)
         return interpolate(tuple(self._window), time, max_gap_s=max_gap_s)
 
     def settled(self, time: GalileoTime) -> bool:
-        """Return whether `at` a time is the same whatever else a file that still grows will hold; raises as `at`."""
+        """Return whether further epochs of a growing file cannot change `at` this time; raises the errors of `at`."""
         max_gap_s = self.max_gap_s
         self._read_around(time, 2 * max_gap_s)
         return max_gap_s > 0 and is_final(tuple(self._window), time, max_gap_s=max_gap_s)
 
     def _read_around(self, time: GalileoTime, reach: float) -> None:
-        """Read all epochs within `reach`: neighbours of the two epochs around `time` fill in what they lack."""
-        reach = max(reach, SAME_TIME_S)  # a file of one epoch has no interval, and answers for its own time
+        """Read all epochs within `reach`: neighbours of the two epochs around `time` supply missing values."""
+        reach = max(reach, SAME_TIME_S)  # a single epoch has no interval
         if self._dropped is not None and time - self._dropped <= reach:
             self._restart()
         while not self._window or self._window[-1].time - time <= reach:

@@ -1,11 +1,13 @@
-"""Galileo E1 observations out of RINEX 3 and 4 observation files [RINEX], one epoch at a time.
+"""Reader of Galileo E1 observations in RINEX 3 and 4 observation files [RINEX], an epoch at a time.
 
 Epochs in RINEX are calendar times on the receiver's clock in the time system of the header. GPS, Galileo, QZSS and
-NavIC time count the same seconds (their differences of nanoseconds are part of the receiver's clock error), BeiDou time
-is 14 s behind; the Galileo week follows from the calendar. GLONASS time is UTC with its leap seconds and is not read.
+NavIC time count the same seconds; their differences of nanoseconds are part of the receiver's clock error. BeiDou time
+is 14 s behind. The Galileo week follows from the calendar. GLONASS time is UTC with its leap seconds and is not
+supported.
 
-A receiver may track E1-C, E1-B or both together, and a file may hold several. `SIGNALS` says which one is taken for a
-satellite and epoch: the first that has a pseudorange, all four observations of the same signal.
+A receiver may track E1-C, E1-B or both together, and a file may contain several of these signals. For each satellite
+and epoch the reader takes the first signal of `SIGNALS` that has a pseudorange. All four observations are of that
+signal.
 """
 
 from __future__ import annotations
@@ -26,13 +28,13 @@ from vestige.records import E1Observation
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
-# RINEX signal of E1, in order of preference: C/N0 of E1-C minus C/N0 of the signal, dB. E1-B and E1-C have equal power
+# RINEX signals of E1 in order of preference: C/N0 of E1-C minus C/N0 of the signal, dB. E1-B and E1-C have equal power
 # [OS-ICD]; the combined channel "X" has both.
 SIGNALS = {"1C": 0.0, "1X": -10 * math.log10(2), "1B": 0.0}
 
 # Seconds to add to a calendar time to read it as Galileo System Time [RINEX]
 TIME_SYSTEMS = {"GAL": 0, "GPS": 0, "QZS": 0, "IRN": 0, "BDT": 14}
-ONE_SYSTEM_TIME = {"E": "GAL", "G": "GPS", "J": "QZS", "I": "IRN", "C": "BDT"}  # where the header leaves it out
+ONE_SYSTEM_TIME = {"E": "GAL", "G": "GPS", "J": "QZS", "I": "IRN", "C": "BDT"}  # default time system
 
 FIELDS = {"C": "pseudorange_m", "L": "carrier_phase_cycles", "D": "doppler_hz", "S": "cn0_dbhz"}
 
@@ -43,7 +45,7 @@ _EPOCH = re.compile(r"> (\d{4}) ([ \d]\d) ([ \d]\d) ([ \d]\d) ([ \d]\d) *(\d{1,2
 
 @dataclass(slots=True)
 class _Header:
-    """Content of the header records so far."""
+    """Header records that were read so far."""
 
     path: Path
     system: str = " "
@@ -53,7 +55,7 @@ class _Header:
     last_system: str = ""
 
     def take(self, number: int, line: str) -> None:
-        """Take in one header record; those that do not matter here are passed over."""
+        """Read a header record; records that are not needed are skipped."""
         label = line[60:80].strip()
         if label == "SYS / # / OBS TYPES":
             self._take_types(number, line)
@@ -73,7 +75,7 @@ class _Header:
         self.types[self.last_system] += line[6:58].split()
 
     def check(self, number: int) -> None:
-        """Raise `InputFileError` if the header lacks a line that is needed."""
+        """Raise `InputFileError` if the header lacks a required line."""
         if self.time_system is None:
             raise InputFileError(self.path, f"line {number}", "the end of the header", "TIME OF FIRST OBS before it")
         name = self.time_system or ONE_SYSTEM_TIME.get(self.system, "")
@@ -92,7 +94,7 @@ class _Header:
 
     @property
     def signals(self) -> dict[str, dict[str, int]]:
-        """For each E1 signal in the file, in order of preference, the column of each of its observations."""
+        """Columns of the observations of each E1 signal in the file, in order of preference."""
         types = self.types["E"]
         start = {code: 3 + 16 * index for index, code in enumerate(types)}
         return {
@@ -103,19 +105,19 @@ class _Header:
 
 
 def is_rinex_observations(first_line: str) -> bool:
-    """Return whether the first line of a file is that of RINEX observations, of any version."""
+    """Return whether the first line of a file marks RINEX observations, of any version."""
     return first_line[60:80].strip() == "RINEX VERSION / TYPE" and first_line[20:21] == "O"
 
 
 class RinexParser:
-    """An `EpochParser` of RINEX observations; an epoch is whole with its last record.
+    """An `EpochParser` of RINEX observations; the last record of an epoch completes the epoch.
 
-    After an error it passes over everything until the next epoch record. Epochs without a Galileo satellite are empty.
-    A field that is blank or zero was not measured. Doppler rates are NaN (RINEX has none). A satellite has slipped if
-    its loss-of-lock indicator says so, after a power failure, and when another of its signals is taken than before.
+    After an error the parser skips everything until the next epoch record. Epochs without a Galileo satellite are
+    empty. A field that is blank or zero was not measured. Doppler rates are NaN, because RINEX has none. A cycle slip
+    is set by the loss-of-lock indicator, by a power failure, and by a change of the signal that is taken.
 
-    Raises `InputFileError` if the file is not such a file, is cut off, or time does not advance, and `UnsupportedError`
-    for RINEX 2, compact RINEX, GLONASS time and scaled observations.
+    Raises `InputFileError` if the file has another format, is cut off, or time does not advance. Raises
+    `UnsupportedError` for RINEX 2, compact RINEX, GLONASS time and scaled observations.
     """
 
     def __init__(self, path: Path) -> None:
@@ -132,11 +134,11 @@ class RinexParser:
 
     @property
     def begun(self) -> bool:
-        """Whether the header was understood."""
+        """Whether the header was read without error."""
         return bool(self._signals)
 
     def take(self, number: int, line: str) -> ObservationEpoch | None:
-        """Return the epoch that a line completes, if it does."""
+        """Return the epoch that a line completes, or None."""
         self._number = number
         if not self._signals:
             self._take_header(number, line)
@@ -149,7 +151,7 @@ class RinexParser:
         return epoch
 
     def finish(self) -> ObservationEpoch | None:
-        """Return None: what is there is whole already, or the file was cut off."""
+        """Return None, because complete epochs were returned already; raise if the file was cut off."""
         if self._header is None:
             _first_line(self._path, "")
         if not self._signals:
@@ -233,7 +235,7 @@ def _epoch(
     signals: dict[str, dict[str, int]],
     taken: dict[int, str],
 ) -> ObservationEpoch:
-    """Return the epoch; `taken` says which signal each satellite had before and is brought up to date."""
+    """Return the epoch; `taken` contains the signal that each satellite had before, and is updated."""
     observations: dict[int, E1Observation] = {}
     slipped = set()
     for number, line in records:

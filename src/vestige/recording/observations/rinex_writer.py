@@ -1,8 +1,8 @@
-"""Galileo E1 observations as a RINEX observation file, version 3.05 or 4.00 [RINEX].
+"""Writer of Galileo E1 observations as a RINEX observation file, version 3.05 or 4.00 [RINEX].
 
-RINEX keeps epochs to 0.1 µs, ranges to a millimetre, phases to a thousandth of a cycle and Doppler to a millihertz, and
-has no Doppler rate. An epoch that lies between two steps of 0.1 µs is refused: the pseudorange belongs to the exact
-reading of the receiver's clock, and half a step is 15 m. CSV has no such limits.
+RINEX keeps epochs to 0.1 µs, ranges to a millimetre, phases to a thousandth of a cycle and Doppler to a millihertz.
+RINEX has no Doppler rate. An epoch between two steps of 0.1 µs is refused, because the pseudorange belongs to the exact
+reading of the receiver's clock. Half a step is 15 m. CSV has no such limits.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 VERSIONS = ("3.05", "4.00")
-TICKS_PER_S = 10_000_000  # ticks of an epoch
-TICK_TOLERANCE = 1e-5  # share of a tick: 1 ps
+TICKS_PER_S = 10_000_000  # number of epoch ticks in a second
+TICK_TOLERANCE = 1e-5  # tolerance as a share of a tick: 1 ps
 
 
 def write_rinex_observations(
@@ -30,7 +30,7 @@ def write_rinex_observations(
     approximate_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     created: datetime | None = None,
 ) -> None:
-    """Write epochs, in time order, in Galileo System Time.
+    """Write epochs, which are in time order, in Galileo System Time.
 
     Raises `ValueError` if there is no epoch, an epoch is not a multiple of 0.1 µs, or a value does not fit its field.
 
@@ -85,7 +85,7 @@ def _header(
         ),
     ]
     if version.startswith("3"):
-        records.append(("E", "SYS / PHASE SHIFT"))  # mandatory in version 3; blank: corrections are not known
+        records.append(("E", "SYS / PHASE SHIFT"))  # mandatory in version 3; blank for unknown corrections
     return [*records, ("", "END OF HEADER")]
 
 

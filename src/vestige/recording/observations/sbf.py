@@ -1,10 +1,10 @@
-"""I/NAV pages from Septentrio Binary Format (SBF), block GALRawINAV.
+"""Reader of I/NAV pages in Septentrio Binary Format (SBF), block GALRawINAV.
 
-A block is `$@ | CRC-16 2 | id 2 | length 2 | time of week in ms 4 | week 2 | …`, little endian, length and everything
-after it under the CRC. GALRawINAV (id 4023) adds `SVID + 70 | CRC passed | Viterbi count | source | 2 bytes | 32 bytes
-of navigation bits`; its time is the **end** of the page and its week is counted like that of GPS [SBF].
+A block is `$@ | CRC-16 2 | id 2 | length 2 | time of week in ms 4 | week 2 | …`, little endian. The CRC covers
+everything after the CRC field. GALRawINAV (id 4023) adds `SVID + 70 | CRC passed | Viterbi count | source | 2 bytes |
+32 bytes of navigation bits`. The time of the block is the **end** of the page, and its week is the GPS week [SBF].
 
-The reader trusts neither length nor content: what has no valid CRC is skipped byte by byte until the next block.
+The reader trusts neither length nor content: data without a valid CRC are skipped byte by byte until the next block.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ SYNC = b"$@"
 GAL_RAW_INAV = 4023  # block number [SBF]
 
 _HEADER = struct.Struct("<2sHHH")
-_INAV = struct.Struct("<IHBBBB2x8I")  # after the header: TOW, WNc, SVID, CRC passed, Viterbi count, source, bits
+_INAV = struct.Struct("<IHBBBB2x8I")  # fields after the header: TOW, WNc, SVID, CRC passed, Viterbi count, source, bits
 _CHUNK_BYTES = 1 << 20
 _E1B, _E5B = 17, 21  # source of the page [SBF]
-_MIXED = 0x20  # flag in the source: pages of both signals were combined [SBF]
+_MIXED = 0x20  # flag in the source for pages that combine both signals [SBF]
 _SVID_OFFSET = 70  # [SBF]
 _WEEK_OFFSET = 1024  # WNc counts from 1980, Galileo weeks from 1999 [SBF]
 _TOW_UNKNOWN, _WEEK_UNKNOWN = 0xFFFFFFFF, 0xFFFF  # "do not use" values [SBF]
-_UNUSED_BITS = 22  # at the end of the 8 words
+_UNUSED_BITS = 22  # number of unused bits at the end of the 8 words
 
 
 @dataclass(slots=True)
 class SbfCounts:
-    """Counts of the blocks and bytes that a reader came across."""
+    """Counts of the blocks and bytes that a reader found."""
 
     blocks: int = 0  # blocks with a good CRC, of any kind
-    bad_blocks: int = 0  # places that look like a block and have a wrong CRC, length or end of file
+    bad_blocks: int = 0  # apparent blocks with a wrong CRC or length, or cut off by the end of the file
     skipped_bytes: int = 0  # bytes outside good blocks
-    e1b: int = 0  # GALRawINAV blocks by signal; only these become pages
+    e1b: int = 0  # GALRawINAV blocks of E1-B; only these become pages
     e5b: int = 0
     mixed: int = 0
     other: int = 0
@@ -53,9 +53,8 @@ class SbfCounts:
 def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
     """Yield the E1-B pages of an SBF file, in the order of the file.
 
-    Pages that failed the receiver's own check are passed on too: their checksum is checked again by whoever uses them.
-
-    `counts` is filled while reading.
+    Pages that failed the receiver's own check are yielded too, because the caller checks their checksum again. `counts`
+    is filled while the file is read.
 
     Raises `InputFileError` if the file cannot be read, or holds no GALRawINAV block of E1-B.
     """
@@ -84,7 +83,7 @@ def _blocks(path: Path, file: BinaryIO, counts: SbfCounts) -> Iterator[bytes]:
             data, at = data[at:] + chunk, 0
         start = data.find(SYNC, at)
         if start < 0:
-            # The last byte may be the first half of a sync.
+            # The last byte may be the first half of a sync word.
             keep = 0 if ended else 1
             counts.skipped_bytes += max(len(data) - keep - at, 0)
             at = max(len(data) - keep, at)

@@ -1,9 +1,9 @@
-"""Error of a recording's time tag, where only samples can tell it: the hand-over search over its uncertainty.
+"""Search for the error of a recording's time tag in the samples: a hand-over search over the time tag's uncertainty.
 
-E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. No open code tells
-which of the periods it is, but the chips of a RECS come once. So each signal on E1 is handed over at all the periods
-that the time tag allows, and the period at which the RECS is found gives the error of the time tag. If it is found more
-than once, the earliest counts [WFO, Sec. III-E].
+E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. No open code
+resolves this ambiguity, but the chips of a RECS occur only once. So each signal on E1 is handed over at all periods
+that the time tag allows. The period at which the RECS is found gives the error of the time tag. If the RECS is found
+more than once, the earliest counts [WFO, Sec. III-E].
 """
 
 from __future__ import annotations
@@ -34,10 +34,8 @@ from vestige.signals.open_e6c import repeated_after_s
 class LabelSearch:
     """Result of the search for the error of a time tag."""
 
-    error_s: (
-        float | None
-    )  # by how much the time tag is late, give or take 10 ms of travel time; None if no RECS was found
-    decisions: tuple[VestigialDecision, ...]  # one for each RECS that was looked for
+    error_s: float | None  # error in s, positive if late, to within 10 ms of travel time; None if no RECS was found
+    decisions: tuple[VestigialDecision, ...]  # a decision for each RECS that was searched for
 
 
 def search_label(

@@ -1,7 +1,7 @@
 """The receiver's integrity as the MAVLink message GNSS_INTEGRITY, for autopilots and ground stations.
 
-The message, 441 of the dialect development, has fields for authentication, spoofing, jamming and RAIM. `gnss_integrity`
-says what of a verdict goes into which field. pymavlink encodes it.
+Message 441 of the dialect `development` has fields for authentication, spoofing, jamming and RAIM. `gnss_integrity`
+fills these fields from a verdict. pymavlink encodes the message.
 """
 
 from __future__ import annotations
@@ -83,9 +83,9 @@ def gnss_integrity(block: VerdictBlock, position: AuthenticPosition | None) -> G
     Parameters
     ----------
     block
-        Verdicts, with the state that a receiver shows of each satellite: the gravest status of the last 90 s.
+        Verdicts, with the displayed state of each satellite, which is the gravest status of the last 90 s.
     position
-        Authentic position of that epoch; None if there is none.
+        Authentic position of that epoch, or None.
     """
     states = {STATUSES[one] for one in block.state[-1].tolist()}
     fix, raim = authentic_fix(position), _raim(block)
@@ -131,7 +131,7 @@ def _raim(block: VerdictBlock) -> RaimState:
 
 
 def _outcome(block: VerdictBlock, name: CheckName) -> tuple[bool, bool]:
-    """Return whether a check was run in the last epoch, and whether it failed there."""
+    """Return whether a check was run in the last epoch, and whether it failed in that epoch."""
     if name not in block.checks:
         return False, False
     return bool(block.checks[name].run[-1].any()), bool(block.failed[name][-1].any())
@@ -142,12 +142,12 @@ def _centimetres(sigma_m: float) -> int:
 
 
 class MavlinkOutput:
-    """Sends GNSS_INTEGRITY by pymavlink, or writes a telemetry log; a context manager.
+    """Output that sends GNSS_INTEGRITY by pymavlink, or writes a telemetry log; a context manager.
 
     Parameters
     ----------
     target
-        Name of a file that ends in `.tlog`, which is appended to, or an address of pymavlink, such as
+        Name of a file that ends in `.tlog`, to which messages are appended, or an address of pymavlink, such as
         `udpout:127.0.0.1:14550`.
 
     Raises
@@ -173,7 +173,7 @@ class MavlinkOutput:
     def _connected(self, address: str) -> Callable[[bytes], Any]:
         try:
             connection = import_module("pymavlink.mavutil").mavlink_connection(address, dialect="development")
-        except (ValueError, IndexError) as error:  # what pymavlink raises for an address that it cannot read
+        except (ValueError, IndexError) as error:  # errors of pymavlink for an address that it cannot read
             expected = f"a file {LOG_SUFFIX}, or an address such as udpout:127.0.0.1:14550"
             raise VestigeError(f"--mavlink: found {address!r}, expected {expected}") from error
         self._held.callback(connection.close)
@@ -185,9 +185,9 @@ class MavlinkOutput:
         Parameters
         ----------
         time
-            Time of the snapshot; the log tells it.
+            Time of the snapshot, which is written into the log.
         integrity
-            What to say.
+            Fields of the message.
         """
         message = self._dialect.MAVLink_gnss_integrity_message(
             id=0,

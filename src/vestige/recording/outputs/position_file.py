@@ -1,8 +1,8 @@
-"""Authentic positions in a file that other programs read: NMEA 0183, CSV, GeoJSON or KML, by the ending of its name.
+"""Authentic positions in a file for other programs: NMEA 0183, CSV, GeoJSON or KML, chosen by the suffix of its name.
 
-Only a position whose ranges and orbits are authentic is written as a fix. For another snapshot NMEA has a sentence that
-says that there is no fix; the other formats leave it out. The file is complete after every position, so a program may
-read it while it grows.
+Only a position whose ranges and orbits are authentic is written as a fix. For other snapshots, NMEA gets a sentence
+without a fix; the other formats get nothing. The file is complete after every position, so a program may read the file
+while it grows.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ POSITION_COLUMNS = (
 
 
 def authentic_fix(position: AuthenticPosition | None) -> AuthenticPosition | None:
-    """Return a position if it is a valid fix: its orbits are authentic, as its ranges always are; else None."""
+    """Return a position if its orbits are authentic, else None; its ranges always are authentic."""
     return position if position is not None and position.orbits_authenticated else None
 
 
@@ -50,7 +50,7 @@ def nmea(time: GalileoTime, fix: AuthenticPosition | None) -> str:
     time
         Time of the snapshot.
     fix
-        Its position; None if there is no valid one.
+        Position of the snapshot; None if there is no valid fix.
     """
     found = None
     if fix is not None:
@@ -90,7 +90,10 @@ def _feature(time: GalileoTime, fix: AuthenticPosition) -> str:
 
 
 def _placemark(time: GalileoTime, fix: AuthenticPosition) -> str:
-    """Return a Placemark of KML 2.2 on the ground: KML counts heights from the sea, and there is no geoid here."""
+    """Return a Placemark of KML 2.2 on the ground.
+
+    KML heights refer to the sea level, and vestige has no geoid.
+    """
     values = {
         "height_over_ellipsoid_m": f"{fix.height_m:.3f}",
         "horizontal_sigma_m": f"{fix.horizontal_sigma_m:.3f}",
@@ -112,16 +115,16 @@ def _iso(utc: datetime) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionFormat:
-    """A format of positions: what a file begins and ends with, and one position.
+    """A format of position files: head, separator and tail of a file, and the text of a position.
 
     Attributes
     ----------
     entry
-        Text of a snapshot; without a fix it is not asked for, unless `without_fix`.
+        Function that returns the text of a snapshot; called without a fix only if `without_fix`.
     head, separator, tail
-        Text before the first position, between two of them, and after the last one.
+        Text before the first position, between two positions, and after the last position.
     without_fix
-        Whether a snapshot without a valid position has a text, which says so.
+        Whether a snapshot without a valid position also gets a text.
     """
 
     entry: Callable[[GalileoTime, AuthenticPosition], str] | Callable[[GalileoTime, AuthenticPosition | None], str]
@@ -131,14 +134,14 @@ class PositionFormat:
     without_fix: bool = False
 
     def text(self, time: GalileoTime, position: AuthenticPosition | None) -> str:
-        """Return the text of one snapshot, "" if it has none.
+        """Return the text of a snapshot, "" if there is none.
 
         Parameters
         ----------
         time
             Time of the snapshot in Galileo System Time.
         position
-            Its position; None if there is none.
+            Position of the snapshot, or None.
         """
         fix = authentic_fix(position)
         return "" if fix is None and not self.without_fix else self.entry(time, fix)  # type: ignore[arg-type]
@@ -162,7 +165,7 @@ POSITION_FORMATS = {
 class PositionFile:
     """A file of authentic positions, which grows; a context manager.
 
-    A file that is there already is continued.
+    An existing file is continued.
 
     Parameters
     ----------
@@ -172,9 +175,9 @@ class PositionFile:
     Raises
     ------
     InputFileError
-        If the file that is there is no such file of positions.
+        If the existing file is not a position file of this format.
     OSError
-        If it cannot be written.
+        If the file cannot be written.
 
     Examples
     --------
@@ -201,7 +204,7 @@ class PositionFile:
                 self._stream.close()
                 expected = "positions that vestige wrote in this format, or a name that is not taken"
                 raise InputFileError(path, "positions", "something else", expected)
-        self._end = size - len(tail)  # where the next position goes
+        self._end = size - len(tail)  # byte offset of the next position
         self._first = self._end == len(head)
 
     def _is_continued(self, head: bytes, tail: bytes, size: int) -> bool:

@@ -1,16 +1,16 @@
-"""Files by which independent receivers read a recording; each writes into a folder of its own inside the recording's.
+"""Files for independent receivers that read a recording, in a subfolder of the recording for each receiver.
 
-| program | what it gets |
+| program | files |
 |---|---|
-| gnss-sdr | a configuration a band; it reads the SigMF samples as they are, and finds its place from E1 of a sky |
-| PocketSDR | samples of its own scale, I and −Q, a tag file a band, options of its loops; command lines in README.txt |
-| GalileoSASlib | int16 samples as they are, under names that say when they begin, a table of keys: `saslib_export` |
+| gnss-sdr | a configuration a band; it reads the SigMF samples, and computes a fix from E1 of a sky |
+| PocketSDR | rescaled samples, I and −Q, a tag file a band, options of the loops; command lines in README.txt |
+| GalileoSASlib | unchanged int16 samples, named by their start time, and a table of keys: `saslib_export` |
 
-What goes wrong otherwise: gnss-sdr finds E6 by E6-B alone, and tracks E6-B while E6-C is encrypted. Without
-`bit_transition_flag` it mostly locks 500 Hz off on E6, for E6-B may change its sign every millisecond; with
-a Doppler step of 125 Hz on E1 it locks 125 Hz off. PocketSDR takes no sample beyond ±7 and conjugates what it reads.
-Its built-in phase loop of 5 Hz loses a line of sight whose range swings with 5 m/s², as that of `scenarios/quick.toml`
-does; 10 Hz holds it.
+The options avoid these faults. gnss-sdr acquires E6 only by E6-B, and tracks E6-B while E6-C is encrypted. Without
+`bit_transition_flag` gnss-sdr mostly locks 500 Hz off on E6, because E6-B may change its sign every millisecond. With a
+Doppler step of 125 Hz on E1 gnss-sdr locks 125 Hz off. PocketSDR accepts no sample beyond ±7 and conjugates its input.
+The default phase loop of PocketSDR, 5 Hz wide, loses a line of sight whose range oscillates with 5 m/s², as in
+`scenarios/quick.toml`; a loop of 10 Hz keeps lock.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from vestige.records import Band
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedSky:
-    """Satellites and atmosphere of the signals in a recording, which its own files do not state.
+    """Satellites and atmosphere of the signals in a recording, which the recording's own files do not state.
 
     Attributes
     ----------
     svids
-        The satellites.
+        Space vehicle identifiers of the satellites.
     troposphere
         Whether the signals are delayed by a troposphere.
     ionosphere
-        Whether they are delayed by the ionosphere that word 5 of the message describes.
+        Whether the signals are delayed by the ionosphere that word 5 of the message describes.
     """
 
     svids: tuple[int, ...]
@@ -53,7 +53,7 @@ Export = Callable[[Recording, Path, ExportedSky], tuple[Path, ...]]
 
 _CHUNK = 1 << 22  # samples
 _POCKETSDR_RMS, _POCKETSDR_LIMIT = 2.0, 7.0
-_POCKETSDR_OPTIONS = (  # name and content; what it does not name keeps PocketSDR's own value
+_POCKETSDR_OPTIONS = (  # name and content; all other options keep PocketSDR's own value
     "pocket_trk.conf",
     """\
 # options of pocket_trk for recordings of vestige
@@ -106,7 +106,7 @@ PVT.xml_output_enabled=false
 PVT.rtcm_output_file_enabled=false
 """
 
-# whether the recording has a troposphere, an ionosphere: what gnss-sdr is told
+# lines for gnss-sdr without and with a troposphere, an ionosphere
 _GNSS_SDR_TROPOSPHERE = {
     False: """\
 ; the signals have no troposphere
@@ -193,7 +193,7 @@ TelemetryDecoder_E6.implementation=Galileo_E6_Telemetry_Decoder
 def export_gnss_sdr(recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
     """Write `e1.conf` and `e6.conf` for gnss-sdr 0.0.17 into `folder`, to be run there, and return their paths.
 
-    Its corrections of troposphere and ionosphere are on where the signals have them.
+    The corrections of troposphere and ionosphere are on if the signals have these delays.
 
     Raises `UnsupportedError` if gnss-sdr has no item type for the samples, or the rate is not a whole number of Hz.
     """
@@ -268,14 +268,14 @@ EXPORTS: Mapping[str, Export] = {
     "pocketsdr": export_pocketsdr,
     "saslib": lambda recording, folder, sky: export_saslib(recording, folder, sky.svids),
 }
-COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # size of a sample in the export's own copy
+COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # bytes of each sample in the export's own copy
 
 _CI8 = SampleFormat(component="int8", layout="iq")
 _OPEN = {Band.E1: 2, Band.E6: 1}  # open components, B first: E6-C is encrypted
 
 
 def check_export(name: str, form: SampleFormat, sample_rate_hz: float) -> None:
-    """Raise `UnsupportedError` if one of `EXPORTS` cannot read samples of a form and rate, before there are any.
+    """Raise `UnsupportedError` if one of `EXPORTS` cannot read samples of a form and rate, before samples are made.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Status of a front end, from the samples that it took: their power, and whether they clip.
+"""Status of a front end from its samples: their power, and whether the samples clip.
 
-The power is that of the stored numbers. Behind a gain control whose gain was not recorded, the power tells nothing of
-the sky. The gain is not known (NaN).
+The power is the power of the stored numbers. Behind a gain control whose gain was not recorded, this power tells
+nothing about the received signals. The gain is not known (NaN).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Recordings that ION GNSS SDR Metadata describe, revision 1.0 [IONSDR]: an `.sdrx` or `.xml` file beside the samples.
+"""Reader of ION GNSS SDR Metadata, revision 1.0 [IONSDR]: an `.sdrx` or `.xml` file beside the samples of a recording.
 
 The standard nests a file of samples: `file` → `lane` → `block` → `chunk` → `lump` → `stream` → `band`. An element
-without content refers to the one of the same name and `id` at the top level. vestige reads what its sample formats can
-hold:
+without content refers to the top-level element of the same name and `id`. vestige reads the sample formats that it
+supports:
 
 ======================= ==========================================================================================
 element                 what is read
@@ -15,11 +15,12 @@ element                 what is read
 `band`                  `centerfreq` of the signal stands at `translatedfreq` in the samples; `inverted`, `bandwidth`
 ======================= ==========================================================================================
 
-The schema, the working group's library and the published files differ in the case of some names, and in the attribute
-of a unit, `format` or `units`. Both are read. The library's form is written, since programs use the library.
+The schema, the working group's library and the published files differ in the case of some names. They also differ in
+the attribute of a unit, `format` or `units`. The reader accepts both forms. The writer uses the library's form, because
+programs use the library.
 
 The standard has no sample counter and no upper limit of the clock's error. Files of two bands must have the same time
-tag: then their first samples are the same moment. The upper limit is a processing option, `--time-uncertainty`.
+tag, so their first samples are the same moment. The upper limit is a processing option, `--time-uncertainty`.
 """
 
 from __future__ import annotations
@@ -68,9 +69,9 @@ _MAX_COUNT = 1 << 40
 
 
 def read_ion_metadata(path: Path) -> RecordingDescription:
-    """Return the recording that an ION metadata file describes, at most one file for each band.
+    """Return the recording that an ION metadata file describes, with at most one file for each band.
 
-    Files with neither carrier in their spectrum are left out, with a note.
+    Files whose spectrum contains neither carrier are left out, with a note.
 
     Parameters
     ----------
@@ -80,9 +81,9 @@ def read_ion_metadata(path: Path) -> RecordingDescription:
     Raises
     ------
     InputFileError
-        If it is no ION metadata, lacks what is needed, or names samples that are not there.
+        If the file is not ION metadata, lacks a required element, or names samples that do not exist.
     UnsupportedError
-        If it is valid and describes samples that vestige does not read.
+        If the file is valid and describes samples that vestige does not read.
 
     Examples
     --------
@@ -133,14 +134,14 @@ class _Document:
         raise UnsupportedError(f"{self.path}: {self._place(element)}: found {found}; supported is {SUPPORTED}")
 
     def one(self, parent: Element, name: str) -> Element:
-        """Return the only child of a name, or the element that it refers to."""
+        """Return the only child with a name, or the element to which this child refers."""
         found = self._children(parent, name)
         if len(found) > 1:
             self.refuse(parent, f"{len(found)} of {name}")
         return self._referred(parent, found[0])
 
     def several(self, parent: Element, name: str) -> list[Element]:
-        """Return the children of a name, at least one, or the elements that they refer to."""
+        """Return the children with a name, at least one, or the elements to which these children refer."""
         return [self._referred(parent, child) for child in self._children(parent, name)]
 
     def _children(self, parent: Element, name: str) -> list[Element]:
@@ -162,20 +163,20 @@ class _Document:
         return same[0]
 
     def text(self, parent: Element, name: str, default: str | None = None) -> str:
-        """Return the text of the only child of a name."""
+        """Return the text of the only child with a name."""
         if default is not None and all(_name(child) != name for child in parent):
             return default
         return (self.one(parent, name).text or "").strip()
 
     def count(self, parent: Element, name: str, default: str | None = None) -> int:
-        """Return the whole number in the only child of a name."""
+        """Return the whole number in the only child with a name."""
         text = self.text(parent, name, default)
         if not (text.isascii() and text.isdecimal() and len(text) <= 13 and int(text) <= _MAX_COUNT):
             raise InputFileError(self.path, f"{self._place(parent)}.{name}", text, "a whole number")
         return int(text)
 
     def hertz(self, parent: Element, name: str, default: float | None = None) -> float:
-        """Return the frequency in Hz in the only child of a name."""
+        """Return the frequency in Hz in the only child with a name."""
         if default is not None and all(_name(child) != name for child in parent):
             return default
         element = self.one(parent, name)
@@ -196,12 +197,12 @@ class _Document:
 
 
 def _name(element: Element) -> str:
-    """Return the name of an element without namespace, in lower case; a comment has none."""
+    """Return the name of an element without namespace, in lower case; a comment has no name."""
     return element.tag.rpartition("}")[2].lower() if isinstance(element.tag, str) else ""
 
 
 def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
-    """Return what the streams of a `file` are, None for one that holds neither carrier."""
+    """Return the band files of the streams of a `file`, None for a stream that contains neither carrier."""
     for name in ("next", "previous"):
         if document.text(element, name, ""):
             document.refuse(element, f"a sequence of files ({name})")
@@ -227,7 +228,7 @@ def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
 def _band_file(
     document: _Document, element: Element, lane: Element, chunk: Element, stream: Element, place: tuple[int, int]
 ) -> BandFile | None:
-    """Return what a stream is, None if it holds neither carrier; `place` is its number, and that of all streams."""
+    """Return the band file of a stream, or None without a carrier; `place` is its number, and that of all."""
     path = document.path
     form, q_negated = _form(document, chunk, stream, place)
     rate_hz = document.hertz(document.one(lane, "system"), "freqbase") * document.count(stream, "ratefactor")
@@ -237,7 +238,8 @@ def _band_file(
     band_element = document.one(stream, "band")
     inverted = document.text(band_element, "inverted", "false").lower() in ("true", "1")
     translated_hz = document.hertz(band_element, "translatedfreq", 0.0)
-    # Of an inverted spectrum the radio frequency falls as that of the samples rises. Real samples hold it upright, too.
+    # In an inverted spectrum the radio frequency falls as the frequency of the samples rises. Real samples also contain
+    # the upright spectrum.
     turned = inverted and form.is_complex
     center_hz = document.hertz(band_element, "centerfreq") + (translated_hz if turned else -translated_hz)
     band = band_of(center_hz, rate_hz)
@@ -259,7 +261,7 @@ def _band_file(
 
 
 def _form(document: _Document, chunk: Element, stream: Element, place: tuple[int, int]) -> tuple[SampleFormat, bool]:
-    """Return how samples are stored, and whether Q is negated."""
+    """Return the format of the samples, and whether Q is negated."""
     encoding, bits = document.text(stream, "encoding"), document.count(stream, "quantization")
     component = ION_NUMBERS.get((encoding, bits))
     if component is None:
@@ -288,7 +290,7 @@ def _form(document: _Document, chunk: Element, stream: Element, place: tuple[int
 
 
 def _time(document: _Document, element: Element) -> GalileoTime | None:
-    """Return the time tag of a file; None if it has none."""
+    """Return the time tag of a file, or None."""
     text = document.text(element, "timestamp", "")
     if not text:
         return None

@@ -1,7 +1,8 @@
-"""ION GNSS SDR Metadata, revision 1.0 [IONSDR], of a recording that is there: one `.sdrx` file beside its samples.
+"""Writer of ION GNSS SDR Metadata, revision 1.0 [IONSDR]: an `.sdrx` file beside the samples of an existing recording.
 
-Names and units have the form of the working group's library, which other programs read with; `ion_metadata` reads it
-back. What the standard has no place for is lost: the sample counter and the upper limit of the clock's error.
+Names and units have the form of the working group's library, which other programs use. `ion_metadata` can read the
+file. The sample counter and the upper limit of the clock's error are lost, because the standard has no element for
+them.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ _BAND = """\
 
 
 def has_ion_encoding(component: SampleType) -> bool:
-    """Return whether the standard's library has a code for numbers of a type; it has none for float32.
+    """Return whether the standard's library has a code for numbers of a type; there is no code for float32.
 
     Examples
     --------

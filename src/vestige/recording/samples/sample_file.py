@@ -1,7 +1,7 @@
-"""Samples read from a file in pieces of any size; only the piece that is asked for is in memory.
+"""Samples read from a file in pieces of any size; only the requested piece is in memory.
 
-Pieces are asked for by the counter that both bands share, so the same numbers of E1 and E6 (at equal rates) are the
-same moments, and read in pieces or at once the samples are the same bits.
+Pieces are requested by the counter that both bands share, so the same numbers of E1 and E6 (at equal rates) are the
+same moments. The samples have the same bits whether they are read in pieces or at once.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ BLOCK_SAMPLES = 1 << 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleReader:
-    """The samples of one band; `open_samples` makes one."""
+    """Reader of the samples of a band; `open_samples` returns a reader."""
 
     file: BandFile
-    n_samples: int  # whole samples in it
-    notes: tuple[str, ...] = ()  # what is odd about the file, one line each
-    skipped: int = 0  # samples at the beginning of the file that are not among them
-    # the samples as they were stored, where there is no file that could be read again
+    n_samples: int  # number of whole samples in the file
+    notes: tuple[str, ...] = ()  # unusual features of the file, one line each
+    skipped: int = 0  # number of skipped samples at the beginning of the file
+    # the stored samples, if there is no file that could be read again
     held: bytes | None = field(default=None, repr=False)
 
     @property
@@ -50,7 +50,7 @@ class SampleReader:
 
     @property
     def end_sample(self) -> int:
-        """Number after that of the last sample."""
+        """Number of the last sample plus 1."""
         return self.first_sample + self.n_samples
 
     @property
@@ -62,12 +62,12 @@ class SampleReader:
     def start(self) -> GalileoTime:
         """Receiver-clock time of the first sample.
 
-        Raises `InputFileError` if nothing tells it.
+        Raises `InputFileError` if the start is unknown.
         """
         return self.time_of(self.first_sample)
 
     def time_of(self, sample: int) -> GalileoTime:
-        """Return the receiver-clock time of a sample by its number on the shared counter; raises as `start`."""
+        """Return the receiver-clock time of a sample number on the shared counter; raises the errors of `start`."""
         if self.file.start is None:
             raise InputFileError(self.file.described_in, "start time", "nothing", "a time tag, or a start to be given")
         return samples_later(self.file.start, sample - self.file.first_sample, self.file.sample_rate_hz)
@@ -75,8 +75,8 @@ class SampleReader:
     def samples(self, first: int, count: int) -> Complex64[np.ndarray, " n_samples"]:
         """Return `count` samples from number `first` on, as complex64.
 
-        Raises `ValueError` if the file does not have all of them. Raises `InputFileError` if they cannot be read, or
-        are not finite numbers.
+        Raises `ValueError` if the file does not have all these samples. Raises `InputFileError` if the samples cannot
+        be read, or are not finite numbers.
         """
         if count < 0 or first < self.first_sample or first + count > self.end_sample:
             raise ValueError(
@@ -105,7 +105,7 @@ class SampleReader:
         return stored
 
     def read(self, first: int, count: int) -> SampleBatch:
-        """Return `count` samples from number `first` of the shared counter on; raises as `samples` and `start`."""
+        """Return `count` samples from number `first` on; raises the errors of `samples` and `start`."""
         return SampleBatch(
             band=self.band,
             samples=self.samples(first, count),
@@ -121,7 +121,7 @@ class SampleReader:
             yield self.read(first, min(size, self.end_sample - first))
 
     def hash_agrees(self) -> bool | None:
-        """Return whether the file has the hash that its description states (None if it states none); reads it all."""
+        """Read the whole file, and return whether it has the hash that its description states, if any."""
         if self.file.sha512 is None:
             return None
         try:
@@ -132,7 +132,7 @@ class SampleReader:
 
 
 def samples_so_far(file: BandFile) -> SampleReader:
-    """Return the reader of the whole samples that a file holds by now, maybe none: another process still writes it.
+    """Return the reader of the whole samples so far, perhaps none, in a file that another process still writes.
 
     Raises `InputFileError` if the file cannot be read.
     """

@@ -1,14 +1,14 @@
 """Sample formats of the files that vestige reads and writes, and their conversion to complex64.
 
-Reading is exact: an integer becomes the float32 of the same value, so nothing is scaled (correlation does not mind).
-That is why 32-bit integers and 64-bit floats are left out: float32 does not hold them.
+The reader is exact: an integer becomes the float32 of the same value, without scaling. 32-bit integers and 64-bit
+floats are not supported, because float32 cannot represent them exactly.
 
-Samples of several channels may lie in one file or pipe in turn, as a recorder with two front ends writes them: one
-sample of each channel is a frame.
+A file or pipe may contain samples of several channels in turn, as a recorder with two front ends writes them. A frame
+is one sample of each channel.
 
 Real (IF-sampled) samples become complex with zero imaginary part. A front end that reverses the spectrum (high-side
-mixing) delivers the conjugate of the signal; reading conjugates once more. Real samples need no such step: their
-spectrum holds the upright signal at the negative frequencies anyway.
+mixing) delivers the conjugate of the signal, and the reader conjugates again. Real samples need no such step, because
+their spectrum also contains the upright signal at the negative frequencies.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ NOT_READ = dict.fromkeys(("i32", "u32", "f64"), "float32 cannot hold its values 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleFormat:
-    """One way to store samples."""
+    """Format of stored samples."""
 
     component: SampleType  # number type of a real sample, or of each half of a complex one
     layout: Layout  # `real`, or complex with the in-phase component first (`iq`) or second (`qi`)
     big_endian: bool = False  # byte order of components of more than one byte
-    channels: int = 1  # samples of as many channels lie in turn, one of each in a frame
-    channel: int = 0  # place of this channel in a frame
+    channels: int = 1  # number of channels in a frame, which has one sample of each channel
+    channel: int = 0  # number of this channel in a frame, from 0
 
     @property
     def is_complex(self) -> bool:
@@ -59,17 +59,17 @@ class SampleFormat:
 
     @property
     def components_per_sample(self) -> int:
-        """1 for real samples, 2 for complex ones."""
+        """Number of components of a sample: 1 for real samples, 2 for complex samples."""
         return 2 if self.is_complex else 1
 
     @property
     def sample_bytes(self) -> int:
-        """Bytes of one sample."""
+        """Number of bytes of a sample."""
         return self.dtype.itemsize * self.components_per_sample
 
     @property
     def frame_bytes(self) -> int:
-        """Bytes from one sample to the next: those of one sample of every channel."""
+        """Number of bytes of a frame, which has one sample of every channel."""
         return self.sample_bytes * self.channels
 
     @property
@@ -79,7 +79,7 @@ class SampleFormat:
 
     @property
     def sigmf_datatype(self) -> str:
-        """Name of the format in SigMF; Q before I has none."""
+        """Name of the format in SigMF, which has no name for Q before I."""
         if self.layout == "qi":
             raise ValueError("SigMF has no datatype with Q before I")
         order = ("_be" if self.big_endian else "_le") if self.dtype.itemsize > 1 else ""
@@ -98,7 +98,7 @@ def _sigmf_formats() -> dict[str, SampleFormat]:
             for big_endian in (False, True):
                 form = SampleFormat(component=component, layout=layout, big_endian=big_endian)
                 table.setdefault(form.sigmf_datatype, form)
-                table.setdefault(form.sigmf_datatype.removesuffix("_le"), form)  # without suffix: little endian
+                table.setdefault(form.sigmf_datatype.removesuffix("_le"), form)  # no suffix: little endian
     return table
 
 
@@ -108,7 +108,7 @@ SIGMF_FORMATS = _sigmf_formats()
 def decode(
     components: Shaped[np.ndarray, " n_components"], form: SampleFormat, *, inverted: bool = False
 ) -> Complex64[np.ndarray, " n_samples"]:
-    """Return stored components as complex64 samples, exactly; of several channels, those of the format's own."""
+    """Return stored components exactly as complex64 samples; of several channels, only the format's own channel."""
     if form.channels > 1:
         components = components.reshape(-1, form.channels, form.components_per_sample)[:, form.channel].reshape(-1)
     values = components.astype(np.float32)
@@ -125,18 +125,19 @@ def decode(
 def encode(
     samples: Complex64[np.ndarray, " n_samples"], form: SampleFormat, *, scale: float = 1.0, inverted: bool = False
 ) -> Num[np.ndarray, " n_components"]:
-    """Return samples as the components that are stored: `round(scale · sample)`, clipped to the range of the format.
+    """Return the components to store for samples: `round(scale · sample)`, clipped to the range of the format.
 
-    Rounding is to the nearest integer, halves to even. float32 is not rounded; with `scale` 1 it is stored bit for bit.
+    Values are rounded to the nearest integer, and halves to even. float32 is not rounded; with `scale` 1 it is stored
+    bit for bit.
 
-    Raises `ValueError` if a sample is not finite, or a real format is asked to hold imaginary parts.
+    Raises `ValueError` if a sample is not finite, or complex samples are given to a real format.
 
     Parameters
     ----------
     scale
         Stored value of 1.0, the same for both components.
     inverted
-        Store the conjugate, as a front end with a turned-round spectrum would.
+        Store the conjugate, as a front end with an inverted spectrum would.
     """
     if form.layout == "real":
         if np.any(samples.imag):

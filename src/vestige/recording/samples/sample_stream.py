@@ -1,12 +1,13 @@
-"""Samples out of a pipe: the last seconds of them, from which windows are cut.
+"""The last seconds of samples from a pipe, from which windows are cut.
 
-A thread reads, so that the recorder at the other end is not held up while a snapshot is processed. What was read waits
-in blocks until `keep` names the samples that are still needed. At `capacity_bytes` the thread either stops reading, so
-that a program that plays a file waits, or it goes on and drops what it reads, for a receiver that cannot wait. Samples
-that were dropped are counted, so those after them keep their number, and with it their time.
+A thread reads the pipe, so that the recorder does not wait while a snapshot is processed. The samples are buffered in
+blocks until `keep` names the samples that are still needed. When `capacity_bytes` are buffered, there are two
+possibilities. Either the thread stops reading, so that a program that plays a file waits. Or the thread continues and
+drops samples, for a receiver that cannot wait. Dropped samples are counted, so later samples keep their number and
+time.
 
-The thread goes on while the samples are looked at. `look` is the one consistent view: what it returned has to decide
-what is complete and what may go, never a second question to the stream.
+The thread continues to read while samples are processed. Only `look` gives a consistent state: every decision about
+complete samples, and about samples to drop, must use the result of the same `look`.
 """
 
 from __future__ import annotations
@@ -23,20 +24,20 @@ from vestige.errors import InputFileError
 from vestige.recording.description import BandFile
 from vestige.recording.samples.sample_file import SampleReader
 
-BLOCK_BYTES = 1 << 16  # what a pipe holds; blocks are kept or let go whole
+BLOCK_BYTES = 1 << 16  # capacity of a pipe; blocks are kept or dropped as a whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamState:
     """State of a stream: how far it was read at one moment."""
 
-    end_sample: int  # number after that of the last whole sample, on the counter that the bands share
+    end_sample: int  # number of the last whole sample plus 1, on the counter that the bands share
     ended: bool  # whether no more samples can come
 
 
 @dataclass(slots=True)
 class _Block:
-    first_byte: int  # in the stream
+    first_byte: int  # number of the block's first byte in the stream
     content: bytearray
 
     @property
@@ -45,12 +46,12 @@ class _Block:
 
 
 class SampleStream:
-    """Samples of one band out of a file descriptor, a named pipe or a function; starts to read at once.
+    """Samples of a band from a file descriptor, a named pipe or a function; starts to read at once.
 
-    A named pipe is opened by the thread that reads, because that waits for the program that writes. A function is given
-    how many bytes to return at most, returns none at the end, and may raise `OSError`. At most `capacity_bytes` wait.
-    If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full. Samples of several channels are
-    split before (`recording.live.frame_splitter`): a stream has those of one.
+    The reading thread opens a named pipe, because opening waits for the writing program. A function gets the largest
+    number of bytes to return, returns no bytes at the end, and may raise `OSError`. At most `capacity_bytes` are
+    buffered. If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full. A stream has the
+    samples of a single channel; `recording.live.frame_splitter` splits several channels before.
     """
 
     def __init__(
@@ -60,18 +61,18 @@ class SampleStream:
         self.capacity_bytes = capacity_bytes
         self.can_wait = can_wait
         self._source = source
-        self._origin = file.header_bytes - file.first_sample * file.form.sample_bytes  # byte of sample 0 of the counter
+        self._origin = file.header_bytes - file.first_sample * file.form.sample_bytes  # byte of counter's sample 0
         self._blocks: deque[_Block] = deque()
-        self._n_kept = 0  # bytes in the blocks
+        self._n_kept = 0  # number of bytes in the blocks
         self._end_byte = 0
         self._ended = False
         self._error: OSError | None = None
-        self._crowded = False  # even without what is not needed any more
+        self._crowded = False  # whether the buffer is full even without samples that are no longer needed
         self._changed = threading.Condition()
         threading.Thread(target=self._fill, name="samples", daemon=True).start()
 
     def look(self) -> StreamState:
-        """Return how far the stream was read by now.
+        """Return the state of the stream now.
 
         Raises `InputFileError` if reading failed.
         """
@@ -84,9 +85,9 @@ class SampleStream:
             return StreamState(end_sample=self.file.first_sample + read, ended=self._ended)
 
     def cut(self, first: int, end: int) -> SampleReader | None:
-        """Return the samples from number `first` to before `end`, as far as the stream has them; None if any is gone.
+        """Return the available samples from number `first` to before `end`; None if any of them was dropped.
 
-        Samples before the first one of the stream, and those that were not read yet, are no part of it.
+        Samples before the start of the stream, and samples that were not read yet, are left out.
         """
         low = max(self._byte(first), self.file.header_bytes)
         with self._changed:
@@ -101,7 +102,7 @@ class SampleStream:
         return self._reader(low, held) if len(held) == high - low else None
 
     def next_after(self, first: int) -> int:
-        """Return the number of the first sample behind the next gap that ends after sample number `first`."""
+        """Return the number of the first sample after the next gap that ends after sample number `first`."""
         size = self.file.form.sample_bytes
         with self._changed:
             ends = [high for _, high in self._gaps() if high > self._byte(first)]
@@ -113,14 +114,14 @@ class SampleStream:
         return self._reader(self.file.header_bytes, b"")
 
     def keep(self, windows: Iterable[tuple[int, int]], since: int) -> bool:
-        """Let go of the samples that are neither in a window nor at or after number `since`.
+        """Drop the samples that are neither in a window nor at or after number `since`.
 
-        A window of which samples are gone is of no use, so the rest of it is let go, too.
+        A window that lost samples is useless, so the rest of the window is dropped, too.
 
         Returns
         -------
         bool
-            Whether there is room for more. If there is not, nothing but fewer windows makes room.
+            Whether there is room for more samples. If there is not, only fewer windows make room.
         """
         needed = sorted((max(self._byte(first), self.file.header_bytes), self._byte(end)) for first, end in windows)
         rest = self._byte(since)
@@ -139,7 +140,7 @@ class SampleStream:
             return not self._crowded
 
     def wait(self, timeout_s: float) -> None:
-        """Wait that long, or until no more comes, or until a buffer that had room is full."""
+        """Wait the given time, but not after the end of the stream, nor after a buffer that had room is full."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended or (self._full and not self._crowded), timeout_s)
 
@@ -151,7 +152,7 @@ class SampleStream:
         return self._origin + sample * self.file.form.sample_bytes
 
     def _gaps(self) -> Iterator[tuple[int, int]]:
-        """Yield where bytes are missing among those that were read."""
+        """Yield the gaps in the bytes that were read."""
         end = 0
         for block in self._blocks:
             if block.first_byte > end:
@@ -187,14 +188,14 @@ class SampleStream:
     def _append(self, read: bytes) -> None:
         last = self._blocks[-1] if self._blocks else None
         if last is not None and last.end_byte == self._end_byte and len(last.content) + len(read) <= BLOCK_BYTES:
-            last.content += read  # a writer of small pieces must not cost more than the bytes
+            last.content += read  # joins small pieces, because each block costs time
         else:
             self._blocks.append(_Block(self._end_byte, bytearray(read)))
         self._n_kept += len(read)
 
 
 def reading(source: int | Path | Callable[[int], bytes]) -> Callable[[int], bytes]:
-    """Return the function that reads a file descriptor or a named pipe, which is opened now; a function stays itself.
+    """Open a file descriptor or a named pipe and return the function that reads it, or a function unchanged.
 
     Raises `OSError` if the pipe cannot be opened.
     """

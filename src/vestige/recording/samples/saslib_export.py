@@ -1,8 +1,9 @@
-"""Files by which GalileoSASlib reads a recording [SASLIB]: samples under names that say when they begin, and keys.
+"""Files of a recording for GalileoSASlib [SASLIB]: keys, and samples whose file names tell their start time.
 
-It wants int16 I,Q and a name with the UTC of the first sample, `YYYYMMDD_HHMMSSZ`. Keys are a table of `epoch`, the
-start of the subframe that the key belongs to in seconds since the start of Galileo System Time (week · 604800 + TOW),
-and `osnma_key` in hexadecimal. RECS and group delays are read as they are in the assistance folder.
+GalileoSASlib needs int16 I,Q and a file name with the UTC of the first sample, `YYYYMMDD_HHMMSSZ`. Keys are a table of
+two columns. `epoch` is the start of the key's subframe in seconds since the start of Galileo System Time (week · 604800
++ TOW). `osnma_key` is the key in hexadecimal. GalileoSASlib reads RECS and group delays directly from the assistance
+folder.
 """
 
 from __future__ import annotations
@@ -40,16 +41,16 @@ GalileoSASlib, version 1.0:
 def export_saslib(recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
     """Write samples, keys and a README.txt for GalileoSASlib into `folder`, and return their paths.
 
-    The samples are the same files under another name, and need no room of their own where the disk has hard links.
+    The samples are the same files under another name, and take no additional space if the disk has hard links.
 
     Parameters
     ----------
     recording
-        The recording; its folder holds the keys.
+        The recording, whose folder contains the keys.
     folder
         Folder inside that of the recording.
     svids
-        The satellites in it.
+        The satellites in the recording.
 
     Raises
     ------
@@ -85,7 +86,7 @@ def check_saslib_form(form: SampleFormat) -> None:
 
 
 def _samples(reader: SampleReader, folder: Path) -> Path:
-    """Give the samples of a band the name that says when they begin."""
+    """Link the samples of a band under a name with their start time."""
     file = reader.file
     check_saslib_form(file.form)
     if file.spectral_inversion or file.header_bytes:

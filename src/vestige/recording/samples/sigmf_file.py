@@ -1,10 +1,10 @@
-"""SigMF recordings as descriptions: one metadata file a band, a collection, or a folder of metadata files.
+"""Reader of SigMF recordings: a metadata file for each band, a collection, or a folder of metadata files.
 
-The `core` fields are read as the specification has them; the `sigmf` library's schema checks them. Frequencies are
-those of the stored samples: a real IF recording has `core:frequency` at its local oscillator. `core:global_index` of
-the first capture is the number of the file's first sample on the counter that the bands share.
+The `core` fields are read according to the specification; the `sigmf` library's schema checks them. Frequencies refer
+to the stored samples: a real IF recording has `core:frequency` at its local oscillator. `core:global_index` of the
+first capture is the number of the file's first sample on the counter that the bands share.
 
-vestige adds a namespace of its own (`core:extensions` name `vestige`, version 1.0.0):
+vestige adds its own namespace (name `vestige` in `core:extensions`, version 1.0.0):
 
 ======= ============================== =============================================================================
 object  field                          meaning
@@ -12,14 +12,14 @@ object  field                          meaning
 global  `vestige:spectral_inversion`   boolean, default false: the stored spectrum is inverted
 global  `vestige:bandwidth_hz`         number: two-sided bandwidth of the front end
 global  `vestige:time_uncertainty_s`   number: upper limit of the receiver clock's error against Galileo System Time
-global  `vestige:sample_count`         integer: how many samples were written; fewer in the file means it was cut off
+global  `vestige:sample_count`         integer: number of samples that were written; a shorter file was cut off
 capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digits: receiver-clock time of the first
-                                       sample in Galileo System Time. `core:datetime` says the same to a microsecond
+                                       sample in Galileo System Time. `core:datetime` gives it to a microsecond
 ======= ============================== =============================================================================
 
-For two bands the counter rules: their time tags must agree with it. Those that only `core:datetime` gives may be off
-by a millisecond (many recorders write no more digits) if both files state a `core:global_index`; without one, they
-must be equal, since nothing else says how the bands lie to each other.
+The time tags of two bands must agree with the counter. A time tag that only `core:datetime` gives may be off by a
+millisecond if both files state a `core:global_index`, because many recorders write no more digits. Without
+`core:global_index` the time tags must be equal, because nothing else relates the bands in time.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class _Extension(BaseModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stream:
-    """One SigMF recording and how far its own time tags go."""
+    """A SigMF recording, and the accuracy of its time tag."""
 
     file: BandFile
     exact_start: bool
@@ -85,13 +85,13 @@ class _Stream:
 
 
 def read_sigmf(metas: Sequence[Path], *, described_in: Path) -> RecordingDescription:
-    """Return the recording that SigMF metadata files describe together, at most one for each band.
+    """Return the recording that SigMF metadata files describe together, with at most one file for each band.
 
-    Metadata with neither carrier in their spectrum are left out, with a note. `described_in` names the recording: the
+    A file whose spectrum contains neither carrier is left out, with a note. `described_in` names the recording: the
     metadata file itself, a collection or a folder.
 
-    Raises `InputFileError` if a file is not SigMF metadata, lacks what is needed, or contradicts itself or the other
-    band. Raises `UnsupportedError` if it is valid SigMF that vestige does not read.
+    Raises `InputFileError` if a file is not SigMF metadata, lacks a required field, or contradicts itself or the other
+    band. Raises `UnsupportedError` if the file is valid SigMF that vestige does not read.
     """
     streams: dict[Band, _Stream] = {}
     notes = []
@@ -118,8 +118,8 @@ def read_sigmf(metas: Sequence[Path], *, described_in: Path) -> RecordingDescrip
 def read_collection(path: Path) -> RecordingDescription:
     """Return the recording that a `.sigmf-collection` file names.
 
-    Raises `InputFileError` or `UnsupportedError` as `read_sigmf`; also if a metadata file has changed since the
-    collection was made.
+    Raises the errors of `read_sigmf`, and `InputFileError` if a metadata file has changed since the collection was
+    made.
     """
     content = _json(path)
     collection = content.get("collection") if isinstance(content, dict) else None
@@ -152,10 +152,10 @@ def _json(path: Path) -> Any:
 
 @cache
 def _specification() -> Any:
-    """Return the validator of the specification's schema, made once.
+    """Return the validator of the specification's schema, which is made only once.
 
-    `sigmf.validate` checks the schema itself at every call, which takes longer than to check the metadata. It also
-    warns of namespaces that are not declared; those of others need not be declared for our sake.
+    `sigmf.validate` checks the schema itself at every call, which takes longer than the check of the metadata.
+    `sigmf.validate` also warns of undeclared namespaces, which vestige permits.
     """
     schema = sigmf.schema.get_schema()
     return validator_for(schema)(schema)
@@ -178,7 +178,7 @@ def _metadata(path: Path) -> dict[str, Any]:
 
 
 def _stream(path: Path) -> _Stream | None:
-    """Return the recording that a metadata file describes, or None if it holds neither carrier."""
+    """Return the recording that a metadata file describes, or None if its spectrum contains neither carrier."""
     metadata = _metadata(path)
     top: dict[str, Any] = metadata["global"]
     captures: list[dict[str, Any]] = metadata["captures"] or [{"core:sample_start": 0}]
@@ -251,7 +251,7 @@ def _ranged(path: Path, place: str, value: float | None, limits: tuple[float, fl
 
 
 def _check_one_stretch(path: Path, captures: Sequence[Mapping[str, Any]], offset: int) -> None:
-    """Check that the captures are one stretch of samples without gap or change of frequency."""
+    """Check that the captures are continuous samples without gap or change of frequency."""
     first = captures[0]
     if first["core:sample_start"] != offset:
         found = first["core:sample_start"]
@@ -304,7 +304,7 @@ def _aligned(streams: Sequence[_Stream]) -> dict[Band, BandFile]:
 
 
 def _counted(stream: _Stream, reference: _Stream) -> BandFile:
-    """Return a band with the start that follows from the counter and the reference band, if its own time tag agrees."""
+    """Return a band with the start that the counter and the reference band give, if the band's own time tag agrees."""
     file, start = stream.file, reference.file.start
     assert start is not None  # noqa: S101  (the reference has a time tag)
     try:

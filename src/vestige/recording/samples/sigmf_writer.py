@@ -1,8 +1,8 @@
-"""SigMF recordings written batch by batch, in limited memory.
+"""Writer of SigMF recordings, batch by batch in limited memory.
 
-The samples go to a `.part` file that takes its name when the recording is complete; the metadata come last. So whatever
-has metadata is whole, and a run that was killed leaves nothing that looks like a recording. Writing can be
-resumed from its `.part` file: `kept` of `SigmfWriter`.
+The samples go to a `.part` file that gets its final name when the recording is complete; the metadata are written last.
+So a recording with metadata is always complete, and a killed run leaves no apparent recording. A later run can continue
+from the `.part` file: see `kept` of `SigmfWriter`.
 """
 
 from __future__ import annotations
@@ -31,37 +31,37 @@ Counted = Callable[[Num[np.ndarray, " n_components"]], int]
 
 
 class SigmfWriter:
-    """Writes the samples of one band; use it in a `with` statement.
+    """Writer of the samples of a band, for a `with` statement.
 
-    Raises `InputFileError` if there is a recording of that name already, or if the samples that are kept are fewer than
-    stated or others than those of this recording.
+    Raises `InputFileError` if a recording of that name exists, or if the kept samples are fewer than stated or differ
+    from this recording.
 
     Parameters
     ----------
     base
         Path of the recording without suffix; `base.sigmf-data` and `base.sigmf-meta` are made.
     form
-        How to store the samples, see `sample_format.encode`.
+        Format of the stored samples, see `sample_format.encode`.
     scale
         Stored value of 1.0.
     spectral_inversion
-        Store the conjugate and say so in the metadata.
+        Store the conjugate, and state that in the metadata.
     bandwidth_hz
         Two-sided bandwidth of the front end in Hz.
     time_uncertainty_s
         Upper limit of the receiver clock's error against Galileo System Time in s.
     description
-        One line for a person.
+        A line of text for the user.
     kept
-        Resume from the samples that a killed process left: the first batch of the recording, made again, and the number
-        of samples that are certainly in the file. What follows them is cut off.
+        Resume from the samples of a killed process: the first batch of the recording, made again, and the number of
+        samples that are certainly in the file. Later samples in the file are cut off.
     counted
-        Takes the components as they are stored, those that are kept included, and returns how many of them count.
+        Function that takes stored components, including kept components, and returns the number of those to count.
 
     Attributes
     ----------
     count_share
-        Share of the components that `counted` counted, 0 to 1.
+        Share of the components that `counted` counted, from 0 to 1.
     """
 
     def __init__(
@@ -96,8 +96,8 @@ class SigmfWriter:
         self._counted, self._n_counted = counted, 0
         self._stream: BinaryIO
         if kept is None:
-            self._part.unlink(missing_ok=True)  # left by a run that was killed
-            self._stream = self._part.open("xb")  # never through a link that somebody prepared
+            self._part.unlink(missing_ok=True)  # removes the file of a killed run
+            self._stream = self._part.open("xb")  # "x" does not follow a link that an attacker prepared
         else:
             self._stream = self._part.open("r+b")
             self._go_on(*kept)
@@ -111,11 +111,11 @@ class SigmfWriter:
         if kind is None:
             self.close()
         else:
-            self._part.unlink(missing_ok=True)  # first: on a full disk closing fails
+            self._part.unlink(missing_ok=True)  # before closing, which fails on a full disk
             self._stream.close()
 
     def _go_on(self, first: SampleBatch, n_samples: int) -> None:
-        """Take over the first `n_samples` of the file and cut off the rest."""
+        """Keep the first `n_samples` of the file and cut off the rest."""
         begin = self._encoded(first)
         left = n_samples * self._form.sample_bytes
         found = 0
@@ -136,7 +136,7 @@ class SigmfWriter:
         self._first, self._count = first, n_samples
 
     def flush(self) -> None:
-        """Have all samples so far on the disk."""
+        """Write all samples so far to the disk."""
         self._stream.flush()
         os.fsync(self._stream.fileno())
 
@@ -146,7 +146,7 @@ class SigmfWriter:
         return self._n_counted / max(self._count * self._form.components_per_sample, 1)
 
     def _look_at(self, raw: bytes) -> None:
-        """Hash and count what is in the file."""
+        """Hash and count the components in the file."""
         self._hash.update(raw)
         if self._counted is not None:
             self._n_counted += self._counted(np.frombuffer(raw, self._form.dtype))
@@ -155,7 +155,7 @@ class SigmfWriter:
         return encode(batch.samples, self._form, scale=self._scale, inverted=self._inverted).tobytes()
 
     def append(self, batch: SampleBatch) -> None:
-        """Write the samples that follow those before.
+        """Write the samples of the next batch.
 
         Raises `ValueError` if the batch is of another band or rate, or does not follow on the counter.
         """
@@ -173,7 +173,7 @@ class SigmfWriter:
         self._count += len(batch.samples)
 
     def close(self) -> None:
-        """Give the samples their name and write the metadata."""
+        """Rename the sample file to its final name and write the metadata."""
         try:
             self._stream.close()
         except OSError:
@@ -199,7 +199,7 @@ class SigmfWriter:
             f"{NAMESPACE}:start_gst": exact_gst(first.start),
         }
         utc = first.start.utc
-        if abs(GalileoTime.from_utc(utc) - first.start) < 1e-3:  # else within a leap second, which UTC cannot name
+        if abs(GalileoTime.from_utc(utc) - first.start) < 1e-3:  # false within a leap second
             capture["core:datetime"] = utc.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
         recording.add_capture(0, metadata=capture)
         recording.validate()
@@ -208,7 +208,7 @@ class SigmfWriter:
 
 
 def write_sigmf(base: Path, batches: Iterable[SampleBatch], *, form: SampleFormat, **options: Any) -> Path:
-    """Write a whole recording of one band and return the path of its metadata; options are those of `SigmfWriter`."""
+    """Write a whole recording of a band and return the path of its metadata; options are as for `SigmfWriter`."""
     with SigmfWriter(base, form=form, **options) as writer:
         for batch in batches:
             writer.append(batch)
@@ -218,8 +218,8 @@ def write_sigmf(base: Path, batches: Iterable[SampleBatch], *, form: SampleForma
 def write_collection(base: Path, metas: Sequence[Path], *, description: str = "") -> Path:
     """Write `base.sigmf-collection` that ties recordings in the same folder together, and return its path.
 
-    Raises `InputFileError` if there is a collection of that name already. Raises `ValueError` if a recording lies in
-    another folder.
+    Raises `InputFileError` if a collection of that name exists. Raises `ValueError` if a recording is in another
+    folder.
     """
     path = base.with_name(base.name + COLLECTION)
     _refuse_existing(path)

@@ -1,8 +1,8 @@
-"""I/NAV pages from the CSV files of the official OSNMA test vectors.
+"""Reader and writer of the CSV files with I/NAV pages of the official OSNMA test vectors.
 
-The first line is `SVID,NumNavBits,NavBitsHEX`; then follows one line a satellite with all its pages, 60 hexadecimal
-digits each, one every 2 s, all lines from the same start on. The file does not say when that is: the satellites do, in
-their words 0 and 5.
+The first line is `SVID,NumNavBits,NavBitsHEX`. Then follows a line for each satellite with all its pages, 60
+hexadecimal digits each, a page every 2 s. All lines begin at the same time. The file does not state that time; words 0
+and 5 of the satellites tell it.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from vestige.navigation.inav.words import time_in_word
 from vestige.time import GalileoTime
 
 HEADER = "SVID,NumNavBits,NavBitsHEX"
-_MAX_FILE_BYTES = 500_000_000  # a week of all satellites; read at once, because time runs across the lines
+_MAX_FILE_BYTES = 500_000_000  # size of a week of all satellites; the file is read at once
 
 _UNPLACED = GalileoTime(0, 1)
 
 
 def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[InavPage]:
-    """Yield the pages of a test-vector file, all satellites of one time after the other.
+    """Yield the pages of a test-vector file in the order of time, all satellites at each time.
 
-    `start` is that of the first page; without it, it is read from the navigation words.
+    `start` is the start of the first page; by default the start is read from the navigation words.
 
-    Raises `InputFileError` if the file is not of this kind, or nobody says when it starts.
+    Raises `InputFileError` if the file has another format, or its start is unknown.
     """
     satellites = _read_lines(path)
     if start is None:
@@ -45,12 +45,12 @@ def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[I
 
 
 def write_test_vector(path: Path, pages: Mapping[int, Sequence[InavPage]]) -> None:
-    """Write the pages of some satellites; all begin with the same page and miss none.
+    """Write the pages of some satellites, which begin at the same time and have no gap.
 
     Parameters
     ----------
     path
-        The file, which is written over.
+        The file, which is overwritten.
     pages
         Pages of each satellite, by SVID, in the order of time.
 

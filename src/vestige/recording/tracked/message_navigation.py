@@ -1,4 +1,4 @@
-"""Ephemerides out of the navigation pages of a recording."""
+"""Ephemerides from the navigation pages of a recording."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from vestige.navigation.inav.page import InavPage
 from vestige.navigation.inav.word_table import EPHEMERIS_WORDS, PARITY_WORDS, WORD_LAYOUTS
 from vestige.navigation.inav.words import word_type
 
-_MIXED_S = 120  # words of one issue come within half of it; a parity word of another issue is not mixed in
+_MIXED_S = 120  # largest age in s of words that are combined; the words of an issue come within half of it
 
 
 class EphemerisCollector:
-    """Collects the ephemerides in the message of all satellites, page by page.
+    """Collector of the ephemerides in the messages of all satellites, page by page.
 
     Words 1 to 4 that were lost are restored from the parity words 17 to 20 [OS-ICD, FEC2]. Word 5, with the health,
     must have been received.
@@ -25,17 +25,17 @@ class EphemerisCollector:
     Parameters
     ----------
     most_issues
-        How many issues of a satellite are kept, the newest; None for all.
+        Number of the newest issues of a satellite that are kept; None for all.
     """
 
     def __init__(self, most_issues: int | None = None) -> None:
         self._most = most_issues
-        self._held: dict[int, dict[int, tuple[int, int]]] = {}  # satellite: word type: when, and the word
-        self._found: dict[tuple[int, int], Ephemeris] = {}  # satellite and issue
+        self._held: dict[int, dict[int, tuple[int, int]]] = {}  # satellite: word type: time and word
+        self._found: dict[tuple[int, int], Ephemeris] = {}  # ephemeris by satellite and issue
 
     @property
     def ephemerides(self) -> tuple[Ephemeris, ...]:
-        """Each issue of each satellite once, in the order of satellite and issue number."""
+        """Ephemerides, each issue of each satellite once, in the order of satellite and issue number."""
         return tuple(self._found[key] for key in sorted(self._found))
 
     def take(self, page: InavPage) -> None:
@@ -67,7 +67,7 @@ class EphemerisCollector:
 
 
 def ephemerides_in(pages: Iterable[InavPage]) -> tuple[Ephemeris, ...]:
-    """Return the ephemerides that navigation pages hold, each issue of each satellite once.
+    """Return the ephemerides in navigation pages, each issue of each satellite once.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def authenticated_orbits(
     Parameters
     ----------
     found
-        Ephemerides that the message holds.
+        Ephemerides in the message.
     proven
         Navigation data that tags have verified.
     """
@@ -100,7 +100,7 @@ def authenticated_orbits(
 
 
 def _drop_other_issues(words: dict[int, tuple[int, int]], recent: dict[int, int]) -> None:
-    """Drop the words of older issues if a new one has begun; parity words do not say of which issue they are."""
+    """Drop the words of older issues if a new issue has begun, because parity words do not name their issue."""
     issues = {WORD_LAYOUTS[one].read(recent[one], "iod_nav") for one in EPHEMERIS_WORDS if one in recent}
     if len(issues) < 2:
         return

@@ -1,9 +1,9 @@
-"""E1 of a recording, tracked from the first sample to the last.
+"""Tracking of E1 in a recording from the first sample to the last.
 
-What comes out is what a receiver beside the recorder would have written: observations ten times a second and the
-navigation pages. The pages tell the time. Before that, pseudoranges refer to the time tag of the
-samples, modulo 100 ms. When the whole recording is tracked, the message corrects these pseudoranges. A satellite whose
-own message has told its time is never placed by others: a replay that is seconds late is seen to be.
+The result is the same as from a receiver beside the recorder: observations ten times a second and the navigation pages.
+The pages tell the time. Before that, pseudoranges refer to the time tag of the samples, modulo 100 ms. When the whole
+recording is tracked, the message corrects these pseudoranges. A satellite whose own message has told the time is never
+corrected by the messages of others, so a replay that is seconds late is seen.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from vestige.sample_processor.tracking.settings import TrackingSettings
 from vestige.sample_processor.tracking.tracking_receiver import TRACKED_STRETCH_S, TrackingReceiver
 from vestige.time import GalileoTime
 
-_LOOK_S = 0.02  # between two looks at a pipe
-MIN_TRACKED_S = 2.0  # a shorter recording is measured in 100 ms around each RECS: loops would hardly have settled
+_LOOK_S = 0.02  # time between two looks at a pipe
+MIN_TRACKED_S = 2.0  # in a shorter recording the loops would hardly settle; E1 is measured around each RECS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackedRecording:
-    """Products of tracking a whole recording: observations, pages, and the error of its time tag.
+    """Products of tracking a whole recording: observations, pages, and the error of the time tag.
 
     Attributes
     ----------
@@ -37,8 +37,8 @@ class TrackedRecording:
     pages
         I/NAV pages with good checksums, with the time that the message tells.
     time_tag_error_s
-        Error of the samples' time tag in s, positive if it is late, from the message, give or take the receiver's
-        travel time of 10 ms; None if no message told the time.
+        Error of the samples' time tag in s, positive if it is late, from the message, uncertain by 10 ms of travel
+        time. None if no message told the time.
     """
 
     epochs: tuple[ObservationEpoch, ...]
@@ -63,20 +63,20 @@ def track_recording(
     Parameters
     ----------
     recording
-        With E1 samples.
+        Recording with E1 samples.
     settings
         Loop settings, the same for all channels.
     workers
-        Threads.
+        Number of threads.
     progress
-        Called with what is done, how much of it is done, and how much there is.
+        Called with the name of the step, the amount that is done and the whole amount.
 
     Raises
     ------
     ValueError
         If the recording has no E1.
     VestigeError
-        If its rate is too low for tracking, or the samples cannot be read.
+        If the sampling rate is too low for tracking, or the samples cannot be read.
     """
     if recording.e1 is None:
         raise ValueError("a recording without E1 cannot be tracked")
@@ -97,12 +97,12 @@ def track_batches(
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> TrackedRecording:
-    """Return the result of tracking E1 samples that come in pieces, out of a pipe for example.
+    """Return the result of tracking E1 samples that come in pieces, for example from a pipe.
 
     Parameters
     ----------
     batches
-        Pieces that follow one another.
+        Consecutive pieces of samples.
     settings, workers
         The same as for `track_recording`.
     progress
@@ -116,7 +116,7 @@ def track_batches(
     receiver = TrackingReceiver(settings=settings or TrackingSettings(), workers=workers)
     epochs: list[ObservationEpoch] = []
     pages: list[InavPage] = []
-    untold = 0  # epochs before a message told the time; later ones the receiver has placed, each by its own message
+    untold = 0  # number of epochs before a message told the time; the receiver has corrected later epochs
     for done, stretch in enumerate(receiver.run(batches), start=1):
         epochs += stretch.epochs
         pages += stretch.pages
@@ -134,12 +134,12 @@ def track_batches(
 
 
 def tracked_batches(reader: SampleReader) -> Iterator[SampleBatch]:
-    """Yield all samples in the pieces that the tracking receiver works on."""
+    """Yield all samples in pieces of the size that the tracking receiver uses."""
     return reader.blocks(round(TRACKED_STRETCH_S * reader.file.sample_rate_hz))
 
 
 def streamed_batches(stream: SampleStream) -> Iterator[SampleBatch]:
-    """Yield samples out of a pipe as they come, in the same pieces, and let go of them.
+    """Yield samples from a pipe as they come, in the same pieces, and drop them from the buffer.
 
     Raises `InputFileError` if reading fails.
 
@@ -164,7 +164,7 @@ def streamed_batches(stream: SampleStream) -> Iterator[SampleBatch]:
 
 
 def early_recs_warning(count: int, first: GalileoTime) -> str:
-    """Return the warning that RECS of satellites that are tracked came before tracking began.
+    """Return the warning that RECS of tracked satellites came before tracking began.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def early_recs_warning(count: int, first: GalileoTime) -> str:
 
 
 def tracked_since(first: GalileoTime, time_tag_error_s: float) -> GalileoTime:
-    """Return the time of transmission from which on RECS have observations.
+    """Return the first time of transmission from which RECS have observations.
 
     Parameters
     ----------
@@ -198,12 +198,12 @@ def tracked_since(first: GalileoTime, time_tag_error_s: float) -> GalileoTime:
 
 
 def placed(epoch: ObservationEpoch, time_tag_error_s: float) -> ObservationEpoch:
-    """Return an epoch with each travel time moved by whole periods of the secondary code to where it can be.
+    """Return an epoch with each travel time moved by whole periods of the secondary code to a possible value.
 
     Parameters
     ----------
     epoch
-        Observations whose pseudoranges are right but for whole periods of 100 ms.
+        Observations whose pseudoranges are right except for whole periods of 100 ms.
     time_tag_error_s
         Error of the receiver's clock in s, positive if it is late.
     """

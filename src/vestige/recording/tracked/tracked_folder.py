@@ -1,10 +1,10 @@
-"""Products of tracking a recording, as files that other programs read.
+"""Products of tracking a recording as files for other programs.
 
 | file | content |
 |---|---|
 | `observations.rnx` | RINEX 3.05 observations of E1-C, ten a second |
 | `navigation.rnx` | RINEX navigation: the ephemerides in the message |
-| `inav_pages.csv` | I/NAV pages as the official OSNMA test vectors have them; a page that was not received is zero |
+| `inav_pages.csv` | I/NAV pages in the format of the official OSNMA test vectors; a missing page is zero |
 | `taps.csv` | correlators of E1-C every 100 ms: time, satellite, then in-phase and quadrature part of each |
 | `power.csv` | C/N0 and power of E1-C every 100 ms, and the power of all samples, for each satellite |
 """
@@ -30,16 +30,16 @@ from vestige.time import GalileoTime
 
 OBSERVATIONS_NAME, NAVIGATION_NAME = "observations.rnx", "navigation.rnx"
 PAGES_NAME, TAPS_NAME, POWER_NAME = "inav_pages.csv", "taps.csv", "power.csv"
-_CLOCK_IS_SET_S = 1.0  # a clock that is wrong by more is set by the message in the files, to a second
+_CLOCK_IS_SET_S = 1.0  # a clock with a larger error is set to the message's second in the files
 
 
 def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float) -> tuple[Path, ...]:
-    """Write what there is of the files above; return them.
+    """Write those of the files above that have content, and return them.
 
     Parameters
     ----------
     folder
-        Must exist.
+        Existing folder.
     tracked
         Result of tracking a recording.
     sample_rate_hz
@@ -71,7 +71,7 @@ def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float
 
 
 def clock_set_s(tracked: TrackedRecording) -> int:
-    """Return by how many whole seconds the files' clock is earlier than that of the recording; 0 if that was right."""
+    """Return the whole seconds by which the files' clock is earlier than the recording's; 0 if that is right."""
     error_s = tracked.time_tag_error_s or 0.0
     return round(error_s) if abs(error_s) > _CLOCK_IS_SET_S else 0
 
@@ -102,10 +102,10 @@ def _write_taps(path: Path, epochs: Sequence[ObservationEpoch], offset_s: int) -
 
 
 def signal_power_db(prompt: complex, samples_power_db: float, sample_rate_hz: float) -> float:
-    """Return the power of E1-C in dB relative to one unit of the samples' numbers squared; NaN if there is none.
+    """Return the power of E1-C in dB relative to one unit of the samples' numbers squared; NaN without a signal.
 
-    The sum of N samples of power p has a noise variance of N p/2 per dimension if they are noise, and a signal of power
-    C gives a prompt of √C N. So the prompt z in standard deviations has a mean square of 2 C N/p + 2.
+    The sum of N noise samples of power p has a variance of N p/2 per dimension. A signal of power C gives a prompt of
+    √C N. So the prompt z in standard deviations has a mean square of 2 C N/p + 2.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def _write_power(path: Path, epochs: Sequence[ObservationEpoch], offset_s: int, 
 
 
 def _without_gaps(pages: Sequence[InavPage]) -> dict[int, list[InavPage]]:
-    """Return the pages of each satellite from a common first time on, zeros in place of those that are missing."""
+    """Return the pages of each satellite from a common first time on, with zeros in place of missing pages."""
     first, last = min(page.time for page in pages), max(page.time for page in pages)
     times = [first + PAGE_S * number for number in range(round((last - first) / PAGE_S) + 1)]
     received = {(page.svid, page.time): page for page in pages}

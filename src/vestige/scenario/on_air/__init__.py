@@ -1,1 +1,1 @@
-"""Tables of what the satellites of a sky broadcast, and of what the atmosphere does to it."""
+"""Tables of the broadcast of a sky's satellites, and of its delay in the atmosphere."""

@@ -13,12 +13,12 @@ from vestige.scenario.toml.toml_file import Section
 
 
 class NtcmIonosphereTable(Section):
-    """The ionosphere that NTCM-G makes of the coefficients in word 5, each rounded to the last bit of its field.
+    """The ionosphere of NTCM-G with the coefficients in word 5, each rounded to the last bit of its field.
 
     Attributes
     ----------
     ai0_sfu, ai1_sfu_per_deg, ai2_sfu_per_deg2
-        Effective ionisation level in solar flux units, over the modified dip latitude in degrees.
+        Coefficients of the effective ionisation level in solar flux units over the modified dip latitude in degrees.
     """
 
     kind: Literal["ntcm-g"]
@@ -27,7 +27,7 @@ class NtcmIonosphereTable(Section):
     ai2_sfu_per_deg2: Annotated[float, Field(ge=-0.25, le=0.2499)] = 0.0
 
     def model(self) -> BroadcastIonosphere:
-        """Return the coefficients as the satellites send them."""
+        """Return the model with the coefficients as the satellites send them."""
         return BroadcastIonosphere(
             ai0_sfu=self.ai0_sfu, ai1_sfu_per_deg=self.ai1_sfu_per_deg, ai2_sfu_per_deg2=self.ai2_sfu_per_deg2
         ).as_sent()
@@ -41,13 +41,14 @@ class AtmosphereTable(Section):
     troposphere
         Delay of the troposphere, the same on both bands.
     ionosphere
-        Delay of the ionosphere that the message's coefficients describe, beside the residual of `receiver.ionosphere`.
+        Delay of the ionosphere that the message's coefficients describe, in addition to the residual of
+        `receiver.ionosphere`.
     """
 
     troposphere: SaastamoinenTroposphere | None = None
     ionosphere: NtcmIonosphereTable | None = None
 
     def models(self) -> Atmosphere:
-        """Return the models."""
+        """Return the models of the atmosphere."""
         ionosphere = None if self.ionosphere is None else self.ionosphere.model()
         return Atmosphere(troposphere=self.troposphere, ionosphere=ionosphere)

@@ -1,4 +1,4 @@
-"""The table `[osnma]` of a sky: which events the OSNMA operator goes through, and which keys it has."""
+"""The table `[osnma]` of a sky: events and keys of the OSNMA operator."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from vestige.scenario.toml.toml_file import InconsistentSettingsError, Section
 from vestige.time import GalileoTime
 
 _STEPS = ("start_s", "in_force_s", "stop_s")
-# events that need a key, or a notice, which a tree of the user's does not hold
+# events that need a key, or a notice, which the user's tree does not contain
 _NEW_LEAVES = (OsnmaEventKind.KEY_RENEWAL, OsnmaEventKind.KEY_REVOCATION, OsnmaEventKind.ALERT)
 
 Seconds = Annotated[float, Field(ge=0, le=1e9)]
 
 
 class OsnmaEventTable(Section):
-    """One event of the OSNMA operator; its times are starts of subframes, in s after the start of the scenario.
+    """An event of the OSNMA operator; its times are starts of subframes, in s after the start of the scenario.
 
     Attributes
     ----------
     kind
         Kind of the event.
     start_s
-        From then on the event is on air.
+        Time from which the event is on air.
     in_force_s
-        From then on the new chain or key is in force.
+        Time from which the new chain or key is in force.
     stop_s
-        From then on the status is nominal again, or OSNMA is silent after an alert.
+        Time from which the status is nominal again, or OSNMA is silent after an alert.
     svids
-        Silence only: the satellites without OSNMA; none named means all.
+        For silence only: the satellites without OSNMA; an empty list means all.
     """
 
     kind: OsnmaEventKind
@@ -52,7 +52,7 @@ class OsnmaEventTable(Section):
     def event(self, place: str, start: GalileoTime, duration_s: float) -> OsnmaEvent:
         """Return the event of a scenario that starts at `start` and lasts for `duration_s`.
 
-        Raises `InconsistentSettingsError` with a key of the table `place` if it does not fit.
+        Raises `InconsistentSettingsError` with a key of the table `place` if the event does not fit.
         """
         kind = self.kind
         for key, allowed in (("in_force_s", kind.has_step_2), ("stop_s", kind.has_end)):
@@ -101,16 +101,16 @@ class OsnmaEventTable(Section):
 
 
 class OsnmaTable(Section):
-    """The OSNMA operator of a sky; what is left out follows from the seed, and nothing happens.
+    """The OSNMA operator of a sky; by default the keys follow from the seed, and there are no events.
 
     Attributes
     ----------
     event
-        Events of the broadcast, one `[[osnma.event]]` each.
+        Events of the broadcast, a table `[[osnma.event]]` for each.
     private_key
-        PEM file of the key that signs, on P-256 and without a password; a relative path starts at the scenario file.
+        PEM file of the signing key, on P-256 and without a password; a relative path starts at the scenario file.
     merkle_tree
-        XML file of a Merkle tree that holds its public key; left out: the operator makes a tree with it.
+        XML file of a Merkle tree that contains its public key; by default the operator makes a tree with this key.
     """
 
     event: tuple[OsnmaEventTable, ...] = ()
@@ -120,7 +120,7 @@ class OsnmaTable(Section):
     _key: OperatorKey | None = PrivateAttr(None)
 
     def model_post_init(self, context: Any) -> None:
-        """Read the files; the context of the validation says in which folder the scenario stands."""
+        """Read the files; the context of the validation gives the folder of the scenario."""
         folder = context["folder"] if context else Path()
         if self.private_key is None:
             if self.merkle_tree is not None:
@@ -142,14 +142,14 @@ class OsnmaTable(Section):
     @computed_field  # type: ignore[prop-decorator]
     @cached_property
     def key_sha256(self) -> str | None:
-        """Digest of key and tree: with other ones it is another scenario."""
+        """Digest of key and tree, which are part of the scenario's identity."""
         return None if self._key is None else hashlib.sha256(repr(self._key).encode()).hexdigest()
 
     def service(self, start: GalileoTime, duration_s: float) -> OsnmaService:
-        """Return what the operator does in a scenario that starts at `start` and lasts for `duration_s`.
+        """Return the actions of the operator in a scenario that starts at `start` and lasts for `duration_s`.
 
-        Raises `InconsistentSettingsError` if an event does not fit into the run, follows one that is not over, or needs
-        a key that the operator does not have.
+        Raises `InconsistentSettingsError` if an event does not fit into the run, begins before another event ends, or
+        needs a key that the operator does not have.
         """
         events = tuple(
             table.event(f"osnma.event.{number}", start, duration_s) for number, table in enumerate(self.event)

@@ -1,1 +1,1 @@
-"""Reading and writing TOML."""
+"""Readers and writers of TOML."""

@@ -1,4 +1,4 @@
-"""The scenario that the results of a campaign hold, as the TOML file that makes them again."""
+"""The scenario in the results of a campaign as a TOML file that reproduces these results."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ def campaign_toml(text: str) -> str:
     tables = json.loads(text)
     tables["attack"] = [_without_power(attack) for attack in tables["attack"]]
     if tables.get("constellation"):
-        del tables["line_of_sight"]  # a sky has none, not even the default
+        del tables["line_of_sight"]  # a sky has no line of sight, not even the default
     return toml_text(_stated(tables))
 
 
 def _without_power(attack: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an attack with -inf dB where it has none: the only number that JSON does not hold."""
+    """Return an attack with -inf dB in place of a missing power, the only number that JSON cannot express."""
     return {key: -math.inf if value is None and key.endswith("_db") else value for key, value in attack.items()}
 
 
 def _stated(value: Any) -> Any:
-    """Return tables without the keys that have no value and without digests of files, and each one's kind first."""
+    """Return tables without empty keys and without digests of files, each with its kind first."""
     if isinstance(value, list):
         return [_stated(inner) for inner in value]
     if not isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Keys and values of scenario files that have another name now. The old name works for one release, with a warning."""
+"""Renamed keys and values of scenario files. An old name works for one release, with a warning."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 
 from vestige.errors import VestigeWarning
 
-NEW_NAMES = {"own_data": "forged_nav_data"}  # by the names of version 0.1
-NEW_VALUES = {("symbols", "estimated"): "hard"}  # by the names of version 0.2
+NEW_NAMES = {"own_data": "forged_nav_data"}  # new key by the name in version 0.1
+NEW_VALUES = {("symbols", "estimated"): "hard"}  # new value by key and value in version 0.2
 
 
 def with_new_names(value: Any) -> Any:
-    """Return a table as TOML gives it with the names that keys and values have now; warn of each old one.
+    """Return a TOML table with the new names of keys and values; warn of each old name.
 
     Examples
     --------

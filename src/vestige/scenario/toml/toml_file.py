@@ -1,4 +1,4 @@
-"""Scenario files as TOML: reading, overriding values from the command line, errors with their place in the file."""
+"""TOML scenario files: reading, values from the command line, and errors with their position in the file."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from vestige.crypto.file_bytes import read_text
 from vestige.crypto.file_toml import DEEPEST, parse_toml
 from vestige.errors import InputFileError, VestigeError
 
-NOTHING = "none"  # as the value of a setting
-OURS, OWN = "a kind of vestige", "a kind of the user"  # in places of errors, between the keys
+NOTHING = "none"  # value of a setting that removes a key
+OURS, OWN = "a kind of vestige", "a kind of the user"  # parts between the keys in the position of an error
 LARGEST_NUMBER = 1e15
 _MAX_FILE_BYTES = 1 << 20
 _BARE = re.compile(r"[A-Za-z_][\w.-]*(:[A-Za-z_]\w*)?", re.ASCII)
@@ -28,15 +28,15 @@ _POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db(\.level)?")
 
 
 class Section(BaseModel):
-    """A table of a scenario file; an unknown key in it is an error."""
+    """A table of a scenario file, in which an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class InconsistentSettingsError(ValueError):
-    """Values that do not fit together.
+    """Error about values that do not fit together.
 
-    `place` is the key to look at, from the table that is being checked: `receiver.clock`.
+    `place` is the key with the error, relative to the checked table: `receiver.clock`.
     """
 
     def __init__(self, place: str, found: object, expected: str) -> None:
@@ -47,23 +47,23 @@ class InconsistentSettingsError(ValueError):
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the tables of a TOML file.
 
-    Raises `InputFileError` if it cannot be read, is not TOML, or has keys or tables beyond all reason (`parse_toml`).
+    Raises `InputFileError` if the file cannot be read, is not TOML, or has too many keys or tables (`parse_toml`).
     """
     try:
         return parse_toml(read_text(path, at_most=_MAX_FILE_BYTES, expected="a TOML file"))
-    except ValueError as error:  # tomllib's own errors, integers of 5000 digits
+    except ValueError as error:  # errors of tomllib, and integers of 5000 digits
         raise InputFileError(path, "TOML", str(error), "valid TOML") from error
 
 
 def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
-    """Return the tables with values replaced: each setting is `table.key=value`, the value in TOML.
+    """Return the tables with values replaced; each setting is `table.key=value`, with the value in TOML.
 
-    A bare word is a text: `fidelity=samples`, `processor.detector=my_module:MyDetector`.
+    A bare word is taken as text: `fidelity=samples`, `processor.detector=my_module:MyDetector`.
 
-    TOML has no word for nothing. So the bare word `none`, which is no TOML value, removes a key or a whole table:
-    `receiver.multipath=none`. What is left out has its default, and a model that is left out is not there.
+    TOML has no null value. So the bare word `none`, which is no TOML value, removes a key or a whole table:
+    `receiver.multipath=none`. A removed key gets its default, and a removed model has no effect.
 
-    Raises `VestigeError` if a setting has not this form, or there is nothing to remove.
+    Raises `VestigeError` if a setting has another form, or the key to remove does not exist.
     """
     result: dict[str, Any] = {key: _copy(value) for key, value in raw.items()}
     for setting in settings:
@@ -91,7 +91,7 @@ def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any
 
 
 def _value(setting: str, text: str) -> Any:
-    """Return what `text` says in TOML, one value with nothing behind it, or the text itself if it is a bare word."""
+    """Return the TOML value in `text`, which must be a single value, or the text itself if it is a bare word."""
     if _BARE.fullmatch(text.strip()) and text.strip() not in _WORDS_OF_TOML:
         return text.strip()
     try:
@@ -104,7 +104,7 @@ def _value(setting: str, text: str) -> Any:
 
 
 def _inside(place: Any, name: str) -> Any:
-    """Return a table by name, a new one if there is none; in an array of tables by its number from 0 on."""
+    """Return a table by name, a new table if the name is unknown; in an array of tables by its number from 0 on."""
     if isinstance(place, dict):
         return place.setdefault(name, {})
     known = {str(number): one for number, one in enumerate(place)}
@@ -118,12 +118,12 @@ def _copy(value: Any) -> Any:
 
 
 def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> Any:
-    """Return the object that the tables describe, or raise the first thing that is wrong with its place.
+    """Return the object that the tables describe, or raise the first error with its position.
 
-    A number is a number only, neither a text nor a truth value that could be taken for one. TOML has lists and tables
-    where the models have tuples and objects, as JSON has: hence the detour.
+    A number must be a number; text and truth values are not converted. TOML has lists and tables where the models have
+    tuples and objects, as JSON has, so the tables are validated as JSON.
 
-    Raises `InputFileError` for an unknown key, a missing one, or a value of another type or outside its range.
+    Raises `InputFileError` for an unknown key, a missing key, or a value of another type or outside its range.
     """
     _check_values(raw, "", path)
     try:
@@ -134,9 +134,9 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
 
 
 def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> InconsistentSettingsError:
-    """Return the first thing that is wrong with tables, in our words.
+    """Return the first error of tables in the words of vestige.
 
-    A misspelt key is unknown and missing at once; that it is unknown says more, so unknown keys go first.
+    A misspelt key gives two errors, unknown and missing; unknown keys come first, because they tell more.
     """
     first = min(error.errors(), key=lambda one: one["type"] not in _UNKNOWN_KEY)
     place = _place(raw, first["loc"])
@@ -161,7 +161,7 @@ def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[st
 
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 _NUMBER, _WHOLE, _TRUTH = "a number", "a whole number", "true or false"
-# type of an error of pydantic: what was expected, in our words
+# type of an error of pydantic: the expected value in the words of vestige
 _EXPECTED = {
     "missing": "a value: the key is needed",
     "greater_than_equal": "at least {ge:g}",
@@ -187,14 +187,14 @@ _EXPECTED = {
 
 
 def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], table: Mapping[str, Any]) -> tuple[object, str]:
-    """Return what stands at the place of an error, in a table, and what should."""
+    """Return the found and the expected value at the position of an error in a table."""
     if first["type"] in _UNKNOWN_KEY:
         unknown = str(first["loc"][-1])
         near = difflib.get_close_matches(unknown, _keys(adapter.json_schema()), n=1)
-        if near == [unknown]:  # a key of another table, or of another kind of this one
+        if near == [unknown]:  # a key of another table, or of another kind of this table
             kind = f" of kind {table['kind']}" if "kind" in table else ""
             return f"an unknown key {unknown}", f"a key of this table{kind}: docs/scenarios.md has them"
-        return f"an unknown key {unknown}", near[0] if near else "one of those in docs/scenarios.md"
+        return f"an unknown key {unknown}", near[0] if near else "one of the keys in docs/scenarios.md"
     found = "nothing" if first["type"] == "missing" else first["input"]
     if (expected := _EXPECTED.get(first["type"])) is not None:
         if isinstance(found, str) and expected in (
@@ -210,10 +210,10 @@ def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], table: M
 
 
 def _table_of(raw: Any, loc: tuple[int | str, ...]) -> Mapping[str, Any]:
-    """Return the table at a place."""
+    """Return the table at a position."""
     for part in loc:
         inside = part in raw if isinstance(raw, dict) else isinstance(raw, list) and part in range(len(raw))
-        raw = raw[part] if inside else raw  # the names of kinds are no keys
+        raw = raw[part] if inside else raw  # the names of kinds are not keys of the file
     return raw if isinstance(raw, dict) else {}
 
 
@@ -225,9 +225,9 @@ def _keys(schema: Any) -> set[str]:
 
 
 def _check_values(value: Any, place: str, path: Path, depth: int = 0) -> None:
-    """Raise if a number is not finite or beyond all reason, a value a bare date, or the nesting without end.
+    """Raise if a number is not finite or too large, a value is a bare date, or the nesting is too deep.
 
-    Only the power of an attack may be −inf dB.
+    Only the power of an attack may be infinite: −inf dB.
     """
     if depth > DEEPEST:
         raise InputFileError(path, f"{place[:40]}…", "tables and lists in each other", f"at most {DEEPEST}")
@@ -237,24 +237,24 @@ def _check_values(value: Any, place: str, path: Path, depth: int = 0) -> None:
     elif isinstance(value, list):
         for index, inner in enumerate(value):
             _check_values(inner, f"{place}.{index}", path, depth + 1)
-    elif isinstance(value, date | time):  # a datetime is a date
+    elif isinstance(value, date | time):  # includes datetime
         raise InputFileError(path, place, value, "a text in quotes, or a number")
     elif isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
         if value == -math.inf and _POWER_OF_AN_ATTACK.fullmatch(place):
-            return  # no power
+            return  # −inf dB: no power
         finite = isinstance(value, int) or math.isfinite(value)  # a whole number may be too large for a float
         expected = f"a number between {-LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}" if finite else "a finite number"
         raise InputFileError(path, place, value, expected)
 
 
 def _place(raw: Any, loc: tuple[int | str, ...]) -> str:
-    """Return the dotted keys of a place, without the names of kinds that the validator puts between them."""
+    """Return the dotted keys of a position, without the names of kinds that the validator adds between them."""
     parts = []
     for part in loc:
         if part in (OURS, OWN) or (isinstance(raw, dict) and part not in raw and raw.get("kind") == part):
             continue
         if isinstance(raw, str | int | float):
-            break  # what follows is what it might have been
+            break  # the rest lists the possible kinds
         parts.append(str(part))
         inside = raw.get(part) if isinstance(raw, dict) else None
         raw = raw[part] if isinstance(raw, list) and isinstance(part, int) and part < len(raw) else inside

@@ -1,4 +1,4 @@
-"""Tables written as TOML, which the standard library only reads."""
+"""Writer of TOML, which the standard library only reads."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:
-    """Return tables as TOML: what `read_toml` gives of it is equal to them."""
+    """Return tables as TOML text, from which `read_toml` gives equal tables."""
     return "\n".join(_lines(tables, ())) + "\n"
 
 
 def _lines(table: Mapping[str, Any], place: tuple[str, ...]) -> Iterator[str]:
-    """Yield the lines of a table: its values, then the tables in it."""
+    """Yield the lines of a table: first its values, then its inner tables."""
     for key, value in table.items():
         if not _is_table(value):
             yield f"{_key(key)} = {_value(value)}"
@@ -38,7 +38,7 @@ def _value(value: Any) -> str:
     if isinstance(value, list):
         return "[" + ", ".join(_value(inner) for inner in value) + "]"
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON escapes what TOML does, less DEL
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON does not escape DEL
     if isinstance(value, bool):
         return str(value).lower()
     return repr(value) if isinstance(value, (int, float)) else str(value)
