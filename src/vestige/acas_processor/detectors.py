@@ -156,7 +156,7 @@ class EarlyDetector(_Spaced):
         first = np.argmax(peak, axis=1)
         goes_on = np.zeros_like(peak)
         goes_on[:, :-1] = peak[:, 1:] & (asymmetry[:, 1:] < asymmetry[:, :-1])
-        tap = np.argmax(~goes_on & (np.arange(peak.shape[1]) >= first[:, None]), axis=1)  # the first from there
+        tap = np.argmax(~goes_on & (np.arange(peak.shape[1]) >= first[:, None]), axis=1)  # first tap from there
         return np.where(peak.any(axis=1), tap + n, NOT_DETECTED)
 
 

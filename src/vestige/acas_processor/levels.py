@@ -114,7 +114,7 @@ class CheckSpec:
     one_of: int = 1  # number of checks that share the probability of one monitor
     needs_references: bool = False  # whether the check compares with reference levels
     remembers_rates: bool = False  # whether the check needs the range rates at the previous RECS
-    remembered_recs: Callable[[AcasProcessor], int] | None = None  # how many RECS before it looks at; None for none
+    remembered_recs: Callable[[AcasProcessor], int] | None = None  # number of earlier RECS that it needs
 
 
 _RECS, _RECEIVER, _SUBFRAME = TestCadence.RECS, Scope.RECEIVER, TestCadence.SUBFRAME

@@ -34,7 +34,7 @@ class StateChange:
 
     @property
     def alarm(self) -> bool:
-        """Whether the change raises a new alarm: a state of alarm that is graver than the state before."""
+        """Whether the new state is a state of alarm."""
         return self.after in ALARMS
 
 

@@ -73,7 +73,7 @@ class ReferenceLevels:
     antenna: Antenna | None = None
 
     def configured(self, quantity: Quantity, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "*n"] | None:
-        """Return a stated level for every epoch, and satellite if it is of satellites; None if it is to be learned."""
+        """Return a stated level for every epoch (and satellite, if it differs); None if the receiver learns it."""
         power_db = {Quantity.E1_POWER_DB: self.e1_power_db, Quantity.E6_POWER_DB: self.e6_power_db}.get(quantity)
         if power_db is not None:
             return np.full(elevation_rad.shape[0], power_db)

@@ -82,7 +82,7 @@ class CarrierEpoch(NamedTuple):
     """E6 carrier of a satellite in one RECS: phase against the E1 prediction, magnitude and C/N0."""
 
     time_s: float  # after the first epoch that the receiver ever processed
-    phase_rad: float  # detecting correlator minus the phase that E1 predicts, but for a constant; NaN without
+    phase_rad: float  # detecting correlator minus the phase that E1 predicts, up to a constant; NaN if unknown
     magnitude_sigma: float  # magnitude of the detecting correlator in standard deviations of the noise per dimension
     cn0_e1_dbhz: float
     extrapolated_s: float  # time over which the Doppler of E1 extrapolates its phase to the middle of the RECS
