@@ -75,7 +75,7 @@ class DsmCollector:
     def __init__(self) -> None:
         self._collections: dict[tuple[int, int, int], _Collection] = {}
         self._handed_out: dict[DsmMessage, GalileoTime] = {}  # earliest time of each message
-        self._unsure: dict[bytes, GalileoTime] = {}  # HKROOT messages whose last page is zero, by when they came first
+        self._unsure: dict[bytes, GalileoTime] = {}  # HKROOT messages with a last page of zero: first reception
 
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
         """Return the messages that this subframe of one satellite completes.

@@ -73,7 +73,7 @@ class NavigationWords:
         return NavigationWords(words={**self.words, **received}, replaced=replaced, subframe_s=start)
 
     def candidates(self, svid: int, adkd: int, subframe: GalileoTime) -> tuple[NavigationData, ...]:
-        """Return the data that a tag may cover: that of `data`, and that of before if a word without IODnav changed."""
+        """Return the data that a tag may cover: the latest, and the previous if a word without IODnav changed."""
         before = replace(self, words={**self.words, **self.replaced})
         found = (words.data(svid, adkd, subframe) for words in (self, before))
         return tuple({data.bits: data for data in found if data is not None}.values())
