@@ -311,7 +311,7 @@ class OsnmaReceiver:
         self._problems.report_once(ProblemKind.STATUS, key.time, f"{reason}: keys are withheld")
 
     def _withdraw(self) -> None:
-        """Withhold the keys that a new signed status refuses, also those already claimed by unsigned headers."""
+        """Withhold the keys that a new signed status refuses, and drop the claims of unsigned headers."""
         self._claims.clear()
         for key in tuple(self._keys.values()):
             refusal = self._register.refusal_of(key)

@@ -92,7 +92,7 @@ def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
     data = read_bytes(path, at_most=_LONGEST_CERTIFICATE)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", CryptographyDeprecationWarning)  # it is about fields that are not used here
+            warnings.simplefilter("ignore", CryptographyDeprecationWarning)  # concerns fields that are not used here
             if b"-----BEGIN PUBLIC KEY-----" in data:
                 key = load_pem_public_key(data)
             elif b"-----BEGIN" in data:

@@ -96,7 +96,7 @@ class RecsFile:
 
     @property
     def name(self) -> RecsName:
-        """The file's name; `str` of it is text. A fraction of a second of tDur does not fit in and is dropped."""
+        """The file's name; `str` gives the text. A fraction of a second of tDur does not fit and is dropped."""
         aggregated = self.kind is RecsFileKind.AGGREGATED
         return RecsName(
             start=self.start,

@@ -43,7 +43,7 @@ class RecsName:
     svid: int
     key_delay: int
     random_offset: int
-    provider: str = ""  # four characters; only unitary names have it, so an empty provider means an aggregated file
+    provider: str = ""  # four characters in unitary names; empty for an aggregated file
     duration_s: int = 0  # only in aggregated names, like the next two fields
     period_ds: int = 0  # RTBA
     n_chip_code: int = 0

@@ -54,11 +54,11 @@ class NavigationHistory:
                     self._unchanged[svid, adkd] = data.bits, count + 1 if same else 1
 
     def data(self, svid: int, adkd: int, time: GalileoTime) -> NavigationData | None:
-        """Return what a tag of the subframe of `time` covers; None if it was not sent completely, or not until then."""
+        """Return the data that a tag of the subframe of `time` covers; None if it is incomplete or not yet sent."""
         return self._words.get(svid, NavigationWords()).data(svid, adkd, time)
 
     def cut_off(self, svid: int, adkd: int) -> int:
-        """Return COP: for how many subframes the newest data has not changed, 15 at most; 0 if there is none."""
+        """Return COP, the number of subframes since the last change of the data (at most 15); 0 without data."""
         kind = ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd
         return min(self._unchanged.get((svid, kind), (0, 0))[1], MAX_CUT_OFF)
 
