@@ -162,7 +162,7 @@ def position_fix(
         residual = np.where(used, measured - predicted - clock[:, None], 0.0)
         step = np.where(moving[:, None], _solve(geometry, weight, residual), 0.0)
         position, clock = position + step[:, :3], clock + step[:, 3]
-        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # epoch by epoch: a fix does not depend on others
+        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # epoch by epoch, so that fixes are independent
         if not np.any(moving):
             break
     geometry, predicted = _predict(sent.position_m, position, used)

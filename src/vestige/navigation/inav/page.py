@@ -154,7 +154,7 @@ class InavPage:
 
     svid: int  # satellite, 1 … 36
     time: GalileoTime  # start of the page in whole seconds, from the recording
-    data: bytes  # 30 bytes: 240 bits, the even half first; its tail may be zero.
+    data: bytes  # 30 bytes: 240 bits, the even half first; the tail may be zero
 
     def __post_init__(self) -> None:
         if not 1 <= self.svid <= MAX_SVID or len(self.data) != PAGE_BYTES:
