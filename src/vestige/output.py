@@ -69,7 +69,7 @@ def replacement(output: Path) -> Iterator[Path]:
     InputFileError
         If `output` is a symbolic link or a device, or lies in the store of a campaign.
     OSError
-        If it cannot be written; the error has the name of `output`.
+        If the output cannot be written; the error has the name of `output`.
     """
     _check_place(output)
     _check_replaceable(output)
@@ -92,7 +92,7 @@ def new_folder(output: Path) -> Iterator[Path]:
     InputFileError
         If `output` exists, at the beginning or at the end, or lies in the store of a campaign.
     OSError
-        If it cannot be written; the error has the name of `output`.
+        If the output cannot be written; the error has the name of `output`.
     """
     check_new_folder(output)
     output.parent.mkdir(parents=True, exist_ok=True)

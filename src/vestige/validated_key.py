@@ -32,11 +32,11 @@ class ValidatedKey:
         _KINDS.append(cls)
 
     def __setattr__(self, name: str, value: object) -> NoReturn:
-        """Refuse."""
+        """Refuse any change of an attribute."""
         raise AttributeError(f"a ValidatedKey cannot be changed: {name}")
 
     def __delattr__(self, name: str) -> NoReturn:
-        """Refuse."""
+        """Refuse any change of an attribute."""
         raise AttributeError(f"a ValidatedKey cannot be changed: {name}")
 
     @property

@@ -91,7 +91,7 @@ def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> 
     Parameters
     ----------
     ephemerides
-        Ephemerides of any satellites, in any order. Of two that are equally near in time, the later is used.
+        Ephemerides of any satellites, in any order. The later of two equally near ephemerides is used.
     time
         When they are to be used.
     """

@@ -144,7 +144,7 @@ def position_fix(
     sent
         Satellites at transmission.
     pseudorange_m
-        NaN where not measured.
+        Pseudoranges; NaN where not measured.
     sigma_m
         Standard deviation of each pseudorange.
     correction_m

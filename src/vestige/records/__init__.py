@@ -292,7 +292,7 @@ class ReceivedOsnma:
 
     svid: int | None  # None if a file of keys does not name it
     time: GalileoTime  # start of the subframe (GST_SF)
-    fields: tuple[bytes | None, ...] = ()  # 15 of 5 bytes each; None where the page is lost, a dummy, or without OSNMA
+    fields: tuple[bytes | None, ...] = ()  # 15 of 5 bytes; None if the page is lost, a dummy, or has no OSNMA
     key: bytes | None = None  # None if no chain gives its position
 
 

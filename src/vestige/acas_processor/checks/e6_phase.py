@@ -136,7 +136,7 @@ class E6PhaseMonitor(Monitor):
                 return f"the last {self.window} RECS take more than {STRAIGHT_S:g} s"
             if np.isnan(statistic[here]):
                 return f"fewer than {self.window} RECS in a row with a carrier phase of E1 without a gap"
-            return f"the phase of E6 scatters about that of E1 {statistic[here]:.1f} times as much as noise allows"
+            return f"the phase of E6 scatters about that of E1 {statistic[here]:.1f} times as much as noise does"
 
         return series_of(self, statistic, threshold, explain)
 

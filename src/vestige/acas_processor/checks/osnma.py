@@ -76,7 +76,7 @@ class OsnmaAvailabilityMonitor(_LossMonitor):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaAgreementMonitor:
-    """Whether what was received is what the second channel has; one difference is one too many."""
+    """Monitor that compares received fields with those of the second channel; any difference fails."""
 
     name: ClassVar = CheckName.OSNMA_AGREEMENT
     unit: ClassVar = "fields"
@@ -95,7 +95,7 @@ class OsnmaAgreementMonitor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaReceptionMonitor(_LossMonitor):
-    """Whether OSNMA was received as the second channel has it."""
+    """Monitor of OSNMA fields that were lost although the second channel has them."""
 
     name: ClassVar = CheckName.OSNMA_RECEPTION
     unit: ClassVar = "fields"

@@ -153,7 +153,7 @@ def _chosen(
     if not own:
         return []
     age_s = np.abs(np.stack([time.since(one.toe) for one in own]))
-    best = age_s.shape[0] - 1 - np.argmin(age_s[::-1], axis=0)  # of two equally near ephemerides the later is used
+    best = age_s.shape[0] - 1 - np.argmin(age_s[::-1], axis=0)  # the later of two equally near ephemerides
     usable = np.min(age_s, axis=0) <= fit_interval_s
     rows = [np.flatnonzero(usable & (best == place)) for place in range(len(own))]
     return [(ephemeris, some) for ephemeris, some in zip(own, rows, strict=True) if some.size]

@@ -65,7 +65,7 @@ def write_merkle_tree(path: Path, tree: MerkleTree, applicable_from: GalileoTime
     path
         The file.
     tree
-        The tree; its root is what receivers trust.
+        The tree; receivers trust its root.
     applicable_from
         Start of the tree's applicability in the file.
 

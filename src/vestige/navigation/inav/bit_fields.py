@@ -90,7 +90,7 @@ class BitField:
         """
         low, high = self.raw_range
         if math.isfinite(value):
-            raw = round(value) if self.scale == 1 else round(value / self.scale)  # 88 spare bits are no float
+            raw = round(value) if self.scale == 1 else round(value / self.scale)  # a float cannot hold 88 bits
             if self.cyclic:
                 raw = (raw - low) % (1 << self.length) + low
             if low <= raw <= high:

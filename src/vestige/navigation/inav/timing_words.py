@@ -21,7 +21,7 @@ def time_word(start: GalileoTime) -> int:
     Parameters
     ----------
     start
-        Start of the page that carries it, in whole seconds.
+        Start of the page that carries the word, in whole seconds.
 
     Examples
     --------
@@ -81,7 +81,7 @@ class UtcModel:
         Parameters
         ----------
         start
-            Start of the page that carries it, in whole seconds.
+            Start of the page that carries the word, in whole seconds.
 
         Raises
         ------
