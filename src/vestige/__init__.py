@@ -1,7 +1,7 @@
 """vestige: Galileo ACAS / SAS signal authentication.
 
-The names below are the public interface. Each is imported when it is first used, so `import vestige` loads nothing
-heavy. `vestige.__version__` is the version of the installed package.
+The names below are the public interface. Each name is imported at its first use, so `import vestige` loads no heavy
+module. `vestige.__version__` is the version of the installed package.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     run = run_scenario
 
-# The public names in the order of use, and the modules that have them; after a colon, their name there if it differs.
+# Public names in the order of use, and their modules; after a colon the name in the module, if it differs.
 _HOME = {
     "open_recording": "recording.recording",
     "read_assistance": "recording.assistance.folder",

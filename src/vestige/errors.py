@@ -1,22 +1,22 @@
-"""Errors about what comes from outside: each says the file, the place in it, what was found and what was expected."""
+"""Errors about input: each names the file, the position in it, the found value and the expected value."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
 
-LONGEST = 1000  # characters of a message; what stands in a file or an option may be longer
+LONGEST = 1000  # characters of a message; contents of a file or an option may be longer
 
 
 class VestigeError(Exception):
-    """Something from outside (a file, a key, an option) is not usable; the message is one line for the user.
+    """Input (a file, a key, an option) is not usable; the message is one line for the user.
 
-    Our own mistakes are `ValueError` or `assert`, never this.
+    Errors in the program itself are `ValueError` or `AssertionError`, never `VestigeError`.
 
     Parameters
     ----------
     message
-        File, place, what was found and what was expected. It is cut after 1000 characters.
+        File, position, found value and expected value. A message is cut after 1000 characters.
 
     Examples
     --------
@@ -34,16 +34,16 @@ class VestigeError(Exception):
 
 
 class InputFileError(VestigeError):
-    """A file that cannot be read as what it claims to be.
+    """A file cannot be read in its expected format.
 
     Parameters
     ----------
     path
         The file.
     place
-        Where in it: a byte offset, a line, a field.
+        Position in the file: a byte offset, a line, a field.
     found, expected
-        The value that stands there, and the one that should.
+        The value at that position, and the expected value.
     """
 
     def __init__(self, path: Path | str, place: str, found: object, expected: object) -> None:
@@ -51,7 +51,7 @@ class InputFileError(VestigeError):
         self.path, self.place, self.found, self.expected = Path(path), place, found, expected
 
     def __reduce__(self) -> tuple[type[InputFileError], tuple[Path, str, object, object]]:
-        """Return the class and its arguments for pickle: a worker process hands its errors back pickled."""
+        """Return the class and its arguments for pickle, because a worker process returns its errors pickled."""
         return type(self), (self.path, self.place, self.found, self.expected)
 
 
@@ -60,19 +60,19 @@ class AuthenticationError(VestigeError):
 
 
 class UnsupportedError(VestigeError):
-    """The input is valid, but vestige does not support this part of the standard; the message says which."""
+    """The input is valid, but vestige does not support a part of the standard, which the message names."""
 
 
 def satellite_names(svids: Iterable[int]) -> str:
-    """Return satellites as messages name them: `E02, E07`."""
+    """Return the names of satellites for messages, such as `E02, E07`."""
     return ", ".join(f"E{svid:02d}" for svid in svids)
 
 
 def printable(text: str) -> str:
-    """Return `text` with what is not printable as escapes: control and C1 characters, line breaks, bidirectional marks.
+    """Return `text` with unprintable characters escaped: control and C1 characters, line breaks, bidirectional marks.
 
-    Names and contents of files come from outside. Such text can clear a terminal's screen, or show a line that differs
-    from its characters.
+    Names and contents of files are untrusted. Such text can clear a terminal's screen, or show a line that differs from
+    its characters.
     """
     if text.isprintable():
         return text
@@ -80,14 +80,14 @@ def printable(text: str) -> str:
 
 
 def _short(value: object, limit: int = 80) -> str:
-    """Return `value` as printable text of at most `limit` characters (files may hold anything)."""
+    """Return `value` as printable text of at most `limit` characters, because files may contain any value."""
     try:
         text = value if isinstance(value, str) else repr(value)
-    except ValueError:  # Python writes no integer of more than 4300 digits
+    except ValueError:  # Python does not print integers of more than 4300 digits
         text = "an integer of thousands of digits"
     text = printable(text[: limit + 1])
     return text if len(text) <= limit else text[: limit - 1] + "…"
 
 
 class VestigeWarning(UserWarning):
-    """Something that works and that a user should change; the command line prints it as one line."""
+    """Warning about valid input that a user should change; the command line prints it as one line."""

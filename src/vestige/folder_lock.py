@@ -1,4 +1,4 @@
-"""One writer for a folder: whoever comes second is told so, and writes nothing."""
+"""Lock of a folder for a single writer; a second writer gets an error and writes nothing."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _NO_LOCKS_HERE = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)  # network file sys
 
 @contextmanager
 def only_writer(folder: Path) -> Iterator[int]:
-    """Hold the lock of a folder, which is made if it is not there, and give its file descriptor.
+    """Hold the lock of a folder, and yield its file descriptor; a missing folder is created.
 
-    The lock belongs to the process: the kernel drops it when the process ends, however it ends. Nothing is written
-    into the folder. A file system that has no locks gives none, and the folder is used without.
+    The lock belongs to the process, so the kernel always releases it at the end of the process. Nothing is written into
+    the folder. If the file system has no locks, the folder is used without a lock.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""Outputs: an output is either complete or as it was before, and it never destroys an input.
+"""Write outputs safely: an output is either complete or unchanged, and never destroys an input.
 
-A command whose output could be an input asks `check_output` before it computes, and every command writes through
-`replacement` or `new_folder`. Both write into a private folder beside the output, `.output.…`, which nobody else can
-have prepared, and rename at the end. After an error or Ctrl-C nothing of it is left; a killed process leaves the hidden
-folder, which is in nobody's way. `vestige simulate` resumes: `simulated.unfinished_recording`.
+A command whose output could be an input calls `check_output` before it computes. Every command writes through
+`replacement` or `new_folder`. Both write into a private folder beside the output, `.output.…`, which no other user can
+have prepared, and rename at the end. After an error or Ctrl-C the private folder is removed. A killed process leaves
+this hidden folder, which is harmless. `vestige simulate` can resume (`simulated.unfinished_recording`).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from tempfile import TemporaryDirectory
 
 from vestige.errors import InputFileError
 
-STORE_MARK = "zarr.json"  # is in every folder of results
+STORE_MARK = "zarr.json"  # file in every folder of results
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-NAME_KEPT = 50  # characters: a file name has 255 bytes
+NAME_KEPT = 50  # characters; a file name has at most 255 bytes
 
 
 def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: bool = False) -> None:
@@ -29,19 +29,19 @@ def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: 
     Parameters
     ----------
     output
-        File or folder to be written; None: there is none.
+        File or folder to be written; None for no output.
     inputs
-        Files and folders that the command reads; None: not given.
+        Files and folders that the command reads; None for an input that is not given.
     folder
-        Whether the output is a folder. It may lie in a folder that is an input: writing it replaces nothing there.
+        Whether the output is a folder. An output folder may lie in an input folder, because it replaces nothing there.
 
     Raises
     ------
     InputFileError
-        If the output is an input or lies in the store of a campaign; or if it is to be a file, and lies in a folder
-        that is an input, or something else than a file has that name.
+        If the output is an input or lies in the store of a campaign. If the output is a file and lies in an input
+        folder, or its name is not that of a file.
     OSError
-        If the folder in which a file is to be written is not there.
+        If the folder of an output file does not exist.
     """
     if output is None:
         return
@@ -60,16 +60,16 @@ def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: 
 
 @contextmanager
 def replacement(output: Path) -> Iterator[Path]:
-    """Yield a path at which to write a file or a folder, which takes the place of `output` at the end.
+    """Yield a path at which to write a file or a folder, which replaces `output` at the end.
 
-    A file is on the disk before it takes its name. The path ends in the name of `output`, its suffix included.
+    A file is on the disk before it gets its name. The path ends in the name of `output` with its suffix.
 
     Raises
     ------
     InputFileError
         If `output` is a symbolic link or a device, or lies in the store of a campaign.
     OSError
-        If it cannot be written; the error has the name of `output`.
+        If the output cannot be written; the error has the name of `output`.
     """
     _check_place(output)
     _check_replaceable(output)
@@ -85,14 +85,14 @@ def replacement(output: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(output: Path) -> Iterator[Path]:
-    """Yield a folder to write into, which becomes `output` at the end; if several programs write one, one succeeds.
+    """Yield a folder to write into, which becomes `output` at the end; of several programs only one succeeds.
 
     Raises
     ------
     InputFileError
         If `output` exists, at the beginning or at the end, or lies in the store of a campaign.
     OSError
-        If it cannot be written; the error has the name of `output`.
+        If the output cannot be written; the error has the name of `output`.
     """
     check_new_folder(output)
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -107,12 +107,12 @@ def new_folder(output: Path) -> Iterator[Path]:
 
 
 def check_new_folder(output: Path) -> None:
-    """Refuse a folder to be written that is there already, or would lie in the store of a campaign.
+    """Refuse an output folder that already exists, or that would lie in the store of a campaign.
 
     Raises
     ------
     InputFileError
-        In these two cases.
+        If the folder exists, or would lie in the store of a campaign.
     """
     _check_place(output)
     if os.path.lexists(output):
@@ -121,7 +121,7 @@ def check_new_folder(output: Path) -> None:
 
 @contextmanager
 def naming(output: Path, private: str | None = None) -> Iterator[None]:
-    """Give the errors of a full disk the name of the output, which a write does not know, and those of `private`."""
+    """Set the name of the output in errors of a full disk (which have no name) and of `private`."""
     try:
         yield
     except OSError as error:
@@ -133,18 +133,18 @@ def naming(output: Path, private: str | None = None) -> Iterator[None]:
 
 @contextmanager
 def _beside(output: Path) -> Iterator[Path]:
-    """Yield a path of the name of `output` in a private folder beside it, which is removed at the end."""
+    """Yield a path with the name of `output` in a private folder beside it, which is removed at the end."""
     try:
         folder = TemporaryDirectory(prefix=f".{output.name[:NAME_KEPT]}.", dir=output.parent)
     except OSError as error:
         error.filename = str(output)  # the name that the user knows
         raise
     with folder as private, naming(output, private):
-        yield Path(private) / output.name  # private itself is readable by its owner only
+        yield Path(private) / output.name  # only its owner can read the private folder itself
 
 
 def _sync(path: Path) -> None:
-    """Have a file on the disk."""
+    """Write a file to the disk."""
     number = os.open(path, os.O_RDONLY)
     try:
         os.fsync(number)
@@ -165,10 +165,10 @@ def _check_file(output: Path) -> None:
 
 
 def _check_replaceable(output: Path) -> None:
-    """Refuse what a rename would destroy without anybody meaning it."""
+    """Refuse an output that a rename would destroy by mistake."""
     try:
         mode = output.lstat().st_mode
-    except OSError:  # nothing there, or nobody can say; then writing says why
+    except OSError:  # the path does not exist or cannot be checked; then writing raises the error
         return
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         found = "a symbolic link" if stat.S_ISLNK(mode) else "a device or a pipe"

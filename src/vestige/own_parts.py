@@ -1,11 +1,11 @@
-"""Parts that a user wrote: a detector, attack, error model or check in a module of a folder of the user's own.
+"""Parts that a user wrote: a detector, attack, error model or check in a module of the user's folder.
 
-A scenario names such a part as `module:Name`. The module is imported only from a folder that the user named
-(`--parts FOLDER`, `own_parts_from`): neither a scenario nor stored results of somebody else can make vestige import
-anything. Everything that is wrong with a part is an `OwnPartError` of one line.
+A scenario names such a part as `module:Name`. The module is imported only from a folder that the user named (`--parts
+FOLDER`, `own_parts_from`). So another person's scenario or stored results cannot make vestige import a module. Every
+error of a part is an `OwnPartError` of one line.
 
-The folder comes last in `sys.path`, so that a module in it never takes the place of one that vestige or a library
-imports. Worker processes have the same `sys.path`, and get the classes by name from the objects that are sent to them.
+The folder comes last in `sys.path`, so that a module in it never replaces a module that vestige or a library imports.
+Worker processes have the same `sys.path`, and get the classes by name from the objects that they receive.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _digests: dict[str, str] = {}
 
 
 class OwnPartError(VestigeError):
-    """A part of the user's cannot be used.
+    """A user's part cannot be used.
 
     Parameters
     ----------
     kind
         `module:Name`.
     found, expected
-        The value that is there, and the one that should be.
+        The found value, and the expected value.
     """
 
     def __init__(self, kind: str, found: str, expected: str) -> None:
@@ -45,7 +45,7 @@ class OwnPartError(VestigeError):
         self.kind, self.found, self.expected = kind, found, expected
 
     def __reduce__(self) -> tuple[type[OwnPartError], tuple[str, str, str]]:
-        """Return the class and its arguments for pickle: a worker process hands its errors back pickled."""
+        """Return the class and its arguments for pickle, because a worker process returns its errors pickled."""
         return type(self), (self.kind, self.found, self.expected)
 
 
@@ -55,7 +55,7 @@ def own_parts_from(folder: Path | str) -> None:
     Raises
     ------
     VestigeError
-        If there is no such folder.
+        If the folder does not exist.
     """
     path = Path(folder).resolve()
     if not path.is_dir():
@@ -66,12 +66,12 @@ def own_parts_from(folder: Path | str) -> None:
 
 
 def is_own(kind: object) -> bool:
-    """Return whether a kind names a part of the user's: `module:Name`."""
+    """Return whether a kind names a user's part: `module:Name`."""
     return isinstance(kind, str) and ":" in kind
 
 
 def kind_of(part: type) -> str:
-    """Return how a scenario names a class."""
+    """Return the name of a class in scenarios."""
     return f"{part.__module__}:{part.__qualname__}"
 
 
@@ -83,13 +83,13 @@ def part(kind: str, base: type) -> Any:
     kind
         `module:Name`.
     base
-        The protocol that the class itself has to satisfy, or the class from which it has to be derived.
+        The protocol that the class must satisfy, or its required base class.
 
     Raises
     ------
     OwnPartError
-        If no folder was named, or there is no such module in it, or no such class, the module cannot be imported, or
-        the class lacks something.
+        If no folder was named, if module or class do not exist, if the module cannot be imported, or if the class lacks
+        a member.
     """
     match = _KIND.fullmatch(kind)
     if match is None:
@@ -114,7 +114,7 @@ def part(kind: str, base: type) -> Any:
 
 
 def made(kind: str, cls: Any, **settings: int) -> Any:
-    """Return an object of a class of the user's.
+    """Return an object of a user's class.
 
     Parameters
     ----------
@@ -123,17 +123,17 @@ def made(kind: str, cls: Any, **settings: int) -> Any:
     cls
         The class.
     settings
-        Arguments with which the object is made.
+        Arguments of the class.
 
     Raises
     ------
     OwnPartError
-        If it cannot be made so.
+        If the object cannot be made with these arguments.
     """
     try:
         with blamed_on_own_parts():
             return cls(**settings)
-    except TypeError as error:  # the call itself failed, before any line of the user's class
+    except TypeError as error:  # the call itself failed before any line of the user's class
         how = ", ".join(f"{name}={value}" for name, value in settings.items())
         raise OwnPartError(
             kind, f"{type(error).__name__}: {error}", f"a class that {cls.__name__}({how}) makes"
@@ -141,7 +141,7 @@ def made(kind: str, cls: Any, **settings: int) -> Any:
 
 
 def require_members(kind: str, thing: object, protocol: type) -> None:
-    """Raise `OwnPartError` if a class or an object of it lacks members of a protocol."""
+    """Raise `OwnPartError` if a class or an object lacks members of a protocol."""
     declared = {name for one in protocol.__mro__ if getattr(one, "_is_protocol", False) for name in _members(one)}
     own = {field.name for field in fields(thing)} if is_dataclass(thing) else set()
     missing = sorted(name for name in declared if name not in own and not hasattr(thing, name))
@@ -152,7 +152,7 @@ def require_members(kind: str, thing: object, protocol: type) -> None:
 
 
 def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]) -> None:
-    """Raise if what a part of the user's returned is not numbers of a shape; nothing is asked of vestige's own.
+    """Raise if the values from a user's part are not numbers of a shape; vestige's own parts are not checked.
 
     Parameters
     ----------
@@ -161,12 +161,12 @@ def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]
     name
         Name of the method that returned the values.
     values, shape
-        The values that it returned, and the shape that they need: epochs first.
+        The returned values, and their required shape with epochs first.
 
     Raises
     ------
     OwnPartError
-        If the values have another shape, or one of them is not a number. Infinities are numbers.
+        If the values have another shape, or any value is not a number. Infinities are numbers.
     """
     if type(part).__module__.startswith("vestige."):
         return
@@ -182,7 +182,7 @@ def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]
 
 
 def digest(kind: str) -> str:
-    """Return the first digits of the SHA-256 of the file of a part's module, as it was when it was imported."""
+    """Return the first digits of the SHA-256 of the file of a part's module at its import."""
     module = kind.partition(":")[0]
     if module not in _digests:
         _digests[module] = _digest(Path(str(sys.modules[module].__file__)))
@@ -191,9 +191,9 @@ def digest(kind: str) -> str:
 
 @contextmanager
 def blamed_on_own_parts() -> Iterator[None]:
-    """Turn an exception that a user's part raises into an `OwnPartError` that says file and line.
+    """Turn an exception from a user's part into an `OwnPartError` with file and line.
 
-    Other exceptions, and those of vestige for the user, pass as they are.
+    Other exceptions, and vestige's own errors for the user, pass unchanged.
     """
     try:
         yield
@@ -209,7 +209,7 @@ def blamed_on_own_parts() -> Iterator[None]:
 
 
 def _module(kind: str, name: str) -> Any:
-    """Return a module of one of the folders, imported."""
+    """Import and return a module from the folders."""
     if not _folders:
         raise OwnPartError(kind, "no folder of own parts", "--parts FOLDER, the folder of its module")
     stem = Path(*name.split("."))
@@ -222,7 +222,7 @@ def _module(kind: str, name: str) -> Any:
         importlib.invalidate_caches()
     try:
         module = importlib.import_module(name)
-    except (Exception, SystemExit) as error:  # whatever a module does
+    except (Exception, SystemExit) as error:  # a module may raise any exception
         place = _place(error.__traceback__)
         where = f"line {place[1]} of {place[0]}" if place else str(path)
         what = f"{where} raises {type(error).__name__}: {error}"
@@ -242,7 +242,7 @@ def _digest(path: Path) -> str:
 
 
 def _place(traceback: TracebackType | None) -> tuple[Path, int, str] | None:
-    """Return file, line and module of the innermost frame of a traceback that is in a user's part; None without one."""
+    """Return file, line and module of the innermost traceback frame in a user's part; None if there is none."""
     found = None
     while traceback is not None:
         path = Path(traceback.tb_frame.f_code.co_filename)

@@ -1,4 +1,4 @@
-"""Source of snapshots: the common interface of a simulation and a recording."""
+"""Source of snapshots, the common interface of a simulation and a recording."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vestige.records.snapshot_block import SnapshotBlock
 
 @runtime_checkable
 class Source(Protocol):
-    """Anything that yields blocks of snapshots in order of time, with the assistance that goes with them."""
+    """Source that yields blocks of snapshots in order of time, with their assistance."""
 
     @property
     def assistance(self) -> AssistanceData:
@@ -19,5 +19,5 @@ class Source(Protocol):
         ...
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
-        """Yield the blocks."""
+        """Yield the blocks of snapshots in order of time."""
         ...

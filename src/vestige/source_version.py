@@ -1,4 +1,4 @@
-"""Version of vestige and kind of processor: both affect the bits of results beside the input."""
+"""Version of vestige and kind of processor, which both affect the bits of results."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ PACKAGE = Path(__file__).resolve().parent
 
 @cache
 def vestige_version() -> str:
-    """Return version and digest of the source, `0.2.0+source.1f2e3d4c5b6a`: equal for equal code, wherever it lies."""
+    """Return version and digest of the source, `0.2.0+source.1f2e3d4c5b6a`; equal code gives the same digest."""
     return f"{__version__}+source.{source_digest(PACKAGE)}"
 
 
 def source_digest(package: Path) -> str:
-    """Return 12 hexadecimal digits of the SHA-256 of all Python files of a package, names included."""
+    """Return 12 hexadecimal digits of the SHA-256 of names and contents of all Python files of a package."""
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py"), key=lambda path: path.relative_to(package).as_posix()):
         content = path.read_bytes().replace(b"\r\n", b"\n")
@@ -29,9 +29,9 @@ def source_digest(package: Path) -> str:
 
 
 def processor_name() -> str:
-    """Return the name that LLVM has for this processor, `znver3`.
+    """Return LLVM's name of this processor, such as `znver3`.
 
-    The kernels are compiled for it: how many terms of a sum stand side by side depends on its vector instructions, so
-    sums over samples differ in the last digits of single precision from one kind of processor to the other.
+    The kernels are compiled for this processor. Its vector instructions set the order of the terms of a sum. So sums
+    over samples differ between kinds of processor in the last digits of single precision.
     """
     return str(get_host_cpu_name())

@@ -1,7 +1,7 @@
-"""Random numbers by name: the same seed and the same labels give the same stream, whoever asks and in whatever order.
+"""Named streams of random numbers: the same seed and labels give the same stream, in any order of use.
 
-There is no global generator and no seed per worker. A label says what the numbers are for and for which epoch or
-satellite: `stream(seed, "multipath", epoch)`.
+There is no global generator and no seed per worker. Labels give the purpose of the numbers and the epoch or satellite:
+`stream(seed, "multipath", epoch)`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ def stream_key(seed: int, *labels: str | int) -> bytes:
 
 
 def stream(seed: int, *labels: str | int) -> np.random.Generator:
-    """Return the generator that belongs to `seed` and `labels`.
+    """Return the generator of `seed` and `labels`.
 
     Philox is counter based, so streams with different keys do not overlap.
     """

@@ -1,10 +1,10 @@
-"""Galileo System Time (GST) that keeps its precision.
+"""Galileo System Time (GST) with full precision.
 
-A float64 time of week steps by 0.1 ns, that is 3.5 cm of range, so an absolute time is never one float here: it is a
-week, a whole second of the week and a fraction. Differences of two times are floats.
+A float64 time of week has steps of 0.1 ns, that is 3.5 cm of range. So an absolute time is never a single float here,
+but a week, a whole second of the week and a fraction. Differences of two times are floats.
 
-GST started on 1999-08-22 00:00:00 GST = 1999-08-21 23:59:47 UTC [OS-ICD, 5.1.2]. Receivers speak UTC, so the leap
-seconds since then stand in a table.
+GST started on 1999-08-22 00:00:00 GST = 1999-08-21 23:59:47 UTC [OS-ICD, 5.1.2]. Receivers report UTC, so a table has
+the leap seconds since then.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from datetime import UTC, datetime, timedelta
 from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
 
 GST_EPOCH = datetime(1999, 8, 22, tzinfo=UTC)  # read as GST, not UTC [OS-ICD, 5.1.2]
-LAST_YEAR = 9000  # calendars end with 9999, and times are added to
+LAST_YEAR = 9000  # calendars end with 9999, and later times are computed
 MAX_WEEK = 400_000  # year 9665
 
-# (first UTC day on which it holds, GST - UTC in seconds) [IERS Bulletin C]
+# (first UTC day of validity, GST - UTC in seconds) [IERS Bulletin C]
 LEAP_SECONDS = (
     (datetime(2017, 1, 1, tzinfo=UTC), 18),
     (datetime(2015, 7, 1, tzinfo=UTC), 17),
@@ -52,7 +52,7 @@ class GalileoTime:
     Raises
     ------
     ValueError
-        If a number is out of its range; `normalized` carries it over.
+        If a number is out of its range; `normalized` carries such numbers over.
 
     Examples
     --------
@@ -96,7 +96,7 @@ class GalileoTime:
 
     @property
     def subframe(self) -> GalileoTime:
-        """Start of the 30 s I/NAV subframe that holds this time."""
+        """Start of the 30 s I/NAV subframe that contains this time."""
         return GalileoTime(self.week, self.second - self.second % SUBFRAME_S)
 
     @property
@@ -111,7 +111,7 @@ class GalileoTime:
 
     @classmethod
     def from_calendar(cls, moment: datetime) -> GalileoTime:
-        """Return the time of a calendar date and time that is read in GST (its time zone is not looked at)."""
+        """Return the time of a calendar date and time in GST; a time zone is ignored."""
         if moment.year > LAST_YEAR:
             raise ValueError(f"year {moment.year} is too late, expected {LAST_YEAR} at most")
         elapsed = moment.replace(tzinfo=UTC) - GST_EPOCH
@@ -134,7 +134,7 @@ class GalileoTime:
         Parameters
         ----------
         text
-            The time. Without a scale it is read in `default_scale`.
+            The time. A time without a scale is in `default_scale`.
         default_scale
             `GST` or `UTC`.
 
@@ -161,13 +161,13 @@ class GalileoTime:
 
     @property
     def calendar(self) -> datetime:
-        """Calendar date and time in GST, to the microsecond below."""
+        """Calendar date and time in GST, rounded down to the microsecond."""
         whole = timedelta(weeks=self.week, seconds=self.second, microseconds=int(self.fraction * 1e6))
         return GST_EPOCH + whole
 
     @property
     def utc(self) -> datetime:
-        """Calendar date and time in UTC, to the microsecond below."""
+        """Calendar date and time in UTC, rounded down to the microsecond."""
         moment = self.calendar
         for day, leap in LEAP_SECONDS:
             if moment - timedelta(seconds=leap) >= day:
@@ -175,5 +175,5 @@ class GalileoTime:
         return moment - timedelta(seconds=LEAP_SECONDS[-1][1])
 
     def __str__(self) -> str:
-        # Truncated, never rounded: 59.9996 s must not print as 60.
+        # The fraction is truncated, never rounded, because 59.9996 s must not print as 60.
         return f"{self.calendar:%Y-%m-%dT%H:%M:%S}.{int(self.fraction * 1000):03d} GST"

@@ -1,4 +1,4 @@
-"""Validation of the numbers in a record: a source with invalid numbers is told so in one line."""
+"""Validate the numbers in a record; invalid numbers raise an error with a message of one line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def require_finite(owner: str, **values: float) -> None:
     Raises
     ------
     VestigeError
-        If one is NaN or infinite.
+        If any value is NaN or infinite.
     """
     for name, value in values.items():
         if not math.isfinite(value):
@@ -21,17 +21,17 @@ def require_finite(owner: str, **values: float) -> None:
 
 
 def require_finite_if_known(owner: str, **values: float) -> None:
-    """Check that no value is infinite; NaN stands for one that was not measured. Raises as `require_finite`."""
+    """Check that no value is infinite; NaN means "not measured". The errors are those of `require_finite`."""
     require_finite(owner, **{name: value for name, value in values.items() if not math.isnan(value)})
 
 
 def require_time_uncertainty(seconds: float) -> None:
-    """Check an upper limit of a clock's error: 0 s or more, infinite if it is not known.
+    """Check an upper limit of a clock's error: 0 s or more, infinite if unknown.
 
     Raises
     ------
     VestigeError
-        If it is negative or NaN.
+        If the limit is negative or NaN.
     """
     if not seconds >= 0:
         raise VestigeError(

@@ -1,18 +1,19 @@
-"""From measured blocks to verdicts: the fold that carries a receiver's state from block to block [WFO, Sec. IV].
+"""Assess measured blocks: give verdicts, and carry the receiver's state from block to block [WFO, Sec. IV].
 
 Theory of operation
 -------------------
-`assess` judges a block of n epochs at once and gives the same bits as n blocks of one epoch. Most checks look at one
-epoch, or at those shortly before it, whatever was said of them. Two things depend on what was said before: reference
-levels are learned from epochs that raised no alarm, and the searches look as far as the clock may be wrong, which
+`assess` judges a block of n epochs at once and gives the same bits as n blocks of one epoch. Most checks look only at
+the measurements of an epoch and of the epochs shortly before it. Two quantities depend on earlier verdicts. Reference
+levels are learned from epochs that raised no alarm. The range of the searches is the possible clock error, which
 depends on the last authentic position. So the block is judged with a guess of which epochs have no alarm:
 
 1. Guess that an epoch has no alarm if none of the checks that need no guess fails in it.
-2. Judge the block with the guess. What it says of an epoch rests on the guess for the epochs before it only.
-3. Up to and including the first epoch of which the guess was wrong, everything is right. Take what was found as the
-   next guess, and begin again at 2, until nothing was wrong but perhaps the last epoch, on which nothing rests.
+2. Judge the block with the guess. The verdict of an epoch depends only on the guess for earlier epochs.
+3. All verdicts up to and including the first wrongly guessed epoch are right. Take the result as the next guess and
+   repeat step 2, until no guess was wrong. The guess for the last epoch may be wrong, because no other epoch depends on
+   it.
 
-Every round settles at least one epoch more, and few are needed: alarms come in stretches.
+Every round settles at least one more epoch. Few rounds are needed, because alarms come in stretches.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ from vestige.time import GalileoTime
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
-FORGET_S = 3600.0  # a satellite that is gone for longer has set: no verdict is due any more
+FORGET_S = 3600.0  # a satellite that E1 has not shown for longer needs no verdict: it has set
 TRAVEL_TIME_SPREAD_S = 0.07  # spread of the travel time from any satellite to any receiver on Earth
 POSITION_SATELLITES = 4
 
@@ -67,7 +68,7 @@ class _Guess:
     authentic: Int64[np.ndarray, " n"]
 
     def first_difference(self, other: _Guess) -> int:
-        """Return the first epoch in which two differ; the number of epochs if they are equal."""
+        """Return the first epoch in which two guesses differ; the number of epochs if they are equal."""
         differs = (self.quiet != other.quiet) | (self.authentic != other.authentic)
         return int(np.argmax(differs)) if differs.any() else differs.size
 
@@ -77,7 +78,7 @@ def assess(
 ) -> tuple[VerdictBlock, ReceiverState]:
     """Return the verdicts of a block, and the state for the next one.
 
-    `state` is that after the block before, None at first; `measured` has at least one epoch.
+    `state` is the state after the previous block, None for the first block. `measured` has at least one epoch.
     """
     times = measured.snapshots.time
     if state is None:
@@ -128,7 +129,7 @@ class _Assessment:
         return self._time_s[:, None] - last < FORGET_S
 
     def _known_positions(self) -> Float[np.ndarray, "n 3"]:
-        """Return the last position that was known at each epoch; NaN before the first."""
+        """Return the last known position at each epoch; NaN before the first position."""
         n, fix = self._time_s.size, self._measured.fix
         before = np.full(3, np.nan) if self._state.position_m is None else np.array(self._state.position_m)
         if fix is None:
@@ -161,7 +162,7 @@ class _Assessment:
             guess = found
 
     def _judge(self, guess: _Guess) -> _Guess:
-        """Judge the block with a guess, keep what was found, and return what the guess should have been."""
+        """Judge the block with a guess, keep the results, and return the guess that would have been right."""
         snapshots = self._measured.snapshots
         self._teaches = guess.quiet & snapshots.recs
         references = self._references()
@@ -190,7 +191,7 @@ class _Assessment:
         return judged
 
     def _references(self) -> Mapping[Quantity, Reference]:
-        """Return what is usual of each quantity at each epoch; nothing if no check of the level asks."""
+        """Return the reference of each quantity at each epoch; an empty mapping if no check of the level needs any."""
         if not self._needs_references:
             return {}
         levels = self._processor.monitoring.levels
@@ -205,7 +206,7 @@ class _Assessment:
         return confirmed(series.failed, series.run, confirm, np.array([streaks.get(svid, 0) for svid in svids]))
 
     def _combined(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> tuple[_Guess, np.ndarray]:
-        """Return what follows from failures: the guess that would have been right, and status and cause."""
+        """Return the guess that would have been right, and status and cause, from the failures of the checks."""
         available = self._fixed[CheckName.E6_POWER].run
         status, cause = combine(self._processor.level, failed, available, self._processor.further)
         due = self._seen | self._lost
@@ -215,7 +216,7 @@ class _Assessment:
         return _Guess(quiet=quiet, authentic=authentic), np.stack([status, cause])
 
     def _clock_limits(self, guess: _Guess) -> list[TimeUncertainty]:
-        """Return the limit of the clock's error before each epoch, and after the block: n + 1 of them."""
+        """Return n + 1 limits of the clock's error: before each epoch, and after the block."""
         limits = [self._state.uncertainty]
         if CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
             return limits * (self._time_s.size + 1)
@@ -226,7 +227,7 @@ class _Assessment:
             limit = limits[-1]
             if fixes[epoch]:
                 fixed_s = FIXED_S if guess.authentic[epoch] >= POSITION_SATELLITES else TRAVEL_TIME_SPREAD_S
-                # Nobody sets the clock by the fix: an error that the fix shows is still there afterwards.
+                # The receiver does not correct its clock by the fix: an error that the fix shows remains afterwards.
                 error_s = abs(float(shown.error_s[epoch]))
                 limit = limit.after_fix(times.at(epoch), fixed_s=fixed_s + (error_s if error_s > fixed_s else 0.0))
             limits.append(limit)
@@ -238,7 +239,7 @@ class _Assessment:
             uncertainty=tuple(self._uncertainties[epoch] for epoch in epochs.tolist()),
             p_fa=self._processor.monitoring.search_p_fa,
             expected_s=self._measured.expected_s[epochs],
-            # only a recording is searched in samples, and its assistance has the RECS as downloaded
+            # Only recordings are searched in samples; their assistance contains the RECS as downloaded.
             in_samples=ProcessorSearches(processor=self._processor, assistance=cast("Assistance", self._assistance)),
         )
 
@@ -251,7 +252,7 @@ class _Assessment:
         return found
 
     def _search_exhaustively(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> SearchMemory:
-        """Make the exhaustive search where it is due, and return what the next block needs to know."""
+        """Make the exhaustive search where it is due, and return its memory for the next block."""
         searches, times = self._measured.snapshots.searches, self._measured.snapshots.time
         memory, period_s = self._state.search, self._processor.monitoring.exhaustive_period_s
         any_failed = np.zeros(self._time_s.size, np.bool_)
@@ -308,7 +309,7 @@ class _Assessment:
         return ranges_near(found, self._processor, limit_s, known)
 
     def _fixes_that_count(self, found: VerdictBlock) -> Float[np.ndarray, "n 3"]:
-        """Return the E1 positions that limit where the receiver may be; they also set the limit of its clock."""
+        """Return the E1 positions that limit both the position of the receiver and the error of its clock."""
         if found.position is None or CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
             return np.full((self._time_s.size, 3), np.nan)
         guess, _ = self._combined(self._failed)
@@ -329,7 +330,7 @@ class _Assessment:
         if limits[-1].fixed_at is None:
             return np.full(self._time_s.size, limits[0].initial_s)
         limit_s, first = np.empty(self._time_s.size), 0
-        for last in range(1, limit_s.size + 1):  # the limit is another one after a fix alone
+        for last in range(1, limit_s.size + 1):  # only a fix changes the limit
             if last == limit_s.size or limits[last] is not limits[first]:
                 limit_s[first:last] = limits[first].over(times[first:last])
                 first = last
@@ -374,7 +375,7 @@ class _Assessment:
         return check.remembered(evidence) if isinstance(check, E6MissesCheck) else {}
 
     def _streaks(self) -> dict[CheckName | str, dict[int, int]]:
-        """Return how many of the last tests of checks that have to be confirmed failed in a row."""
+        """Return how many of the last tests failed in a row, for each check that needs confirmation."""
         found: dict[CheckName | str, dict[int, int]] = {}
         for name, series in self._found.items():
             confirm = self._specs[name].confirm

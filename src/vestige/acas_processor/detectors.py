@@ -1,4 +1,4 @@
-"""Maximum detector and early detector: the choice of the punctual correlator [WFO, Sec. III-A and III-B].
+"""Choose the punctual correlator: maximum detector and early detector [WFO, Sec. III-A and III-B].
 
 Theory of operation
 -------------------
@@ -6,11 +6,12 @@ c_0 … c_{N-1} are the magnitudes of N correlators at equal distances, early to
 early and late neighbours c_{i-n} and c_{i+n} for the range offset, so i runs from n to N−1−n (the paper's c_n …
 c_{N-n} ends outside the vector by one).
 
-**Maximum detector.** The highest c_i, if it exceeds the threshold. It follows the strongest signal, whoever sends it.
+**Maximum detector.** The detector takes the highest c_i that exceeds the threshold. The detector follows the strongest
+signal, whoever sends it.
 
-**Early detector.** The true signal cannot be overtaken, so the earliest peak is the one to trust:
+**Early detector.** No signal can arrive before the true signal, so the detector takes the earliest peak:
 
-1. hand-over, correlation and threshold: done before;
+1. do hand-over, correlation and threshold (before the detector);
 2. scan from early to late for the first c_i above the threshold;
 3. while c_{i+n} > c_i, go on to i+1;
 4. minimise D_i = |c_{i+n} − c_{i-n}| under the constraint c_i > c_{i+n} ∧ c_i > c_{i-n};
@@ -18,19 +19,19 @@ c_{N-n} ends outside the vector by one).
 
 The paper's text leaves room for these choices:
 
-* The chosen tap itself exceeds the threshold; the taps that step 3 walks over need not.
-* If step 3 ends at a tap that is below the threshold or violates the constraint, the scan of step 2 goes on behind it,
-  since step 5 gives up only if *no* set can be found.
-* Step 4 is a walk to the right, while the next tap satisfies the constraint, exceeds the threshold and has the
-  smaller D. A global minimum of D would jump to any symmetric point, such as the later and stronger spoofer.
+* The chosen tap itself exceeds the threshold. The taps between, in step 3, may be below the threshold.
+* If step 3 ends at a tap that is below the threshold or violates the constraint, the scan of step 2 goes on behind this
+  tap, because step 5 gives up only if *no* set can be found.
+* Step 4 moves to the right while the next tap satisfies the constraint, exceeds the threshold and has a smaller D. A
+  global minimum of D would jump to any symmetric point, such as a later and stronger spoofing signal.
 
 The scan only moves forward, and every tap that satisfies threshold and constraint also ends step 3. So steps 2 and 3
-together find just *the first tap that exceeds the threshold and both its neighbours*, and step 4 moves on to the
-first tap from there whose successor is no improvement: two searches for a first True, for all epochs at once.
+together find *the first tap that exceeds the threshold and both its neighbours*. Step 4 moves on to the first tap whose
+successor is no improvement. Both are searches for a first True, for all epochs at once.
 
 Comparisons are strict. A magnitude equal to the threshold does not exceed it. Among equal maxima the maximum detector
-takes the earliest. To the early detector two equal taps n apart are no peak: with noise that has probability zero,
-without noise it happens for a peak exactly halfway between two taps.
+takes the earliest. For the early detector two equal taps n apart are no peak. This case has probability zero with
+noise; without noise it occurs for a peak exactly halfway between two taps.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ NOT_DETECTED = -1
 
 @runtime_checkable
 class Detector(Protocol):
-    """Chooses the punctual tap of every epoch."""
+    """Protocol of a detector, which chooses the punctual tap of every epoch."""
 
     @property
     def spacing(self) -> int:
@@ -62,9 +63,9 @@ class Detector(Protocol):
         Parameters
         ----------
         magnitudes
-            |c|, early to late, at equal distances. NaN is never detected.
+            |c|, early to late, at equal distances. A magnitude of NaN is never detected.
         threshold
-            In the unit of the magnitudes; one, or one an epoch.
+            Threshold in the unit of the magnitudes: a single value, or a value for each epoch.
 
         Raises
         ------
@@ -86,7 +87,7 @@ class _Spaced:
 class MaximumDetector(_Spaced):
     """Choose the highest tap above the threshold [WFO, Sec. III-A].
 
-    It follows whichever signal is stronger.
+    The maximum detector follows the strongest signal.
 
     Attributes
     ----------
@@ -121,7 +122,7 @@ class MaximumDetector(_Spaced):
 class EarlyDetector(_Spaced):
     """Choose the earliest peak above the threshold [WFO, Sec. III-B].
 
-    It stays on the true signal, which nothing can overtake.
+    The early detector stays on the true signal, because no other signal can arrive earlier.
 
     Attributes
     ----------
@@ -155,20 +156,20 @@ class EarlyDetector(_Spaced):
         first = np.argmax(peak, axis=1)
         goes_on = np.zeros_like(peak)
         goes_on[:, :-1] = peak[:, 1:] & (asymmetry[:, 1:] < asymmetry[:, :-1])
-        tap = np.argmax(~goes_on & (np.arange(peak.shape[1]) >= first[:, None]), axis=1)  # the first from there
+        tap = np.argmax(~goes_on & (np.arange(peak.shape[1]) >= first[:, None]), axis=1)  # first tap from there
         return np.where(peak.any(axis=1), tap + n, NOT_DETECTED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnDetector:
-    """A detector that a user wrote; what it returns is checked."""
+    """A detector that a user wrote; its results are checked."""
 
-    kind: str  # how a scenario names it, `module:Name`
+    kind: str  # name of the detector in a scenario, `module:Name`
     detector: Detector
 
     @classmethod
     def of(cls, kind: str, detector_class: Any, *, spacing: int) -> OwnDetector:
-        """Return the detector that a class of the user's makes.
+        """Return the detector that a user's class makes.
 
         Raises `OwnPartError` if the class cannot be used.
         """
@@ -191,7 +192,7 @@ class OwnDetector:
         Raises
         ------
         OwnPartError
-            If the detector raises something, or returns anything but such indices.
+            If the detector raises an exception, or returns anything other than such indices.
         """
         with blamed_on_own_parts():
             tap = np.asarray(self.detector.detect(magnitudes, threshold))

@@ -16,16 +16,16 @@ from vestige.acas_processor.monitoring.memory import CarrierMemory, ClockMemory,
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evidence:
-    """A block as the checks see it.
+    """Input of the checks for one block.
 
     Attributes
     ----------
     measured
-        The block.
+        The measured block.
     time_s
-        float64[n], times of its epochs after the first epoch that the receiver ever processed.
+        float64[n], times of the block's epochs in s after the first epoch that the receiver ever processed.
     elevation_rad
-        float64[n, m], seen from the last known position; NaN if there was none yet.
+        float64[n, m], elevation from the last known position; NaN before the first position.
     observed, references
         Measured quantities of each check, and their reference levels.
     subframes

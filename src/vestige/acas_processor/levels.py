@@ -1,32 +1,34 @@
-"""Mitigation levels: which checks a verdict rests on, and what follows from them [WFO, Sec. IV].
+"""Mitigation levels: the checks of each level, and the status that follows from their failures [WFO, Sec. IV].
 
 Theory of operation
 -------------------
-A level is a table of checks, one row each, with the paper's step, the status that follows when the check fails, what it
-looks at (one satellite or the whole receiver), and how often.
+A level is a table of checks. Each row gives the paper's step, the status after a failure, the scope (one satellite or
+the whole receiver), and how often the check runs.
 
-* Level 1 is the minimum defence, steps 1 and 2: the true E6 signal is there, and where E1 says.
+* Level 1 is the minimum defence, steps 1 and 2: the true E6 signal is received, and its range agrees with E1.
 * Level 2 adds power and C/N0 monitoring (3), the vestigial search on E1 with hand-over to E6 (4), and the position fix:
   clock drift and RAIM (5).
-* Level 3 adds OSNMA from a second channel (4), the exhaustive search on E6 (5), and what bridges the time between two
-  RECS: power–distortion and inertial sensors (7). The paper has its steps 4 and 5 replace those of level 2 and numbers
-  the fix 6. vestige keeps the hand-over search: the exhaustive one takes minutes and is made at the start, on suspicion
-  and every so often, and in between a second signal on E1 is suspicion.
+* Level 3 adds OSNMA from a second channel (4) and the exhaustive search on E6 (5). Power–distortion and inertial
+  sensors bridge the time between two RECS (7). In the paper these steps 4 and 5 replace those of level 2, and the fix
+  is step 6. vestige keeps the hand-over search, because the exhaustive search takes minutes. The exhaustive search is
+  made at the start, on suspicion, and at a set period. Between exhaustive searches a second signal on E1 is a
+  suspicion.
 
-Checks are evidence of different weight. A check that finds a second signal, or E6 where E1 is not, says SPOOFED:
-somebody sends what the satellite did not. No E6 at all is NOT_DETECTED. What jamming, a building or a bad oscillator
-might do too is SUSPECT, and so is every other satellite when one is found twice: a meaconer repeats the whole band, and
-its copy of a weak satellite may hide the true signal. If several checks fail, the gravest failure counts. A check that
-was not run is no evidence. Without steps 1 and 2 nothing follows (NOT_AVAILABLE); the reason of the verdict says which
-of the others are missing. Between two RECS only the monitors speak.
+Checks are evidence of different weight. A check that finds a second signal, or an E6 range that differs from E1, gives
+SPOOFED: somebody sends signals that the satellite did not send. A missing E6 signal gives NOT_DETECTED. A failure that
+jamming, a building or a bad oscillator may also cause gives SUSPECT. If a satellite is found twice, every other
+satellite is SUSPECT too: a meaconer repeats the whole band, and its copy of a weak satellite may hide the true signal.
+If several checks fail, the gravest failure counts. A check that was not run is no evidence. Without steps 1 and 2 the
+status is NOT_AVAILABLE. The reason of a verdict names the other checks that were not run. Between two RECS only the
+monitors run.
 
-A row says everything that the processor needs to know of a check: how it is made from the settings, whether it compares
-with reference levels, and where its false-alarm probability comes from. So a new check is a file in `checks/`, a row
-here, and a member of `CheckName`; if it has settings, they are a field of `MonitoringSettings`. Checks of `OPTIONAL`
-are for every level, if their settings turn them on.
+A row contains everything that the processor needs to know of a check: how the check is made from the settings, whether
+it compares with reference levels, and the source of its false-alarm probability. So a new check is a file in `checks/`,
+a row here, and a member of `CheckName`. The settings of the check, if any, are a field of `MonitoringSettings`. Checks
+of `OPTIONAL` are for every level, if their settings turn them on.
 
-A check that is known to err by itself now and then (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in
-a row. What a receiver shows its user is steadier still: `alarm.py`.
+A check with frequent false alarms (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in a row. The state
+that a receiver shows its user changes even less often: see `alarm.py`.
 """
 
 from __future__ import annotations
@@ -65,18 +67,18 @@ class Scope(Enum):
 
 
 class TestCadence(Enum):
-    """When a check is made."""
+    """Time at which a check is made."""
 
     __test__ = False  # not a test of pytest
 
     RECS = "RECS"
     OBSERVATION = "observation"  # every epoch of E1
     SUBFRAME = "subframe"  # every 30 s of navigation message
-    SEARCH = "search"  # as `searches.search_due` says
+    SEARCH = "search"  # when `searches.search_due` is true
 
 
 class DetectionAssumptions(NamedTuple):
-    """Assumptions from which the false-alarm probability of steps 1 and 2 follows; it is not set itself."""
+    """Assumptions from which the false-alarm probability of steps 1 and 2 follows; that probability is not set."""
 
     kappa: float = KAPPA  # factor of the range check
     pd: float = MIN_PD  # probability that E6 is detected
@@ -90,29 +92,29 @@ CheckMaker = Callable[["AcasProcessor", float], Check | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckSpec:
-    """One check of a level: all that the processor needs to know of it."""
+    """All properties of a check of a level that the processor needs."""
 
-    step: int  # its number in [WFO, Sec. IV].
-    name: CheckName | str  # the check; a text of one that a user wrote
-    failure: Status  # status that follows if it fails
-    # how it is made; None of the searches, which `assess` makes, and of checks that a user wrote
+    step: int  # number of the step in [WFO, Sec. IV]
+    name: CheckName | str  # the check; a text for a check that a user wrote
+    failure: Status  # status after a failure
+    # function that makes the check; None for the searches, which `assess` makes, and for checks that a user wrote
     make: CheckMaker | None = None
-    # what one test looks at, and when it is made
+    # scope of one test, and its time
     scope: Scope = Scope.SATELLITE
     cadence: TestCadence = TestCadence.OBSERVATION
     confirm: int = 1
-    # whether a failure makes all other satellites SUSPECT: who sends one satellite twice may send them all
+    # whether a failure makes all other satellites SUSPECT: an attacker who repeats one satellite may repeat all
     suspects_all_satellites: bool = False
-    # its own false-alarm probability of one test; None if it has a share of the level's budget
+    # the check's own false-alarm probability of one test; None if the check has a share of the level's budget
     own_p_fa: Callable[[DetectionAssumptions], float] | None = None
-    # the part of that which no threshold of the check changes, where the level's false alarms a day are set
+    # part of that probability that no threshold changes, if the level's false alarms a day are set
     fixed_p_fa: Callable[[DetectionAssumptions], float] | None = None
     settable: bool = True  # whether threshold or confirmation can follow from the level's false alarms a day
-    exact: bool = False  # whether it fails as often as its probability says; otherwise that is an upper limit
-    one_of: int = 1  # how many checks are the tests of one monitor, and share its probability
-    needs_references: bool = False  # whether it compares with reference levels
-    remembers_rates: bool = False  # whether it compares with the range rates of the RECS before
-    remembered_recs: Callable[[AcasProcessor], int] | None = None  # how many RECS before it looks at; None for none
+    exact: bool = False  # whether the probability is exact; otherwise it is an upper limit
+    one_of: int = 1  # number of checks that share the probability of one monitor
+    needs_references: bool = False  # whether the check compares with reference levels
+    remembers_rates: bool = False  # whether the check needs the range rates at the previous RECS
+    remembered_recs: Callable[[AcasProcessor], int] | None = None  # number of earlier RECS that it needs
 
 
 _RECS, _RECEIVER, _SUBFRAME = TestCadence.RECS, Scope.RECEIVER, TestCadence.SUBFRAME
@@ -120,7 +122,7 @@ _SUSPECT, _SPOOFED = Status.SUSPECT, Status.SPOOFED
 
 
 def _e6_power(processor: AcasProcessor, p_fa: float) -> Check:
-    """Return the check that fails with every miss, or, if the false alarms a day are set, with improbable ones."""
+    """Return the check that fails with every miss, or with improbable misses if the false alarms a day are set."""
     if processor.monitoring.alarms_per_day is None:
         return E6PowerCheck(min_pd=processor.min_pd)
     return E6MissesCheck(p_fa=p_fa, prediction=processor.miss_prediction)
@@ -313,7 +315,7 @@ STEADY_P_FA = 1e-6  # false-alarm probability of one test of E6 phase or E6 fadi
 
 
 def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor | E6FadingMonitor | None]) -> CheckSpec:
-    """Return the row of a monitor of the carrier on E6, which `settings` finds if the processor has one."""
+    """Return the row of a monitor of the carrier on E6; `settings` returns the monitor's settings, or None."""
 
     def make(processor: AcasProcessor, p_fa: float) -> Check | None:
         monitor = settings(processor)
@@ -324,7 +326,7 @@ def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor 
         return 0 if monitor is None else monitor.window - 1
 
     return CheckSpec(
-        step=8,  # after those of [WFO, Sec. IV]: the phase is in its Sec. VI-B
+        step=8,  # after the steps of [WFO, Sec. IV]: the paper treats the phase in Sec. VI-B
         name=name,
         failure=_SUSPECT,
         make=make,
@@ -340,13 +342,13 @@ OPTIONAL = (
     _steady(CheckName.E6_FADING, lambda processor: processor.monitoring.e6_fading),
 )
 
-# From what says least to what says most; alarms are those from SUSPECT on
+# Ascending by gravity; statuses from SUSPECT on are alarms.
 GRAVITY = (Status.NOT_AVAILABLE, Status.AUTHENTIC, Status.SUSPECT, Status.NOT_DETECTED, Status.SPOOFED)
 ALARMS = GRAVITY[GRAVITY.index(Status.SUSPECT) :]
 NO_CAUSE = -2  # as a cause: nothing failed
 OTHERS = -1  # as a cause: another satellite was found twice
 
-POSITION = {status: place for place, status in enumerate(Status)}  # how arrays write a status
+POSITION = {status: place for place, status in enumerate(Status)}  # number of a status in arrays
 _BY_GRAVITY = np.array([POSITION[status] for status in GRAVITY], np.int8)
 
 
@@ -361,16 +363,17 @@ def combine(
     available: Bool[np.ndarray, "n m"],
     own: Sequence[CheckSpec] = (),
 ) -> tuple[Int8[np.ndarray, "n m"], Int8[np.ndarray, "n m"]]:
-    """Return the status of every epoch and satellite, as positions in `Status`, and which check it follows from.
+    """Return the status of every epoch and satellite, as positions in `Status`, and the check that caused it.
 
-    `failed` holds the confirmed failures, of each satellite or of the receiver; checks that are not of the level are
-    not looked at. `available` says whether steps 1 and 2 were run. `own` are the optional checks and those of the user,
-    which the level has after its own.
+    `failed` contains the confirmed failures of each satellite or of the receiver; checks of other levels are ignored.
+    `available` says whether steps 1 and 2 were run. `own` contains the optional checks and the user's checks, which
+    follow the checks of the level.
 
     Returns
     -------
     status, cause
-        The cause is a place in `LEVELS[level]` with `own` behind it, the first of the gravest; `OTHERS` or `NO_CAUSE`.
+        The cause is the index of the first gravest failure in `LEVELS[level]` followed by `own`, or `OTHERS` or
+        `NO_CAUSE`.
     """
     found = np.where(available, GRAVITY.index(Status.AUTHENTIC), GRAVITY.index(Status.NOT_AVAILABLE))
     cause = np.full(found.shape, NO_CAUSE, np.int8)

@@ -1,12 +1,12 @@
-"""From snapshots to measurements: heavy and pure, each epoch by itself [WFO, Sec. II-B, III].
+"""Measure snapshots, each epoch by itself, without state [WFO, Sec. II-B, III].
 
-For one satellite and epoch it goes
+The steps for one satellite and epoch are
 
     RECS of this epoch → key validated and not yet disclosed when the samples were taken → chips
     → hand-over from E1 → bank of correlators → threshold → detector → range offset
 
-and stops at the first step that is impossible; `Availability` says which. Nothing here knows where the snapshot came
-from.
+The measurement stops at the first impossible step, which `Availability` names. This module does not know the origin of
+the snapshot.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _CN0_DECIMALS = 2  # an estimate is good to 0.1 dB; a P_d for each different val
 
 
 def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
-    """Return what can be measured of every satellite that E1 observes."""
+    """Return the measurements of every satellite that E1 observes."""
     lookup = assistance.recs_of(snapshots)
     availability = _before_samples(snapshots, lookup.block)
     asked = availability == Availability.CORRELATED
@@ -54,7 +54,7 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
     availability[asked & (banks.noise_power <= 0)] = Availability.ZERO
     correlated = availability == Availability.CORRELATED
     expected_dbhz = snapshots.e1.cn0_dbhz + processor.e6_over_e1_db
-    # a model of E6 asks for no hand-over, and its RECS is sent at the time of the snapshot
+    # a model of E6 needs no hand-over, and its RECS is sent at the time of the snapshot
     after_s = np.where(np.isnan(handovers.expected_s), reception_s(snapshots.e1), handovers.expected_s)
     phase_rad = np.where(correlated, predicted_phase_rad(snapshots.e1, after_s), np.nan)
     return MeasurementBlock(
@@ -119,7 +119,7 @@ def detect_block(
 
 
 def _before_samples(snapshots: SnapshotBlock, recs: RecsBlock) -> np.ndarray:
-    """Return how far each satellite comes before samples are looked at; the first impossible step counts."""
+    """Return the `Availability` of each satellite before samples are used; the first impossible step counts."""
     lead_s = recs.disclosed - snapshots.received_at
     secret = provably_before_disclosure(lead_s, snapshots.time_uncertainty_s[:, None])
     availability = np.full(snapshots.asked.shape, Availability.CORRELATED, np.int8)
@@ -160,7 +160,7 @@ def _predicted_pd(
 
 @dataclass(slots=True, eq=False)
 class _DecryptedHandovers:
-    """Hand-overs of a block; chips are decrypted when a hand-over is asked for, once for each RECS."""
+    """Hand-overs of a block; the chips of a RECS are decrypted at its first hand-over."""
 
     processor: AcasProcessor
     snapshots: SnapshotBlock

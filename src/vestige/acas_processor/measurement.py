@@ -1,4 +1,4 @@
-"""Measurements of n epochs and m satellites, each epoch by itself: the input of the checks."""
+"""Measurements of n epochs and m satellites, the input of the checks. Epochs are independent of each other."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class DetectedBlock:
     magnitude_sigma: Float[np.ndarray, "*n"]
     phase_rad: Float[np.ndarray, "*n"]
     range_offset_m: Float[np.ndarray, "*n"]  # measured minus predicted E6 range
-    threshold_sigma: float  # what the magnitude had to exceed
+    threshold_sigma: float  # threshold of the magnitude
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,18 +46,18 @@ class FixBlock:
     # the fix, and the satellites at transmission; NaN for satellites without an orbit
     fix: Fix
     sent: Transmission
-    # standard deviation of each pseudorange as the receiver assumes it, and the part of it that the
-    # ionosphere makes in all satellites at once; None if that is not modelled.
+    # standard deviation of each pseudorange as the receiver assumes it, and its part from the ionosphere that is common
+    # to all satellites; None if this part is not modelled
     sigma_m: Float[np.ndarray, "n m"]
     common_m: Float[np.ndarray, "n m"] | None
     bounded: bool  # whether `sigma_m` is an upper limit of the errors, not just their standard deviation
-    # measured rate of the pseudorange, that of a receiver and a clock that stand still, and the standard
-    # deviation of the first.
+    # measured rate of the pseudorange, its rate for a receiver and a clock at rest, and the standard deviation of the
+    # measured rate
     range_rate_mps: Float[np.ndarray, "n m"]
     static_range_rate_mps: Float[np.ndarray, "n m"]
     sigma_rate_mps: Float[np.ndarray, "n m"]
-    # rate of the receiver clock times c, and standard deviations of that and of the clock, without what satellites have
-    # in common.
+    # rate of the receiver clock times c, and standard deviations of the rate and of the clock, without errors that are
+    # common to all satellites.
     drift_mps: Float[np.ndarray, " n"]
     sigma_drift_mps: Float[np.ndarray, " n"]
     own_sigma_clock_m: Float[np.ndarray, " n"]
@@ -93,19 +93,19 @@ class MeasurementBlock:
     snapshots: SnapshotBlock  # the block that was measured
     recs: RecsBlock  # RECS and keys
     availability: Int8[np.ndarray, "n m"]  # values of `Availability`
-    # correlators of E6, and what the detector says of them
+    # correlators of E6, and the result of the detector
     banks: BankBlock
     detected: DetectedBlock
-    # probability of detection that E1's C/N0 predicts; NaN if it is not known or nothing was correlated
+    # probability of detection that E1's C/N0 predicts; NaN if C/N0 is unknown or nothing was correlated
     predicted_pd: Float[np.ndarray, "n m"]
-    # when E1 expects the RECS, in s after the time of the snapshot, and with what Doppler on E6; NaN where nothing was
-    # handed over one by one.
+    # expected time of the RECS in s after the time of the snapshot, and expected Doppler on E6, both from E1; NaN where
+    # no hand-over was made
     expected_s: Float[np.ndarray, "n m"]
     doppler_e6_hz: Float[np.ndarray, "n m"]
-    # phase of the correlators that the carrier phase of E1 predicts, but for a constant of the satellite; NaN if E1
-    # has no carrier phase or nothing was correlated
+    # phase of the correlators that the carrier phase of E1 predicts, up to a constant of the satellite; NaN if E1 has
+    # no carrier phase or nothing was correlated
     predicted_phase_rad: Float[np.ndarray, "n m"]
-    # for how long the Doppler of E1 carried that phase on, in s; NaN as above
+    # time over which the Doppler of E1 extrapolates that phase, in s; NaN as above
     extrapolated_s: Float[np.ndarray, "n m"]
     fixes: Fixes | None = None  # makes the position fix
 
@@ -120,9 +120,9 @@ class MeasurementBlock:
         return len(self.snapshots.time)
 
     def single_precision(self) -> MeasurementBlock:
-        """Return the block with what was measured of E6 in single precision, as results keep it.
+        """Return the block with the E6 measurements in single precision, as results store them.
 
-        The checks look at nothing finer, so that what stored results say is what was said at once, to the bit.
+        The checks use the single-precision values, so stored results give the same verdicts bit by bit.
         """
         banks, detected = self.banks, self.detected
         return replace(
@@ -144,7 +144,7 @@ class MeasurementBlock:
         )
 
     def why_unavailable(self, epoch: int, satellite: int) -> str:
-        """Return why no correlators were made of a satellite at an epoch; empty if they were."""
+        """Return why a satellite has no correlators at an epoch; an empty text if it has correlators."""
         here = (epoch, satellite)
         availability = Availability(int(self.availability[here]))
         if availability is Availability.NO_KEY:
@@ -169,7 +169,7 @@ class MeasurementBlock:
 def spread_over_block(
     values: np.ndarray, where: np.ndarray, shape: tuple[int, ...], nothing: float = np.nan
 ) -> np.ndarray:
-    """Return values of some places, rows or a mask, among all of a shape, with nothing in the others."""
+    """Return an array of a given shape with values at some rows or where a mask is true, and `nothing` elsewhere."""
     found = np.full((*shape, *values.shape[1:]), nothing, values.dtype)
     found[where] = values
     return found
@@ -199,6 +199,6 @@ def normalised_magnitudes(
 def exceeds_threshold(
     taps: Complex[np.ndarray, "*n k"], noise_power: Float[np.ndarray, "*n"], threshold_sigma: float
 ) -> tuple[Bool[np.ndarray, "*n k"], Bool[np.ndarray, "*n k"]]:
-    """Return which single correlators exceed the threshold of the detection, and which were correlated at all."""
+    """Return which correlators exceed the detection threshold, and which were correlated at all."""
     magnitude_sigma = normalised_magnitudes(taps.astype(np.complex128), noise_power.astype(np.float64))
     return magnitude_sigma > threshold_sigma, ~np.isnan(magnitude_sigma)

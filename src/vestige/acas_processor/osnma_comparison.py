@@ -1,12 +1,12 @@
-"""Comparison of demodulated OSNMA with that of a second channel, in pieces of subframes [WFO, Sec. IV-C].
+"""Compare demodulated OSNMA with that of a second channel, in pieces of subframes [WFO, Sec. IV-C].
 
 Validation drops forged keys, so validated keys alone would show a forgery as a loss. Therefore this module compares
 everything that was demodulated with a good checksum, validated or not: the key of each subframe, from any satellite,
 and, where both channels have navigation pages, the 40 bits of OSNMA in each page of the same satellite (tags, MACSEQ,
 root keys).
 
-Keys that are computed from later keys do not count as received. If nothing is known of the demodulated keys
-(`Assistance` that was not read from a folder), the validated keys take their place.
+Keys that are computed from later keys do not count as received. If the demodulated keys are unknown (`Assistance` that
+was not read from a folder), the validated keys replace them.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from vestige.time import GalileoTime
 def compare_osnma(
     own: Assistance, second: Assistance, since: GalileoTime, until: GalileoTime, svids: tuple[int, ...]
 ) -> OsnmaBlock:
-    """Return what was received of the subframes that begin in a window, beside what the second channel has.
+    """Compare the received parts of the subframes that begin in a window with those of the second channel.
 
-    The key of a subframe is the same from every satellite: it counts once, in the first column. If a satellite sent
-    another one, that stands in the last column. A key that is right but was not validated counts as lost.
+    The key of a subframe is the same from every satellite, so it counts once, in the first column. A different key from
+    any satellite is in the last column. A right key that was not validated counts as lost.
 
-    The end of the window is in it, its begin is not. There is at least one satellite.
+    The window includes its end but not its begin. There is at least one satellite.
     """
     keys: dict[GalileoTime, set[bytes]] = defaultdict(set)
     demodulated = _between(own, since, until)
@@ -50,7 +50,7 @@ def compare_osnma(
         wrong, right = bool(sent - {key.data}), valid.get(key.time) in sent
         due[row, 0] = KEY_BIT
         received[row, 0] = KEY_BIT * (right or wrong)
-        # another satellite sent the forged one, if the right one came too
+        # another satellite sent the forged key if the right key came too
         forged = len(svids) - 1 if right else 0
         received[row, forged] |= KEY_BIT * wrong
         differs[row, forged] |= KEY_BIT * wrong

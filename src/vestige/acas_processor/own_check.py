@@ -1,14 +1,14 @@
-"""Checks that a user wrote: what vestige needs to know of one, and a look at what it returns.
+"""Checks that a user wrote: their properties, and tests of their results.
 
-A check of the user's satisfies `Check`. What `levels.py` says of vestige's own checks, it may say itself, by attributes
-of the class: `level`, the lowest level that has it (1), `failure`, the status that follows (SUSPECT), `of_receiver`,
-whether it looks at the whole receiver and not at each satellite (False), `confirm`, how many tests in a row must fail
-(1), and `cadence` (every observation). Its `p_fa` is its own: it has no share of the level's budget.
+A user's check satisfies `Check`. Class attributes of the check give the properties that `levels.py` gives for vestige's
+own checks. Defaults are in parentheses. `level` is the lowest level with the check (1). `failure` is the status after a
+failure (SUSPECT). `of_receiver` says whether the check concerns the whole receiver and not each satellite (False).
+`confirm` is the number of tests in a row that must fail (1). `cadence` says when a test is made (every observation). A
+user's check has its own `p_fa` and no share of the level's budget.
 
-A check has no memory. What it says of an epoch may depend on that epoch, and on what `Evidence` holds of those before.
-
-Stored results hold all of the evidence but the samples. So that a check says the same of a recording, of a simulation
-and of stored results, it is offered neither E6 (`correlate`) nor the searches: a use of them is an `OwnPartError`.
+A check has no memory. The result of an epoch may depend on that epoch, and on the earlier epochs in `Evidence`. Stored
+results contain all of the evidence except the samples. A check must give the same result for a recording, a simulation
+and stored results. It may therefore use neither E6 (`correlate`) nor the searches: their use is an `OwnPartError`.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ class OwnCheckProtocol(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class OwnProbability:
-    """The false-alarm probability of a check of the user's: whatever is assumed of vestige's, it stays."""
+    """Fixed false-alarm probability of a user's check, independent of the assumptions for other checks."""
 
     p_fa: float
 
     def __call__(self, assumed: DetectionAssumptions) -> float:  # noqa: ARG002
-        """Return it."""
+        """Return the probability."""
         return self.p_fa
 
 
@@ -57,24 +57,24 @@ class OwnProbability:
 class OwnCheck:
     """A check of the user's."""
 
-    kind: str  # how a scenario names it, `module:Name`
+    kind: str  # name of the check in a scenario, `module:Name`
     check: Any
-    level: int  # the lowest mitigation level that has it
-    spec: CheckSpec  # its row in the table of levels
+    level: int  # lowest mitigation level with the check
+    spec: CheckSpec  # row of the check in the table of levels
 
     @classmethod
     def named(cls, kind: str) -> OwnCheck:
         """Return the check that `module:Name` names.
 
-        Raises `OwnPartError` if there is none, or something that it says of itself cannot be.
+        Raises `OwnPartError` if there is no such check, or if an attribute of the check is wrong.
         """
         return cls.of(made(kind, part(kind, object)))
 
     @classmethod
     def of(cls, check: Any) -> OwnCheck:
-        """Return a check with what it says of itself.
+        """Return a check with the properties from its attributes.
 
-        Raises `OwnPartError` if something of that cannot be.
+        Raises `OwnPartError` if an attribute is wrong.
         """
         kind = kind_of(type(check))
         require_members(kind, check, OwnCheckProtocol)
@@ -135,8 +135,8 @@ class OwnCheck:
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block of epochs.
 
-        Raises `OwnPartError` if the check raises something, or returns anything but a `CheckSeries` of its name and
-        shape.
+        Raises `OwnPartError` if the check raises an exception, or returns anything other than a `CheckSeries` of its
+        name and shape.
         """
         with blamed_on_own_parts():
             found = self.check.series(_offered(evidence, self.kind))
@@ -154,7 +154,7 @@ class OwnCheck:
 
 
 def _offered(evidence: Evidence, kind: str) -> Evidence:
-    """Return evidence as a check of the user's sees it: without what has samples, or a simulation, behind it."""
+    """Return the evidence for a user's check, without fields that need samples or a simulation."""
     snapshots = evidence.measured.snapshots
     offered = replace(
         snapshots,
@@ -166,7 +166,7 @@ def _offered(evidence: Evidence, kind: str) -> Evidence:
 
 
 class _NotOffered:
-    """Stands for E6 or the searches in the evidence of a check; every use of it is an error."""
+    """Placeholder for E6 or the searches in the evidence of a user's check; every use raises an error."""
 
     __slots__ = ("_kind", "_what")
 

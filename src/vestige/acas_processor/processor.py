@@ -1,8 +1,8 @@
-"""The ACAS processor: from snapshots and their assistance to verdicts [WFO, Sec. II-B, III, IV].
+"""The ACAS processor, which turns snapshots and their assistance into verdicts [WFO, Sec. II-B, III, IV].
 
-It works on blocks of n epochs × m satellites; one snapshot is a block of one epoch. `measure` is heavy and pure: blocks
-can be measured in any order on any number of workers. `assess` is light and carries a state from block to block; how
-the epochs are cut into blocks changes no bit of what it says.
+The processor works on blocks of n epochs × m satellites; one snapshot is a block of one epoch. `measure` is heavy and
+has no state: blocks can be measured in any order on any number of workers. `assess` is light and carries a state from
+block to block. The division of epochs into blocks changes no bit of the verdicts.
 """
 
 from __future__ import annotations
@@ -43,24 +43,24 @@ from vestige.signals.definitions import E6C
 from vestige.source import Source
 from vestige.theory.thresholds import threshold
 
-EARLY_REACH_M = 600.0  # the search on E1 leaves out two chips of it, 586 m, around the signal that is tracked
+EARLY_REACH_M = 600.0  # the search on E1 omits 2 chips, 586 m, around the tracked signal
 
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
     """The processor's answer to one block of snapshots: verdicts, positions, and the state for the next block."""
 
-    block: VerdictBlock  # what the processor says of every epoch and satellite, as arrays
-    state: ReceiverState  # what the next block needs
+    block: VerdictBlock  # verdicts of every epoch and satellite, as arrays
+    state: ReceiverState  # state for the next block
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """One for each satellite that E1 shows, and for each that it showed in the last hour and does not now."""
+        """Verdicts of all satellites that E1 shows or showed within the last hour."""
         return tuple(self.block.verdicts())
 
     @cached_property
     def changes(self) -> tuple[StateChange, ...]:
-        """Satellites of which something else is shown than before."""
+        """Changes of the state that a receiver shows."""
         return tuple(self.block.changes())
 
     @cached_property
@@ -70,7 +70,7 @@ class Step:
 
     @property
     def unseen(self) -> frozenset[int]:
-        """Satellites whose verdict is due that E1 does not show in some epoch, ever seen or not."""
+        """Satellites with a verdict due that E1 does not show in some epoch, even if E1 never showed them."""
         snapshots = self.block.measured.snapshots
         missing = np.any(snapshots.asked & ~snapshots.e1.seen, axis=0)
         return frozenset(svid for svid, one in zip(snapshots.svids, missing.tolist(), strict=True) if one)
@@ -85,36 +85,36 @@ class AcasProcessor:
     level
         Mitigation level [WFO, Sec. IV].
     detector
-        Which correlator is taken as the signal [WFO, Sec. III-A, III-B].
+        Detector that chooses the correlator of the signal [WFO, Sec. III-A, III-B].
     p_fa
         Single-event false-alarm probability of the E6 detection, per correlator.
     n_taps, tap_spacing_m
-        The bank around the hand-over's prediction: number of correlators, and distance between neighbours in m.
+        Bank around the predicted range: number of correlators, and distance between neighbours in m.
     early_reach_m
-        The bank goes on at the same distance to so many m before the prediction, or as far as the correlator's window
-        of 820 m holds. A meaconer with a short
-        delay captures E1; the true E6 signal is then earlier than E1 predicts. The search for a second signal on E1
-        leaves out two chips, 586 m, around the tracked signal, so the bank has to cover them.
+        Distance in m before the prediction to which the bank extends at the same spacing, limited by the correlator's
+        window of 820 m. A meaconer with a short delay captures E1; the true E6 signal is then earlier than E1 predicts.
+        The search for a second signal on E1 omits 2 chips, 586 m, around the tracked signal, so the bank has to cover
+        them.
     budget, kappa
-        Error budget of E6 − E1 and its factor: the range check is |offset| ≤ κσ. `monitoring.alarms_per_day` replaces κ
-        (`range_kappa`).
+        Error budget of E6 − E1 and its factor: the range check is |offset| ≤ κσ. If `monitoring.alarms_per_day` is set,
+        `range_kappa` replaces κ.
     min_pd
-        Below this predicted probability of detection a missing signal is no alarm [WFO, Sec. III-A, step 5].
+        Smallest predicted probability of detection at which a missing signal is an alarm [WFO, Sec. III-A, step 5].
     e6_over_e1_db
         Expected C/N0 of E6-C over E1-C, from the signals, the antenna and the front ends.
     cipher_mode, group_delay_convention
-        The two points on which the service's interface is not public.
+        Choices for the two parts of the service's interface that are not public.
     monitoring
         Settings of the checks that levels 2 and 3 add.
     own_checks
-        Checks that a user wrote, of all levels.
+        Checks that a user wrote, for all levels.
 
     Raises
     ------
     ValueError
         If there is no such level, or the bank is too short for the detector or too long for the correlator.
     VestigeError
-        If `monitoring.alarms_per_day` asks for fewer false alarms than the checks of the level allow.
+        If `monitoring.alarms_per_day` is smaller than the checks of the level allow.
 
     Examples
     --------
@@ -150,17 +150,17 @@ class AcasProcessor:
         reach_m, limit_m = float(np.ptp(self.offsets_m)) / 2, REACH_CHIPS * SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
         if reach_m > limit_m:
             raise ValueError(
-                f"a bank of correlators that reaches {reach_m:g} m from its middle; {limit_m:.0f} m is the limit"
+                f"the bank of correlators reaches {reach_m:g} m from its middle, more than the limit of {limit_m:.0f} m"
             )
         names = [one.spec.name for one in self.own_checks]
         if len(set(names)) < len(names):
-            raise ValueError(f"each check has a name of its own, found {', '.join(names)}")
+            raise ValueError(f"the names of checks must differ, found {', '.join(names)}")
         if self.monitoring.alarms_per_day is not None:
-            set_shares(self)  # raises VestigeError if so few alarms are not possible
+            set_shares(self)  # raises VestigeError if so few alarms are impossible
 
     @property
     def own_of_level(self) -> tuple[OwnCheck, ...]:
-        """The checks of the user's that the level has."""
+        """The user's checks of the level."""
         return tuple(one for one in self.own_checks if one.level <= self.level)
 
     @property
@@ -170,12 +170,12 @@ class AcasProcessor:
 
     @property
     def further(self) -> tuple[CheckSpec, ...]:
-        """The checks that the level has after its own: optional ones, those of the user's last."""
+        """Checks in addition to those of the level: the optional checks, then the user's checks."""
         return (*self.optional, *(one.spec for one in self.own_of_level))
 
     @property
     def specs(self) -> tuple[CheckSpec, ...]:
-        """All checks of the level, those of the user's last."""
+        """All checks of the level; the user's checks are last."""
         rows = LEVELS[self.level]
         if self.monitoring.alarms_per_day is not None:
             shares = set_shares(self)
@@ -189,7 +189,7 @@ class AcasProcessor:
 
     @property
     def range_kappa(self) -> float:
-        """Factor κ of the range check: the one that is set, or that which follows from the false alarms a day."""
+        """Factor κ of the range check: the setting `kappa`, or the value that follows from the false alarms a day."""
         if self.monitoring.alarms_per_day is None:
             return self.kappa
         return set_kappa(set_shares(self)[CheckName.E1_E6_RANGE], self.bank_p_fa)
@@ -201,7 +201,7 @@ class AcasProcessor:
 
     @property
     def miss_prediction(self) -> MissPrediction:
-        """With what probability the receiver expects to miss E6 without an attack."""
+        """Predicted probability that the receiver misses E6 without an attack."""
         return MissPrediction(
             min_pd=self.min_pd,
             detection_p_fa=self.p_fa,
@@ -256,27 +256,27 @@ class AcasProcessor:
     def steps(
         self, blocks: Iterable[SnapshotBlock], *, assistance: AssistanceData, state: ReceiverState | None = None
     ) -> Iterator[Step]:
-        """Yield the answer to each block; `state` is that of an earlier run, if there was one."""
+        """Yield the answer to each block; `state` is the final state of an earlier run, or None."""
         for block in blocks:
             step = self.step(state, block, assistance)
             state = step.state
             yield step
 
     def step(self, state: ReceiverState | None, block: SnapshotBlock, assistance: AssistanceData) -> Step:
-        """Return the answer to one block; `state` is that after the block before, None at first."""
+        """Return the answer to one block; `state` is the state after the previous block, None for the first block."""
         verdicts, after = self.assess(state, self.measure(block, assistance), assistance)
         return Step(block=verdicts, state=after)
 
     def measure(self, block: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
-        """Return what can be measured of a block: pure, and independent of the cut."""
+        """Return the measurements of a block, which do not depend on other blocks."""
         return measure(self, block, assistance)
 
     def detect(self, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
-        """Return the result of the detector for banks; `correlated` says which of them hold correlations."""
+        """Return the result of the detector for banks; `correlated` marks the banks with correlations."""
         return detect(self, banks, correlated)
 
     def false_alarm_budget(self, block: VerdictBlock) -> Mapping[CheckName | str, AlarmShare]:
-        """Return how many false alarms each check of the level may raise, for the satellites that a block shows."""
+        """Return how many false alarms each check of the level may raise, for the satellites of a block."""
         return budget_of(self, block)
 
     def assess(

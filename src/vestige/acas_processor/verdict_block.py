@@ -24,22 +24,22 @@ _NOTHING = np.zeros((0, 0))
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PositionBlock:
-    """The positions that n epochs authenticate."""
+    """Authenticated positions of n epochs."""
 
     rows: Int64[np.ndarray, " k"]  # epochs with enough ranges in use
-    fixes: FixBlock  # the fix of each of them
-    used: Bool[np.ndarray, "n m"]  # satellites of which a range is used
-    orbits_authenticated: Bool[np.ndarray, " n"]  # whether the ephemerides of all of these are authenticated
+    fixes: FixBlock  # fix of each of these epochs
+    used: Bool[np.ndarray, "n m"]  # satellites with a range in use
+    orbits_authenticated: Bool[np.ndarray, " n"]  # whether the ephemerides of all used satellites are authenticated
 
     @property
     def position_m(self) -> Float[np.ndarray, "n 3"]:
-        """ECEF positions, NaN where there is none."""
+        """ECEF positions; NaN where there is none."""
         position_m = np.where(self.fixes.fix.valid[:, None], self.fixes.fix.position_m, np.nan)
         return spread_over_block(position_m, self.rows, self.used.shape[:1])
 
     @property
     def covariance_m2(self) -> Float[np.ndarray, "n 3 3"]:
-        """Their covariances."""
+        """Covariances of the positions."""
         return spread_over_block(self.fixes.fix.covariance_m2[:, :3, :3], self.rows, self.used.shape[:1])
 
 
@@ -47,29 +47,29 @@ class PositionBlock:
 class VerdictBlock:
     """Verdicts on n epochs and m satellites at one mitigation level, with the checks behind them."""
 
-    measured: MeasurementBlock  # what was judged
+    measured: MeasurementBlock  # measurements behind the verdicts
     # mitigation level, and its checks
     level: int
     specs: tuple[CheckSpec, ...]
-    # the verdict of each epoch as the position in `Status`, and which check it follows from (`combine`)
+    # verdict of each epoch as index in `Status`, and its cause (`combine`)
     status: Int8[np.ndarray, "n m"]
     cause: Int8[np.ndarray, "n m"]
-    state: Int8[np.ndarray, "n m"]  # what a receiver shows its user after that epoch
-    before: AlarmState  # what it showed before the block
-    due: Bool[np.ndarray, "n m"]  # where a verdict is due
-    # every check of the level that could be made, and where it failed, after confirmation
+    state: Int8[np.ndarray, "n m"]  # state that a receiver shows its user after that epoch
+    before: AlarmState  # state before the block
+    due: Bool[np.ndarray, "n m"]  # epochs and satellites with a verdict due
+    # all checks of the level that could be made, and their failures after confirmation
     checks: Mapping[CheckName | str, CheckSeries]
     failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]
-    # what the searches found
+    # results of the searches
     e1_search: SearchResults
     exhaustive_search: SearchResults
     searched: Bool[np.ndarray, " n"]  # epochs in which the exhaustive search was made
-    evidence: Evidence  # what the checks looked at
+    evidence: Evidence  # input of the checks
     true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)  # as in `Verdict`
-    # pseudorange that may be used, NaN without one, and whether it is the earliest of several and not that of E1
+    # pseudorange in use, NaN without one, and whether it is that of the earliest of several signals instead of E1
     range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
     earlier: Bool[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.bool_))
-    # why the range of a signal is not possible, as a number of `possible_range.REASONS`; 0 where it is
+    # reason why the range of a signal is impossible, as a number of `possible_range.REASONS`; 0 if it is possible
     impossible: Int8[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.int8))
     position: PositionBlock | None = None  # position of each epoch; None without orbits
 
@@ -101,10 +101,10 @@ class VerdictBlock:
         )
 
     def reason(self, epoch: int, satellite: int) -> str:
-        """Return in one line why a satellite has its status at an epoch, and why a range is not used."""
+        """Return in one line why a satellite has its status at an epoch, and why its range is not used."""
         why = self._why(epoch, satellite)
         impossible = int(self.impossible[epoch, satellite]) if self.impossible.size else 0
-        return f"{why}; a range is not used: {REASONS[impossible]}" if impossible else why
+        return f"{why}; its range is not used: {REASONS[impossible]}" if impossible else why
 
     def _why(self, epoch: int, satellite: int) -> str:
         here, cause = (epoch, satellite), int(self.cause[epoch, satellite])
@@ -128,7 +128,7 @@ class VerdictBlock:
         return next((text for name in MINIMUM if (text := self.checks[name].explain(epoch, satellite))), "")
 
     def changes(self) -> Iterator[StateChange]:
-        """Yield where the state of a satellite changes, in order of time."""
+        """Yield the changes of the states of satellites, in order of time."""
         snapshots = self.measured.snapshots
         for epoch, column, before, after in state_changes(snapshots.svids, self.state, self.before):
             same = STATUSES[self.status[epoch, column]] is after

@@ -1,1 +1,1 @@
-"""Bytes in, bytes out: I/NAV pages, OSNMA keys, RECS, group delays. Nothing here knows of samples."""
+"""Codecs and cryptography of bytes: I/NAV pages, OSNMA keys, RECS, group delays. Samples are handled elsewhere."""

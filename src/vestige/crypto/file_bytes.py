@@ -1,4 +1,4 @@
-"""Files from outside: their bytes, or one clear line that says why there are none."""
+"""Read untrusted files: return their bytes, or raise an error with a clear message."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _log = logging.getLogger(__name__)
 def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
     """Return the content of the regular file `path`.
 
-    A file of more than `at_most` bytes cannot be what it claims to be, and is not read.
+    A file of more than `at_most` bytes cannot be valid, and is not read.
 
     Raises `InputFileError` if there is no such file, it is not a regular file, it cannot be read, or it is longer than
     `at_most`.
@@ -33,11 +33,11 @@ def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
 
 
 def read_text(path: Path, *, at_most: int, expected: str = "a text file") -> str:
-    """Return the content of the regular file `path` as text: UTF-8, with or without a byte order mark.
+    """Return the content of the regular file `path` as UTF-8 text, with or without a byte order mark.
 
-    `expected` says what it is if it is one, for the message.
+    `expected` names the expected content, for the error message.
 
-    Raises `InputFileError` as `read_bytes`; also if it is not UTF-8.
+    Raises `InputFileError` as `read_bytes`; also if the content is not UTF-8.
     """
     try:
         return read_bytes(path, at_most=at_most).decode("utf-8-sig")
@@ -54,7 +54,7 @@ def open_file(path: Path) -> BinaryIO:
         if not stat.S_ISREG(path.stat().st_mode):
             raise InputFileError(path, "file", "something else", "a regular file")
         return path.open("rb")
-    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
+    except (OSError, ValueError) as error:  # ValueError: an impossible file name
         raise InputFileError(path, "file", _reason(error), "a readable file") from error
 
 

@@ -1,7 +1,7 @@
-"""TOML from outside, parsed in limited time: keys and nesting have an end.
+"""Parse untrusted TOML in limited time, with limits on keys and nesting.
 
-Python's parser takes a time that grows with the square of the number of parts of a key `a.b.c`: a file of 80 kB takes a
-minute. And whatever walks through tables in each other needs a stack as deep as they are.
+The time of Python's parser grows with the square of the number of parts of a key `a.b.c`: a file of 80 kB takes a
+minute. Code that walks through nested tables also needs a stack as deep as the tables.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from typing import Any
 from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
 
-DEEPEST = 20  # tables and lists in each other, and parts of a key; the deepest that means anything is 5
+DEEPEST = 20  # nested tables and lists, and parts of a key; real files need at most 5
 
-# Strings of several lines and of one, and comments. An atomic group: a backslash and what it escapes stay together. A
-# string that does not end is taken as far as it may reach: to look again from every quote in it would take for ever.
+# Multi-line strings, single-line strings, and comments. The atomic group keeps a backslash and the escaped character
+# together. An unterminated string extends to the end of the text, because a new search from every quote in it would
+# take too long.
 _TEXTS = re.compile(
     r'"""(?>\\.|.)*?(?:"{3,5}|\Z)' r"|'''.*?(?:'{3,5}|\Z)" r'|"(?>\\[^\n]|[^"\\\n])*+"?' r"|'[^'\n]*+'?" r"|\#[^\n]*",
     re.DOTALL,
@@ -29,8 +30,8 @@ _TOO_DEEP = f"more than {DEEPEST} tables and lists in each other"
 def parse_toml(text: str) -> dict[str, Any]:
     r"""Return the tables of a TOML document.
 
-    Raises `ValueError` if it is not TOML, a key has more than 20 parts, or more than 20 tables and lists are in each
-    other.
+    Raises `ValueError` if the text is not TOML, a key has more than 20 parts, or more than 20 tables and lists are
+    nested.
 
     Examples
     --------

@@ -1,7 +1,8 @@
 """The rotating Earth: Earth-centred, Earth-fixed (ECEF), geodetic and local coordinates.
 
-Positions are ECEF in the Galileo Terrestrial Reference Frame, in m. Latitude and height refer to the WGS 84 ellipsoid:
-that of GTRF differs by 0.1 mm. Local axes are east, north, up; azimuth counts from north over east.
+Positions are ECEF in the Galileo Terrestrial Reference Frame (GTRF), in m. Latitude and height refer to the WGS 84
+ellipsoid, which differs from that of GTRF by 0.1 mm. Local axes are east, north, up; azimuth counts from north over
+east.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ def ecef_from_geodetic(
     Parameters
     ----------
     latitude_rad, longitude_rad
-        Geodetic, positive north and east.
+        Geodetic coordinates, positive north and east.
     height_m
-        Above the ellipsoid.
+        Height above the ellipsoid.
     """
     sine, cosine = np.sin(latitude_rad), np.cos(latitude_rad)
     radius = SEMI_MAJOR_AXIS_M / np.sqrt(1 - _E2 * sine**2)
@@ -46,7 +47,7 @@ def geodetic_from_ecef(
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return latitude and longitude in rad and height in m, by Bowring's iteration.
 
-    It holds from 100 km above the Earth's centre on; latitude and height are exact at the poles too.
+    The iteration is valid from 100 km above the Earth's centre on. Latitude and height are exact at the poles too.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def geodetic_from_ecef(
 def local_axes(
     latitude_rad: Float[np.ndarray, " n"], longitude_rad: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, "n 3 3"]:
-    """Return the unit vectors east, north, up as the rows of a matrix: it turns ECEF differences into local ones."""
+    """Return the matrix with rows east, north, up, which rotates ECEF differences into local axes."""
     sine, cosine = np.sin(latitude_rad), np.cos(latitude_rad)
     sine_east, cosine_east = np.sin(longitude_rad), np.cos(longitude_rad)
     zero = np.zeros_like(sine + sine_east)
@@ -82,7 +83,7 @@ def local_axes(
 
 
 def local_axes_at(position_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Return the local axes, rows east, north, up, at ECEF positions; those of one place are computed once."""
+    """Return the local axes, rows east, north, up, at ECEF positions; equal positions are computed once."""
     if position_m.ndim == 2 and position_m.shape[0] > 1 and np.array_equal(position_m[1:], position_m[:-1]):
         return np.repeat(local_axes_at(position_m[:1]), position_m.shape[0], axis=0)
     latitude, longitude, _ = geodetic_from_ecef(position_m)
@@ -100,9 +101,10 @@ def azimuth_elevation(
 def turned_with_earth(
     vector: Float[np.ndarray, "*n 3"], elapsed_s: Float[np.ndarray, "*n"]
 ) -> Float[np.ndarray, "*n 3"]:
-    """Return a vector fixed in space as ECEF coordinates of `elapsed_s` later: the Earth has turned under it.
+    """Return the ECEF coordinates after `elapsed_s` of a vector that is fixed in space, while the Earth rotates.
 
-    This is the Sagnac correction when the vector is a satellite's position at transmission and the time that of flight.
+    This is the Sagnac correction if the vector is a satellite's position at transmission, and the time is the travel
+    time.
     """
     x, y = vector[..., 0], vector[..., 1]
     cosine, sine = np.cos(ROTATION_RADPS * elapsed_s), np.sin(ROTATION_RADPS * elapsed_s)
@@ -113,7 +115,7 @@ def turned_with_earth(
 
 
 def carried_by_earth(vector: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-    """Return ω × v: of an ECEF position, the velocity with which the rotation of the Earth carries it."""
+    """Return ω × v; for an ECEF position, the velocity due to the rotation of the Earth."""
     carried = np.zeros_like(vector)
     carried[..., 0] = -ROTATION_RADPS * vector[..., 1]
     carried[..., 1] = ROTATION_RADPS * vector[..., 0]

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 _EARTH_M, _SHELL_M = 6_371_000.0, 350_000.0
-REFERENCE_OBLIQUITY_DEG = 17.5  # the middle of the elevations that the presets of the ionosphere are for
+REFERENCE_OBLIQUITY_DEG = 17.5  # middle elevation of the ionosphere presets
 LOWEST_DEG, HIGH_DEG = 5.0, 30.0
 MULTIPATH_DB = (-14.0, -18.0)  # at the two
 OPEN_SKY_DB = -22.0
@@ -25,7 +25,7 @@ def multipath_power_db(elevation_deg: Float[np.ndarray, "*n"]) -> Float[np.ndarr
 
 
 def relative_ray_amplitude(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return the amplitude of reflections over that at the paper's elevation; 1 where the elevation is not known."""
+    """Return the amplitude of reflections over that at the paper's elevation; 1 where the elevation is unknown."""
     degrees = np.degrees(np.where(np.isfinite(elevation_rad), elevation_rad, 0.0))
     power_db = multipath_power_db(np.maximum(_GRID_DEG, LOWEST_DEG))
     place = np.clip(np.round(degrees * 2), 0, power_db.size - 1).astype(np.int64)
@@ -34,7 +34,7 @@ def relative_ray_amplitude(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.n
 
 
 def obliquity(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return M(e) over M(17.5°); below the horizon that of the horizon."""
+    """Return M(e) over M(17.5°); elevations below the horizon count as 0."""
     return _mapping(elevation_rad) / _mapping(np.radians(np.array([REFERENCE_OBLIQUITY_DEG])))
 
 

@@ -1,6 +1,6 @@
-"""The broadcast ephemeris of a Galileo satellite, and which one to use when.
+"""The broadcast ephemeris of a Galileo satellite, and the choice of the ephemeris for a time.
 
-Fields are those of the I/NAV words [OS-ICD, 4.3.5]; angles, there in semicircles, are in rad here.
+Fields are those of the I/NAV words [OS-ICD, 4.3.5], with angles in rad instead of semicircles.
 `vestige.navigation.inav.ephemeris_words` reads and writes the words.
 """
 
@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from vestige.time import GalileoTime
 
 NO_ACCURACY = float("nan")  # SISA "no accuracy prediction available" [OS-ICD, SISA]
-FIT_INTERVAL_S = 4 * 3600.0  # an ephemeris is not to be used longer after its toe [OS-SDD]
+FIT_INTERVAL_S = 4 * 3600.0  # longest use of an ephemeris after its toe [OS-SDD]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ephemeris:
-    """Orbit, clock and health of one satellite as it broadcasts them on I/NAV.
+    """Orbit, clock and health of one satellite from its I/NAV broadcast.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Ephemeris:
     e1b_health
         Status of E1-B: 0 OK, 1 out of service, 2 extended operations, 3 in test [OS-ICD, signal health status].
     e1b_data_valid
-        Whether the data validity status says that it is.
+        Whether the data validity status is "valid".
     """
 
     svid: int
@@ -91,7 +91,7 @@ def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> 
     Parameters
     ----------
     ephemerides
-        Ephemerides of any satellites, in any order. If two are equally near in time, the later one wins.
+        Ephemerides of any satellites, in any order. The later of two equally near ephemerides is used.
     time
         When they are to be used.
     """
@@ -104,7 +104,7 @@ def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> 
 
 
 def why_no_orbits(ephemerides: Iterable[Ephemeris], time: GalileoTime, needed: int) -> str | None:
-    """Return why fewer than `needed` satellites have an ephemeris for a time, as text; None if they have.
+    """Return why fewer than `needed` satellites have an ephemeris for a time; None if enough have an ephemeris.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def why_no_orbits(ephemerides: Iterable[Ephemeris], time: GalileoTime, needed: i
     time
         When they are to be used.
     needed
-        How many satellites a fix needs.
+        Number of satellites that a fix needs.
     """
     known = tuple(ephemerides)
     usable = nearest_ephemerides(known, time)

@@ -1,15 +1,16 @@
-"""The line of sight from a satellite to a receiver at times of reception: range, its derivatives, direction.
+"""Line of sight from a satellite to a receiver at times of reception: range, its derivatives, direction.
 
 Theory of operation
 -------------------
-In the frame that is at rest in space and coincides with ECEF at reception, with r the receiver, s the satellite and τ
-the time of flight,
+The frame is at rest in space and coincides with ECEF at reception. With r the receiver, s the satellite and τ the
+travel time,
 
     d = r(t) − s(t − τ),   ρ = |d| = c τ,   u = d/ρ
     ρ̇ = u·(ṙ − ṡ) / (1 − u·ṡ/c)                                        exact: s is taken at t − τ, and τ changes too
     ρ̈ = [ (|ḋ|² − ρ̇²)/ρ + u·(r̈ − s̈ (1 − τ̇)²) ] / (1 − u·ṡ/c),   ḋ = ṙ − ṡ(1 − τ̇)
 
-The satellite's state at t − τ is ECEF of that moment, and the Earth turns by ω_E τ until reception (Sagnac: 40 m).
+The satellite's state at t − τ is in the ECEF axes of that time. The Earth rotates by ω_E τ until reception (Sagnac: 40
+m).
 """
 
 from __future__ import annotations
@@ -40,16 +41,17 @@ class ReceiverMotion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineOfSight:
-    """One satellite as a receiver sees it, at n times of reception.
+    """Line of sight from a receiver to one satellite, at n times of reception.
 
     Attributes
     ----------
     range_m, rate_mps, acceleration_mps2
-        Geometric range along the light's path and its derivatives, positive when it grows.
+        Geometric range along the light's path and its derivatives, positive when the range grows.
     azimuth_rad, elevation_rad
         Direction to the satellite.
     satellite_clock_m, satellite_clock_mps
-        c times the satellite clock's error at transmission as it acts on E1, and its rate. It shortens the pseudorange.
+        c times the satellite clock's error on E1 at transmission, and its rate. A positive error shortens the
+        pseudorange.
     """
 
     range_m: Float[np.ndarray, " n"]
@@ -69,7 +71,7 @@ def line_of_sight(
     Parameters
     ----------
     ephemeris
-        The satellite's orbit and clock, which are taken for true.
+        The satellite's orbit and clock, taken as true.
     start, elapsed_s
         Times of reception.
     receiver
@@ -105,7 +107,7 @@ def line_of_sight(
 def range_less_clock_m(
     ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], receiver: ReceiverMotion
 ) -> Float[np.ndarray, " n"]:
-    """Return `range_m` less `satellite_clock_m` of the same line of sight, and nothing else: half the work."""
+    """Return only `range_m` minus `satellite_clock_m` of the same line of sight, in half the time."""
     flight_s = _flight_s(ephemeris, start, elapsed_s, receiver)
     position_m, clock_s = satellite_position(ephemeris, start, elapsed_s - flight_s)
     return _length(receiver.position_m - turned_with_earth(position_m, flight_s)) - SPEED_OF_LIGHT_MPS * clock_s
@@ -114,7 +116,7 @@ def range_less_clock_m(
 def _flight_s(
     ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], receiver: ReceiverMotion
 ) -> Float[np.ndarray, " n"]:
-    """Return how long it took from the satellite to the receiver, for what is received at these times."""
+    """Return the travel time from the satellite to the receiver in s for signals received at the given times."""
     flight_s = np.full_like(elapsed_s, _TYPICAL_FLIGHT_S)
     for _ in range(_LIGHT_TIME_STEPS):
         position_m, _clock_s = satellite_position(ephemeris, start, elapsed_s - flight_s)
@@ -127,7 +129,7 @@ def at_rest_in_space(
     velocity_mps: Float[np.ndarray, "*n 3"],
     acceleration_mps2: Float[np.ndarray, "*n 3"],
 ) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3"]]:
-    """Return position, velocity and acceleration in the frame at rest that coincides with the rotating one now."""
+    """Return position, velocity and acceleration in the frame at rest that now coincides with the rotating frame."""
     carried = carried_by_earth(position_m)
     coriolis = 2 * carried_by_earth(velocity_mps)
     return position_m, velocity_mps + carried, acceleration_mps2 + coriolis + carried_by_earth(carried)

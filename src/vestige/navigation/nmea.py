@@ -1,8 +1,8 @@
-"""Positions as NMEA 0183 sentences of the talker GA, Galileo: GGA and RMC.
+"""Write positions as NMEA 0183 sentences of the talker GA, Galileo: GGA and RMC.
 
-A sentence has no field that says that a position is authentic. So the fields of validity say it: only an authentic
-position is a fix (GGA quality 1, RMC status A). Without one the fields of the position are empty: a program that looks
-at no status finds nothing to use.
+A sentence has no field for the authenticity of a position, so the validity fields state it: only an authentic position
+is a fix (GGA quality 1, RMC status A). Without an authentic position the position fields are empty, so a program that
+ignores the status finds no position.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 TALKER = "GA"
-_MAX_SATELLITES = 12  # that the field of GGA tells
+_MAX_SATELLITES = 12  # largest number in the field of GGA
 _ROUNDED = 5  # decimals of minutes: 2 cm
 
 
@@ -26,7 +26,7 @@ class NmeaFix:
     height_m
         Height over the ellipsoid.
     n_satellites
-        Satellites of which a range is used.
+        Number of satellites whose range is used.
     """
 
     latitude_deg: float
@@ -36,19 +36,18 @@ class NmeaFix:
 
 
 def sentences(utc: datetime, fix: NmeaFix | None) -> tuple[str, str]:
-    """Return GGA and RMC of one moment, without line ends.
+    """Return GGA and RMC for one time, without line ends.
 
-    There is no model of the geoid, so the altitude is the height over the ellipsoid and the separation is 0: their sum
-    is right. Dilution of precision, speed and course are left empty. RMC ends with the mode, as before NMEA 0183
-    4.1: the navigational status after it could only be V, not provided, and readers such as pynmea2 take that for no
-    fix.
+    Without a model of the geoid the altitude is the height over the ellipsoid and the separation is 0, so their sum is
+    right. Dilution of precision, speed and course are empty. RMC ends with the mode, as before NMEA 0183 4.1. A
+    navigational status after the mode could only be V (not provided), and readers such as pynmea2 take V as no fix.
 
     Parameters
     ----------
     utc
-        The moment in UTC.
+        The time in UTC.
     fix
-        The position, None if there is no valid one.
+        The position; None without a valid position.
 
     Examples
     --------
@@ -82,7 +81,7 @@ def _angle(degrees: float, width: int, signs: str) -> str:
 
 
 def _sentence(body: str) -> str:
-    """Return a sentence with its checksum, the exclusive or of all characters between $ and *."""
+    """Return a sentence with its checksum, the exclusive OR of all characters between $ and *."""
     checksum = 0
     for character in body.encode("ascii"):
         checksum ^= character

@@ -1,9 +1,9 @@
-"""NTCM-G: the ionosphere from the coefficients that Galileo broadcasts, in closed form [NTCM-G].
+"""Compute the ionosphere in closed form from Galileo's broadcast coefficients: NTCM-G [NTCM-G].
 
-The European Commission publishes it as an alternative to NeQuick-G for receivers: the same three coefficients of word 5
-drive it, and it has 12 coefficients of its own in place of NeQuick's profile. The vertical content of electrons at the
-pierce point of a shell at 450 km is a product of five factors (local time and season, year, geomagnetic latitude,
-equatorial anomalies, solar activity), and a mapping function makes the slant one of it.
+The European Commission publishes NTCM-G as an alternative to NeQuick-G for receivers. NTCM-G uses the same three
+coefficients of word 5, and 12 coefficients of its own in place of NeQuick's profile. The vertical electron content at
+the pierce point of a shell at 450 km is a product of five factors: local time and season, year, geomagnetic latitude,
+equatorial anomalies, and solar activity. A mapping function gives the slant content.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vestige.navigation.inav.ionosphere import BroadcastIonosphere
 _EARTH_M, _SHELL_M = 6_371_000.0, 450_000.0
 _DELAY_PER_TECU = 40.3e16  # m Hz² per TECU [NTCM-G]
 _POLE_RAD = np.radians(79.74), np.radians(-71.78)  # geomagnetic: latitude, longitude
-_DEFAULT_ACTIVITY = 63.7  # sfu, where the message has no coefficients [OS-ICD, 5.1.6]
+_DEFAULT_ACTIVITY = 63.7  # sfu, if the message has no coefficients [OS-ICD, 5.1.6]
 _LOCAL_TIME = (0.92519, 0.16951, 0.00443, 0.06626, 0.00899)
 _YEAR = (0.21289, -0.15414)
 _GEOMAGNETIC = -0.38439
@@ -34,7 +34,7 @@ def ntcm_slant_tecu(
     azimuth_rad: Float[np.ndarray, " n"],
     elevation_rad: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, " n"]:
-    """Return the slant content of electrons from a receiver to a satellite in TECU, 10¹⁶ electrons/m².
+    """Return the slant electron content from a receiver to a satellite in TECU, 10¹⁶ electrons/m².
 
     Parameters
     ----------
@@ -43,9 +43,9 @@ def ntcm_slant_tecu(
     day_of_year
         1 … 366.
     ut_hours
-        Universal time in hours; whole days more or less make no difference.
+        Universal time in hours; whole days do not matter.
     latitude_rad, longitude_rad
-        Where the receiver is.
+        Position of the receiver.
     azimuth_rad, elevation_rad
         Direction to the satellite; below the horizon the elevation counts as 0.
 
@@ -70,7 +70,7 @@ def ntcm_slant_tecu(
 
 
 def delay_e1_m(slant_tecu: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return by how much a content of electrons delays the code on E1, and advances the carrier, in m.
+    """Return the delay of the code on E1 by an electron content in m; the carrier is advanced by the same amount.
 
     On E6 both are `constants.GAMMA_E1_E6` times larger.
 
@@ -88,7 +88,7 @@ def _pierce_point(
     azimuth_rad: Float[np.ndarray, " n"],
     elevation_rad: Float[np.ndarray, " n"],
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return latitude and longitude in rad where the line of sight passes the shell."""
+    """Return latitude and longitude in rad of the pierce point of the line of sight through the shell."""
     angle = np.pi / 2 - elevation_rad - np.arcsin(_EARTH_M / (_EARTH_M + _SHELL_M) * np.cos(elevation_rad))
     latitude = np.arcsin(
         np.sin(latitude_rad) * np.cos(angle) + np.cos(latitude_rad) * np.sin(angle) * np.cos(azimuth_rad)
@@ -100,7 +100,7 @@ def _pierce_point(
 def _of_local_time(
     local_hours: Float[np.ndarray, " n"], latitude: Float[np.ndarray, " n"], day_of_year: int
 ) -> Float[np.ndarray, " n"]:
-    """Return F1: height of the sun, and waves of 24, 12 and 8 hours."""
+    """Return F1, the factor of the sun's height and waves of 24, 12 and 8 hours."""
     declination = np.radians(23.44) * np.sin(np.radians(0.9856 * (day_of_year - 80.7)))
     height = np.cos(latitude - declination)
     day, half, third = (
@@ -112,7 +112,7 @@ def _of_local_time(
 
 
 def _of_year(day_of_year: int) -> float:
-    """Return F2."""
+    """Return F2, the factor of the year."""
     once, twice = ((day_of_year - day) * 2 * np.pi * n / 365.25 for n, day in ((1, 18), (2, 6)))
     return float(1 + _YEAR[0] * np.cos(once) + _YEAR[1] * np.cos(twice))
 
@@ -120,7 +120,7 @@ def _of_year(day_of_year: int) -> float:
 def _of_geomagnetic_latitude(
     latitude: Float[np.ndarray, " n"], longitude: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Return F3 · F4: the fall towards the equator, and the crests of the anomaly beside it."""
+    """Return F3 · F4, the factors of the geomagnetic latitude and of the two crests of the equatorial anomaly."""
     pole, pole_longitude = _POLE_RAD
     sine = np.sin(latitude) * np.sin(pole) + np.cos(latitude) * np.cos(pole) * np.cos(longitude - pole_longitude)
     magnetic = np.arcsin(np.clip(sine, -1.0, 1.0))

@@ -11,7 +11,7 @@ Velocity and acceleration are the exact derivatives of these equations in the ro
     Δt = af0 + af1 t_c + af2 t_c² + F e √A sin E,   t_c = time − toc,   F = −2√μ/c²    [OS-ICD, 5.1.4]
 
 for a user of the pair (E1, E5b); a user of E1 alone subtracts BGD(E1,E5b) [OS-ICD, 5.1.5]. Times enter as differences
-of `GalileoTime`, so the end of a week is a time like any other.
+of `GalileoTime`, so the end of a week needs no special case.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ RELATIVITY_S_PER_SQRT_M = (
 )  # F = −4.442807309e-10 [OS-ICD, 5.1.4]
 _NEWTON_STEPS = 10  # quadratic: 4 for the e < 0.01 of Galileo, 10 up to e = 0.9
 
-_Curve = tuple[Float[np.ndarray, " n"], ...]  # value alone, or value and two derivatives
+_Curve = tuple[Float[np.ndarray, " n"], ...]  # the value, or the value and two derivatives
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +41,7 @@ class SatelliteState:
     Attributes
     ----------
     position_m, velocity_mps, acceleration_mps2
-        ECEF.
+        ECEF coordinates.
     clock_s, clock_drift
         Satellite clock minus system time, for a user of E1 alone, and its rate in s/s.
     """
@@ -78,11 +78,11 @@ def satellite_state(ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[n
     Parameters
     ----------
     ephemeris
-        Its broadcast ephemeris.
+        Broadcast ephemeris of the satellite.
     start
         Any time.
     elapsed_s
-        Seconds after it, of any sign.
+        Seconds after `start`, of any sign.
     """
     (position, velocity, acceleration), (sine, cosine, anomaly_1) = _orbit(
         ephemeris, start, elapsed_s, derivatives=True
@@ -100,19 +100,19 @@ def satellite_state(ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[n
 def satellite_position(
     ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Return `position_m` and `clock_s` of `satellite_state`: the same bits in less than half the time.
+    """Return `position_m` and `clock_s` of `satellite_state` with the same bits, in less than half the time.
 
     Parameters
     ----------
     ephemeris, start, elapsed_s
-        These are the parameters of `satellite_state`.
+        Parameters of `satellite_state`.
     """
     (position,), (sine, _, _) = _orbit(ephemeris, start, elapsed_s, derivatives=False)
     return position, _clock_s(ephemeris, (start - ephemeris.toc) + elapsed_s, sine)
 
 
 def _clock_s(orbit: Ephemeris, t: Float[np.ndarray, " n"], sine: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the error of the satellite clock at times after toc; `sine` is that of the eccentric anomaly."""
+    """Return the error of the satellite clock at times after toc; `sine` is the sine of the eccentric anomaly."""
     aging = (orbit.af1 + orbit.af2_per_s * t) * t
     return orbit.af0_s + aging + _relativity_s(orbit) * sine - orbit.bgd_e1_e5b_s
 
@@ -192,14 +192,14 @@ def _polar(radius: _Curve, angle: _Curve) -> tuple[_Curve, _Curve]:
 
 
 def _tilted(plane: tuple[_Curve, _Curve], inclination: _Curve) -> tuple[_Curve, _Curve, _Curve]:
-    """Return the point turned about the line of nodes."""
+    """Return the point rotated about the line of nodes."""
     x, y = plane
     cosine, sine = _circle(inclination)
     return x, _product(y, cosine), _product(y, sine)
 
 
 def _turned(x: _Curve, y: _Curve, z: _Curve, angle: _Curve) -> tuple[Float[np.ndarray, "n 3"], ...]:
-    """Return the point turned about the Earth's axis, with the derivatives that it has."""
+    """Return the point rotated about the Earth's axis, with its derivatives."""
     cosine, sine = _circle(angle)
     minus_sine = tuple(-one for one in sine)
     east = _sum(_product(x, cosine), _product(y, minus_sine))

@@ -1,26 +1,27 @@
-"""Position, velocity and clock from pseudoranges and range rates by weighted least squares, for many epochs at once.
+"""Compute position, velocity and clock from pseudoranges and range rates by weighted least squares, for many epochs.
 
 Theory of operation
 -------------------
-A pseudorange P, read at the receiver's clock time t, left the satellite at t − P/c on the satellite's own clock, so the
-satellite's state at transmission needs no iteration. With s that position turned with the Earth during the flight,
+A signal with pseudorange P at the receiver's clock time t left the satellite at t − P/c on the satellite's own clock.
+So the satellite's state at transmission needs no iteration. With s that position rotated with the Earth during the
+travel time,
 
     P + c Δt_sat − corrections = |s − r| + b + error
 
-is linearised in (r, b) and solved by Gauss–Newton from the Earth's centre. W holds the weights 1/σ²:
+is linearised in (r, b) and solved by Gauss–Newton from the Earth's centre. W contains the weights 1/σ²:
 
     x ← x + (HᵀWH)⁻¹HᵀW y,   H = [−(s − r)/|s − r|, 1]
 
-The errors of satellites may have a part in common: c cᵀ beside the diagonal, as the ionosphere above one receiver does
-with c the obliquity. A common part that were the same for all would be the clock's; one that grows towards the horizon
-goes into height and clock, and no residual shows it. W does not know of it, the covariance does: with
-S = (HᵀWH)⁻¹HᵀW and σ² = 1/w,
+The errors of satellites may have a common part c cᵀ in addition to the diagonal, such as the ionosphere above a
+receiver, with c the obliquity. A common part that is equal for all satellites affects only the clock. A common part
+that grows towards the horizon affects height and clock, and appears in no residual. W does not contain the common part,
+but the covariance does: with S = (HᵀWH)⁻¹HᵀW and σ² = 1/w,
 
     P = S (diag(σ² − c²) + c cᵀ) Sᵀ
 
 The range rate is linear in velocity and drift, with the same matrix up to the factor 1/(1 − u·ṡ/c).
 
-Epochs stand along the first axis, satellites along the second; a satellite that was not measured is NaN.
+The first axis of arrays is the epoch, the second the satellite; a satellite that was not measured is NaN.
 """
 
 from __future__ import annotations
@@ -40,18 +41,18 @@ from vestige.time import GalileoTime
 UNKNOWNS = 4  # position and clock of one system
 _STEPS = 12  # 6 from the Earth's centre
 _SETTLED_M = 1e-4
-_FLIGHT_STEPS = 2  # the first leaves 0.1 µs, 0.3 mm of Sagnac
+_FLIGHT_STEPS = 2  # the first step leaves 0.1 µs, 0.3 mm of Sagnac
 _SINGULAR = 1e-10  # smallest over largest eigenvalue of HᵀH; a geometry with a DOP of 10⁴ has 1e-8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transmission:
-    """All satellites at transmission of what was received, n epochs by m satellites; NaN where nothing was.
+    """All satellites at transmission of the received signals, n epochs by m satellites; NaN where nothing was received.
 
     Attributes
     ----------
     position_m, velocity_mps
-        ECEF of the moment of transmission.
+        ECEF coordinates at the time of transmission.
     clock_m, clock_mps
         c times the satellite clock's error on E1, and its rate.
     """
@@ -64,14 +65,14 @@ class Transmission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fix:
-    """Position fixes of n epochs; NaN where there are too few satellites or they lie too badly.
+    """Position fixes of n epochs; NaN where there are too few satellites or their geometry is singular.
 
     Attributes
     ----------
     position_m, clock_m
-        ECEF, and c times the receiver clock's error.
+        ECEF position, and c times the receiver clock's error.
     covariance_m2
-        P of (x, y, z, clock), ECEF, if the errors have the σ of the weights and are independent but for the common
+        P of (x, y, z, clock), ECEF, if the errors have the σ of the weights and are independent apart from the common
         part.
     residual_m
         Measured minus fitted pseudorange; NaN where not used.
@@ -80,7 +81,7 @@ class Fix:
     weight
         1/σ² in 1/m², 0 where not used.
     n_used
-        Satellites used.
+        Number of satellites used.
     """
 
     position_m: Float[np.ndarray, "n 3"]
@@ -103,12 +104,12 @@ def transmission(
     elapsed_s: Float[np.ndarray, " n"],
     pseudorange_m: Float[np.ndarray, "n m"],
 ) -> Transmission:
-    """Return the satellites at the times at which they sent what was received.
+    """Return the satellites at the transmission of the received signals.
 
     Parameters
     ----------
     ephemerides
-        One for each column.
+        One ephemeris for each column.
     start, elapsed_s
         Times of reception `start` + `elapsed_s` on the receiver's clock.
     pseudorange_m
@@ -117,7 +118,7 @@ def transmission(
     columns = []
     for ephemeris, pseudorange in zip(ephemerides, pseudorange_m.T, strict=True):
         sent_s = elapsed_s - pseudorange / SPEED_OF_LIGHT_MPS
-        # the stamp on E1 is ahead by the clock's error at almost the same time: its drift over 1 ms is nothing
+        # the time tag on E1 is ahead by the clock's error at almost the same time; its drift over 1 ms is negligible
         _, clock_s = satellite_position(ephemeris, start, sent_s)
         columns.append(satellite_state(ephemeris, start, sent_s - clock_s))
     return Transmission(
@@ -143,13 +144,13 @@ def position_fix(
     sent
         Satellites at transmission.
     pseudorange_m
-        NaN where not measured.
+        Pseudoranges; NaN where not measured.
     sigma_m
         Standard deviation of each pseudorange.
     correction_m
-        Predicted delays (ionosphere, troposphere) to take off.
+        Predicted delays (ionosphere, troposphere), which are subtracted.
     common_m
-        c, what the common part adds to each pseudorange when it is one σ of its own; `sigma_m` has it in it.
+        c, contribution of 1σ of the common part to each pseudorange; `sigma_m` includes this part.
     """
     measured = pseudorange_m + sent.clock_m - (0.0 if correction_m is None else correction_m)
     used = np.isfinite(measured) & np.isfinite(sigma_m)
@@ -161,7 +162,7 @@ def position_fix(
         residual = np.where(used, measured - predicted - clock[:, None], 0.0)
         step = np.where(moving[:, None], _solve(geometry, weight, residual), 0.0)
         position, clock = position + step[:, :3], clock + step[:, 3]
-        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # epoch by epoch: a fix does not depend on others
+        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # epoch by epoch, so that fixes are independent
         if not np.any(moving):
             break
     geometry, predicted = _predict(sent.position_m, position, used)
@@ -201,9 +202,9 @@ def velocity_fix(
 
 
 def static_range_rate(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:
-    """Return the rates that the pseudoranges of a receiver have that stands where the fix is, with a clock that holds.
+    """Return the pseudorange rates of a receiver at rest at the position of the fix, with a clock without drift.
 
-    NaN for satellites that are not used.
+    The rates are NaN for satellites that are not used.
 
     Parameters
     ----------
@@ -216,7 +217,7 @@ def static_range_rate(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:
 
 
 def _static_rates(sent: Transmission, fix: Fix) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
-    """Return the rates of a standing receiver, and 1 − u·ṡ/c."""
+    """Return the rates of a receiver at rest, and 1 − u·ṡ/c."""
     in_space = sent.velocity_mps + carried_by_earth(sent.position_m)
     s_1 = turned_with_earth(in_space, _flight_s(sent.position_m, fix.position_m))
     carried = carried_by_earth(fix.position_m)
@@ -227,7 +228,7 @@ def _static_rates(sent: Transmission, fix: Fix) -> tuple[Float[np.ndarray, "n m"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dilution:
-    """Dilutions of precision: standard deviations of the fix over that of a pseudorange, if all are alike."""
+    """Dilutions of precision: standard deviations of the fix over that of a pseudorange, equal for all satellites."""
 
     geometric: Float[np.ndarray, " n"]
     position: Float[np.ndarray, " n"]
@@ -237,7 +238,7 @@ class Dilution:
 
 
 def dilution(geometry_local: Float[np.ndarray, "n m 4"]) -> Dilution:
-    """Return the dilutions of precision of a geometry in local axes; NaN where there is no fix."""
+    """Return the dilutions of precision of a geometry in local axes; NaN without a fix."""
     weight = np.any(geometry_local != 0, axis=-1).astype(np.float64)
     east, north, up, time = np.moveaxis(np.diagonal(inverse_normal(geometry_local, weight), axis1=1, axis2=2), -1, 0)
     return Dilution(
@@ -276,7 +277,7 @@ def inverse_normal(
 
 
 def _solvable(sighted: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
-    """Return which HᵀH are not singular.
+    """Return which matrices HᵀH are not singular.
 
     With t the trace, the smallest eigenvalue is at least det(HᵀH) (3/t)³, because the product of the three others is
     at most (t/3)³, and the largest is at most t. Where this lower limit is far above the threshold, the eigenvalues

@@ -1,4 +1,4 @@
-"""Receiver autonomous integrity monitoring: whether the pseudoranges agree with each other.
+"""Check whether pseudoranges agree with each other: receiver autonomous integrity monitoring.
 
 Theory of operation
 -------------------
@@ -12,10 +12,10 @@ P = I − HS, whose diagonal is the share of each measurement that no position c
     solution separation   alarm if |x₍ᵢ₎ − x|_q > K σ_ss,q,   K = Q⁻¹(P_fa,q / 2m)
     exclusion             T₍ᵢ₎ = T − rᵢ²wᵢ/Pᵢᵢ: the fault is where this is least
 
-For single faults both tests look at rᵢ√wᵢ/√Pᵢᵢ, so they differ only in how the budget is spent.
+For single faults both tests use rᵢ√wᵢ/√Pᵢᵢ, so they differ only in the division of the budget.
 
-What it cannot see: whatever a position and a clock can explain. A bias common to all satellites moves the clock and
-leaves every residual as it was; a consistent push of all satellites moves the position.
+RAIM does not detect errors that a position and a clock explain. A bias common to all satellites changes the clock, and
+no residual. A consistent push of all satellites changes the position.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from scipy.special import chdtrc, chdtri, chndtr, ndtri
 from vestige.navigation.position_fix import UNKNOWNS, inverse_normal
 
 NOT_EXCLUDED = -1
-_UNSEEN = 1e-9  # below this share of a measurement in the residuals its fault is invisible
+_UNSEEN = 1e-9  # smallest share of a measurement in the residuals at which its fault is detectable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Redundancy:
-    """Redundancy of n fixes: how each depends on its m measurements.
+    """Redundancy of n fixes: dependence of each fix on its m measurements.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ def redundancy(geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "
     Parameters
     ----------
     geometry
-        H, in any axes; S gives coordinates in the same.
+        H, in any axes; S gives coordinates in the same axes.
     weight
         1/σ² in 1/m², 0 where not used.
     """
@@ -66,7 +66,7 @@ def redundancy(geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "
 def chi_square_statistic(
     residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, " n"]:
-    """Return T = Σ r²w; NaN residuals of measurements that were not used do not count."""
+    """Return T = Σ r²w; NaN residuals (unused measurements) do not count."""
     return np.sum(np.where(weight > 0, residual_m, 0.0) ** 2 * weight, axis=1)
 
 
@@ -90,7 +90,8 @@ def missed_detection(noncentrality: Float[np.ndarray, " n"], freedom: int, p_fa:
 def slopes(parts: Redundancy) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
     """Return the horizontal and the vertical slope of each satellite, for a geometry in local axes.
 
-    √(S₁ᵢ² + S₂ᵢ²)/√Pᵢᵢ: error of the fix in m per m of its trace in the residuals; infinite if it leaves none.
+    The horizontal slope √(S₁ᵢ² + S₂ᵢ²)/√Pᵢᵢ is the error of the fix in m for each m in the residuals; infinite if the
+    error does not appear in the residuals.
     """
     horizontal, vertical = np.hypot(parts.gain[:, 0], parts.gain[:, 1]), np.abs(parts.gain[:, 2])
     seen = parts.unexplained > _UNSEEN
@@ -100,14 +101,14 @@ def slopes(parts: Redundancy) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarra
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """Fixes without each satellite against the fix with all, in the axes of the geometry; NaN where not defined.
+    """Differences of the fixes without each satellite from the full fix, in the axes of the geometry; NaN if undefined.
 
     Attributes
     ----------
     difference_m
         x₍ᵢ₎ − x of (three coordinates, clock).
     sigma_m
-        Its standard deviation without a fault.
+        Standard deviation of the difference without a fault.
     """
 
     difference_m: Float[np.ndarray, "n 4 m"]
@@ -117,7 +118,7 @@ class Separation:
 def solution_separation(
     parts: Redundancy, residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"]
 ) -> Separation:
-    """Return what leaving out each satellite in turn changes, and how much it may."""
+    """Return the change of the fix without each satellite in turn, and its standard deviation."""
     seen = (weight > 0) & (parts.unexplained > _UNSEEN)
     share, known_weight = np.where(seen, parts.unexplained, np.nan), np.where(seen, weight, np.nan)
     return Separation(
@@ -127,7 +128,7 @@ def solution_separation(
 
 
 def separation_factor(p_fa: float, n_modes: int) -> float:
-    """Return K, the threshold in standard deviations of one of `n_modes` two-sided tests that share `p_fa`."""
+    """Return K, the threshold in standard deviations of each of `n_modes` two-sided tests that share `p_fa`."""
     return float(-ndtri(p_fa / (2 * n_modes)))
 
 
@@ -138,11 +139,11 @@ class Exclusion:
     Attributes
     ----------
     excluded
-        Column of the excluded satellite; −1 where nothing was to be excluded or no exclusion helped.
+        Column of the excluded satellite; −1 where no exclusion was needed or none helped.
     statistic
         T after the exclusion (or without one).
     consistent
-        Whether T is below its threshold now.
+        Whether T is below its threshold after the exclusion.
     """
 
     excluded: Int[np.ndarray, " n"]
@@ -153,9 +154,9 @@ class Exclusion:
 def exclude_one(
     parts: Redundancy, residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"], p_fa: float
 ) -> Exclusion:
-    """Return the test and, where it fails, the one satellite without which it passes.
+    """Return the test and, where it fails, the single satellite without which it passes.
 
-    An exclusion needs six satellites: with five every four agree with themselves.
+    An exclusion needs six satellites: of five satellites, any remaining four fit exactly.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
-"""One orbit, issued again and again as a satellite does it: the same orbit and clock, given at later times.
+"""Issue an orbit repeatedly as a satellite does: the same orbit and clock, given at later times.
 
-Mean anomaly, node, inclination and clock go on with their rates, and the harmonics hang on the argument of latitude
-alone, so a new issue is the old orbit exactly. Only Ω0 needs care: it is the longitude at the start of toe's week,
-which is another one after the end of a week.
+Mean anomaly, node, inclination and clock continue with their rates, and the harmonics depend only on the argument of
+latitude. So a new issue is exactly the old orbit. Ω0 is the longitude at the start of toe's week, so Ω0 changes after
+the end of a week.
 
-Satellites issue orbits whose toe is past, and receivers hold that against them: `rnx2rtkp` takes none with a toe to
-come [RTKLIB], and some programs none that is older than 2 h.
+Satellites issue orbits whose toe is past, and receivers expect this: `rnx2rtkp` refuses orbits with a future toe
+[RTKLIB], and some programs refuse orbits that are older than 2 h.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from vestige.navigation.earth import GRAVITATION_M3PS2, ROTATION_RADPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.time import GalileoTime
 
-ISSUE_S = 7200.0  # from one to the next
+ISSUE_S = 7200.0  # time between issues
 _ISSUES = 1024  # IODnav has 10 bits [OS-ICD, 4.3.5]
-_BEFORE_S = 60.0  # what was sent and received before the start: flight time, a clock that is off
+_BEFORE_S = 60.0  # margin before the start for the travel time and a wrong clock
 
 
 def referred_to(ephemeris: Ephemeris, toe: GalileoTime) -> Ephemeris:
-    """Return the same orbit and clock, given at another time; the issue of data stays as it is.
+    """Return the same orbit and clock, given at another time; the issue of data does not change.
 
     Parameters
     ----------
     ephemeris
-        Any.
+        Any ephemeris.
     toe
         The new time of ephemeris; the time of clock moves by the same step.
     """
@@ -50,13 +50,13 @@ def referred_to(ephemeris: Ephemeris, toe: GalileoTime) -> Ephemeris:
 
 
 def reissued(ephemeris: Ephemeris, number: int) -> Ephemeris:
-    """Return the issue that follows an ephemeris as the `number`th, 2 h from one to the next; 0 is itself."""
+    """Return the `number`th issue after an ephemeris, at intervals of 2 h; 0 returns the ephemeris itself."""
     moved = referred_to(ephemeris, ephemeris.toe + number * ISSUE_S)
     return replace(moved, iod_nav=(ephemeris.iod_nav + number) % _ISSUES)
 
 
 def issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[Ephemeris]:
-    """Yield the issues of an ephemeris so that at any time from `start` to `end` one has a toe past by at most 2 h."""
+    """Yield issues of an ephemeris so that from `start` to `end` always an issue has a toe past by at most 2 h."""
     first, last = (math.ceil((time - ephemeris.toe) / ISSUE_S) - 1 for time in (start + -_BEFORE_S, end))
     for number in range(first, last + 1):
         yield reissued(ephemeris, number) if number else ephemeris

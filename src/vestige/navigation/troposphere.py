@@ -1,14 +1,14 @@
-"""Delay of the troposphere: zenith delays after Saastamoinen in a standard atmosphere, mapped to the elevation.
+"""Compute the delay of the troposphere: Saastamoinen zenith delays in a standard atmosphere, mapped to the elevation.
 
-It is the same for all frequencies, and for code and carrier. With the pressure p in hPa, the temperature T in K and the
-pressure e of water vapour in hPa at the height h in km and the latitude φ,
+The delay is the same for all frequencies, and for code and carrier. With the pressure p in hPa, the temperature T in K
+and the pressure e of water vapour in hPa at the height h in km and the latitude φ,
 
     dry    2.2768 mm · p / (1 − 0.00266 cos 2φ − 0.00028 h)         [SAAST72]
     wet    2.277 mm · (1255/T + 0.05) · e
     slant  (dry + wet) · 1.001/√(0.002001 + sin² E)                  [DO-229, A.4.2.4]
 
-Pressure and temperature are those of the standard atmosphere at the receiver's height [ISA]. The mapping holds from 4°
-on; at 5° it is within a percent of Niell's.
+Pressure and temperature are those of the standard atmosphere at the receiver's height [ISA]. The mapping is valid from
+4° on; at 5° the mapping is within 1 % of Niell's.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class SaastamoinenTroposphere:
     Raises
     ------
     ValueError
-        If the humidity is not from 0 to 1.
+        If the humidity is not in the range from 0 to 1.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class SaastamoinenTroposphere:
         elevation_rad
             Elevation of the satellite; below the horizon the delay is that at the horizon.
         latitude_rad, height_m
-            Where the receiver is; the height is limited to −1 … 11 km.
+            Position of the receiver; the height is limited to −1 … 11 km.
         """
         height_m = np.clip(height_m, _LOWEST_M, _TROPOPAUSE_M)
         temperature_k = _SEA_LEVEL_K - _LAPSE_K_PER_M * height_m

@@ -1,7 +1,7 @@
-"""The records that cross borders between the parts of vestige.
+"""Records that the parts of vestige exchange.
 
-Frozen, keyword-only, units in the names. One sign convention everywhere: **a positive offset is later**. `Snapshot`
-and `Assistance` are the only things that the processor sees; it cannot tell a simulation from a recording.
+Records are frozen and keyword-only, with units in the names. The sign convention is: **a positive offset is later**.
+The processor receives only `Snapshot` and `Assistance`, so the processor cannot tell a simulation from a recording.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite, require_finite_if_known, require_time_uncertainty
 from vestige.validated_key import ValidatedKey
 
-_ROUNDING_S = 1e-6  # between two ways to compute the end of samples
+_ROUNDING_S = 1e-6  # difference between two computations of the end of samples
 
 if TYPE_CHECKING:
     from vestige.records.recs_block import RecsLookup
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Band(Enum):
-    """A frequency band with a front end of its own."""
+    """A frequency band with its own front end."""
 
     E1 = "E1"
     E6 = "E6"
@@ -72,14 +72,14 @@ class E1Observation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleBatch:
-    """A stretch of front-end samples.
+    """A series of consecutive front-end samples.
 
     Attributes
     ----------
     samples
-        complex64[n_samples]. A real (IF-sampled) recording has zero imaginary parts; spectral inversion is undone.
+        complex64[n_samples]. A real (IF-sampled) recording has zero imaginary parts; spectral inversion is removed.
     center_frequency_hz
-        Radio frequency in Hz that stands at 0 Hz in the samples.
+        Radio frequency in Hz that is at 0 Hz in the samples.
     first_sample
         Number of the first sample on the counter that both front ends share.
     start
@@ -180,53 +180,53 @@ class SampleSource(Protocol):
 
     @property
     def end_sample(self) -> int:
-        """Number after that of the last sample."""
+        """Number after the last sample."""
         ...
 
     def read(self, first: int, count: int) -> SampleBatch:
-        """Return `count` samples from number `first` on, all of which are there."""
+        """Return `count` samples from number `first` on; the source must contain all of them."""
         ...
 
 
 @runtime_checkable
 class Correlatable(Protocol):
-    """E6 as the processor knows it: something that can be correlated, be it samples or a model of them."""
+    """E6 for the processor: samples, or a model of samples, that can be correlated."""
 
     @property
     def received_from(self) -> GalileoTime:
-        """Time tag of the beginning of what can be correlated."""
+        """Time tag of the beginning of the samples."""
 
     @property
     def received_until(self) -> GalileoTime:
-        """Time tag of the end of what can be correlated."""
+        """Time tag of the end of the samples."""
 
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
-        """Return the bank of correlators at `offsets_m` around the hand-over, or None if it lies outside."""
+        """Return the bank of correlators at `offsets_m` around the hand-over; None if the hand-over is outside E6."""
 
     @property
     def searched(self) -> SampleSource | None:
-        """The samples in which a search looks for a RECS; None of a model in place of them."""
+        """Samples in which a search looks for a RECS; None for a model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """Data that a receiver hands to the processor for one RECS epoch.
+    """Data from a receiver to the processor for one RECS epoch.
 
     Attributes
     ----------
     index
-        Running number in its source.
+        Running number of the snapshot in its source.
     time
         Receiver-clock time to which the observations refer.
     received_at
-        Receiver-clock time at which the last E6 sample of the snapshot ends, never before its time tag; the
-        delayed-disclosure rule looks at this and at the window that is correlated.
+        Receiver-clock time at which the last E6 sample of the snapshot ends, never before its time tag. The
+        delayed-disclosure rule uses this time and the correlated window.
     time_uncertainty_s
-        Upper limit of the error of the receiver's clock against Galileo System Time, in s; infinite if it is not known.
+        Upper limit of the error of the receiver's clock against Galileo System Time, in s; infinite if unknown.
     observations
         E1 observations by SVID, with Doppler and its rate.
     recs
-        Satellites for whose RECS the snapshot was cut, whether E1 shows them or not; empty if the source does not say.
+        Satellites whose RECS are in the snapshot, whether E1 shows them or not; empty if the source does not name them.
     """
 
     index: int
@@ -259,22 +259,22 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EncryptedSegment:
-    """One RECS: chips of E6-C, encrypted again under a future OSNMA key.
+    """A RECS: chips of E6-C, encrypted again under a future OSNMA key.
 
     Attributes
     ----------
     transmit_time
-        Satellite time at which the first chip leaves the satellite; RECS files count it in deciseconds.
+        Satellite time at which the first chip leaves the satellite; RECS files count this time in deciseconds.
     n_chips
-        Chips to correlate. The body may hold more (the filling of the last AES block).
+        Number of chips to correlate. The body may have more (the padding of the last AES block).
     cipher
         The RECS body.
     key_time
-        Start of the 30 s subframe in which the key that decrypts it is transmitted.
+        Start of the 30 s subframe that transmits the key of the RECS.
     key_delay
         KDI of the file: 0 for the key of the RECS's own subframe, 1 for the key of the next.
     random_offset
-        RAND of the file; part of the IV.
+        RAND of the file, which is a part of the IV.
     """
 
     svid: int
@@ -288,12 +288,12 @@ class EncryptedSegment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedOsnma:
-    """The OSNMA of one satellite and subframe as it was demodulated: not validated, good for comparison alone."""
+    """Demodulated OSNMA of one satellite and subframe, not validated, for comparison only."""
 
-    svid: int | None  # None where a file of keys does not tell
+    svid: int | None  # None if a file of keys does not name it
     time: GalileoTime  # start of the subframe (GST_SF)
-    fields: tuple[bytes | None, ...] = ()  # 15 of 5 bytes each; None where the page is lost, a dummy, or without OSNMA
-    key: bytes | None = None  # None where no chain says where it is
+    fields: tuple[bytes | None, ...] = ()  # 15 of 5 bytes; None if the page is lost, a dummy, or has no OSNMA
+    key: bytes | None = None  # None if no chain gives its position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -307,7 +307,7 @@ class GroupDelay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assistance:
-    """All that the processor knows beside its snapshots.
+    """Data of the processor in addition to its snapshots.
 
     Attributes
     ----------
@@ -320,12 +320,12 @@ class Assistance:
     segments: tuple[EncryptedSegment, ...] = ()  # in order of transmission
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
-    received: tuple[ReceivedOsnma, ...] = ()  # valid or not, in order of time; empty if nobody kept it
+    received: tuple[ReceivedOsnma, ...] = ()  # valid or invalid, in order of time; empty if not stored
     hardware_bias_e1_e6_s: float = 0.0
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
-        """Return the RECS that the satellites of a block sent, with their keys."""
+        """Return the RECS from the satellites of a block, with their keys."""
         from vestige.records.recs_block import find_recs  # noqa: PLC0415  (it needs this module)
 
         return find_recs(snapshots, self)

@@ -1,4 +1,4 @@
-"""Names of the checks, and the result of one check over many epochs."""
+"""Names of the checks, and results of a check over many epochs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vestige.records import CheckResult, Outcome
 
 
 class CheckName(StrEnum):
-    """Every check that a mitigation level may have; a new check is a new member."""
+    """Names of all checks of mitigation levels; a new check is a new member."""
 
     E6_POWER = "E6 power"
     E1_E6_RANGE = "E1-E6 range"
@@ -51,7 +51,7 @@ class SignalClass(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CheckSeries:
-    """One check over n epochs, of the receiver (axes: epoch) or of each satellite (axes: epoch, satellite).
+    """Result of a check over n epochs, for the receiver (axes: epoch) or each satellite (axes: epoch, satellite).
 
     Attributes
     ----------
@@ -61,11 +61,11 @@ class CheckSeries:
     p_fa
         False-alarm probability of one test.
     statistic, threshold
-        float64 of one shape; NaN where the check was not run. It fails where |statistic| > threshold.
+        float64 of equal shape; NaN where the check was not run. The check fails where |statistic| > threshold.
     explain
-        Writes why the check failed, or was not run, at an epoch and satellite; reasons are written when asked for.
+        Function that returns why the check failed, or was not run, at an epoch and satellite.
     exact
-        Whether p_fa is met exactly; otherwise it is an upper limit.
+        Whether p_fa is exact; otherwise it is an upper limit.
     """
 
     name: CheckName | str
@@ -88,11 +88,11 @@ class CheckSeries:
 
     @property
     def of_receiver(self) -> bool:
-        """Whether it looks at the whole receiver and not at each satellite."""
+        """Whether the check concerns the whole receiver and not each satellite."""
         return self.statistic.ndim == 1
 
     def place(self, epoch: int, satellite: int) -> tuple[int, ...]:
-        """Return where an epoch and satellite stand in the arrays."""
+        """Return the index of an epoch and satellite in the arrays."""
         return (epoch,) if self.of_receiver else (epoch, satellite)
 
     def result(self, epoch: int, satellite: int) -> CheckResult:
@@ -111,13 +111,13 @@ class CheckSeries:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmShare:
-    """Share of one check in the false alarms that a level may raise."""
+    """Share of a check in the false alarms of a level."""
 
     p_fa: float  # false-alarm probability of one test, before confirmation
-    confirm: int = 1  # how many tests in a row must fail
-    alarms_a_day: float  # at most, after confirmation
+    confirm: int = 1  # number of tests in a row that must fail
+    alarms_a_day: float  # upper limit, after confirmation
     chosen: bool  # whether p_fa is a share of the level's budget, or the check's own
-    exact: bool = False  # whether failures come as often as p_fa says; otherwise it is an upper limit
+    exact: bool = False  # whether p_fa is exact; otherwise it is an upper limit
 
     @property
     def confirmed_p_fa(self) -> float:

@@ -12,7 +12,7 @@ from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite
 
-LONGEST_STEP_S = 1.5  # between two samples; what a receiver does in a longer one, a straight line does not tell
+LONGEST_STEP_S = 1.5  # longest step between two samples over which linear interpolation is allowed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,7 +22,7 @@ class Accelerations:
     # ascending times of the samples, `start` + `elapsed_s` on the receiver's clock
     start: GalileoTime
     elapsed_s: Float[np.ndarray, " n"]
-    # East, north, up where the receiver is at that time; gravity is taken off
+    # East, north, up at the receiver's position at that time, without gravity
     acceleration_mps2: Float[np.ndarray, "n 3"]
 
     def __post_init__(self) -> None:
@@ -30,9 +30,9 @@ class Accelerations:
             require_finite("accelerations", **{name: float(np.abs(values).sum())})
 
     def increments(self, first: GalileoTime | None, last: GalileoTime) -> VelocityIncrements:
-        """Return ∫ a dt from one epoch to the next, sample by sample, a linear between samples.
+        """Return ∫ a dt from one epoch to the next, sample by sample, with a linear between samples.
 
-        Without a begin there is nothing to integrate.
+        If `first` is None, there are no increments.
         """
         found = None if first is None or not last - first > 0 else self._between(first, last)
         if found is None:
@@ -53,7 +53,7 @@ class Accelerations:
     def _between(
         self, first: GalileoTime, last: GalileoTime
     ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k 3"]] | None:
-        """Return the ends of the increments in s after `start`, and the increments; None if samples do not cover it."""
+        """Return the ends of the increments in s after `start`, and the increments; None if samples are missing."""
         begin, end = first - self.start, last - self.start
         low = int(np.searchsorted(self.elapsed_s, begin, side="right")) - 1
         high = int(np.searchsorted(self.elapsed_s, end)) + 1

@@ -1,4 +1,4 @@
-"""E1 observations of one moment, as a file holds them or a receiver makes them."""
+"""E1 observations of one time, from a file or a receiver."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationEpoch:
-    """E1 observations of one moment.
+    """E1 observations of one time.
 
     Attributes
     ----------
     time
         Receiver-clock time of the observations.
     observations
-        Observations by SVID. NaN stands for what was not measured; the pseudorange always is.
+        Observations by SVID. Unmeasured quantities are NaN; the pseudorange is always measured.
     slipped
-        Satellites whose carrier phase is not continuous with the epoch before.
+        Satellites whose carrier phase is not continuous with the previous epoch.
     taps
-        Correlators by SVID, complex64[k]: those of E1-C over the 100 ms before, in standard deviations of the noise per
-        dimension if the samples were noise alone. Empty if the source has none.
+        E1-C correlators over the last 100 ms by SVID, complex64[k], in standard deviations per dimension of samples of
+        noise alone. Empty if the source has no correlators.
     tap_chips
-        Their offsets from the prompt in chips; positive is later.
+        Offsets of the correlators from the prompt in chips; positive is later.
     power_db
-        Mean power of the E1 samples in dB relative to one unit of their numbers squared; NaN if not known.
+        Mean power of the E1 samples in dB relative to one squared unit of the sample values; NaN if unknown.
     """
 
     time: GalileoTime

@@ -1,4 +1,4 @@
-"""RECS that each satellite of a block sent, and their keys."""
+"""RECS of each satellite of a block, and their keys."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _NEVER = GalileoTime(0, 0)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecsBlock:
-    """The RECS of n epochs and m satellites, and when their keys are on air."""
+    """The RECS of n epochs and m satellites, and the times of their keys."""
 
-    # whether there is a RECS, and a validated key for it
+    # whether there is a RECS, and whether it has a validated key
     found: Bool[np.ndarray, "n m"]
     with_key: Bool[np.ndarray, "n m"]
-    # start of the subframe of the key, when its first bit is on air, and its last; meaningless without a RECS
+    # start of the subframe of the key, and times of its first and last bit on air; undefined without a RECS
     key_time: GalileoTimes
     disclosed: GalileoTimes
     complete: GalileoTimes
@@ -36,11 +36,11 @@ class RecsBlock:
 
 @runtime_checkable
 class RecsLookup(Protocol):
-    """The RECS of a block: arrays, and each segment with its key when it is asked for."""
+    """The RECS of a block as arrays, and each segment with its key on request."""
 
     @property
     def block(self) -> RecsBlock:
-        """RECS that were sent, and the times at which their keys are on air."""
+        """RECS of the block, and the times at which their keys are on air."""
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return the RECS of one satellite at one epoch, and its key."""
@@ -65,7 +65,7 @@ class Corrections(Protocol):
 
 @runtime_checkable
 class AssistanceData(Corrections, Protocol):
-    """Data of the processor beside its snapshots: `Assistance` as downloaded, or that of a simulated service."""
+    """Data of the processor in addition to snapshots: downloaded `Assistance`, or that of a simulated service."""
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
         """Return the RECS that the satellites of a block sent, with their keys."""
@@ -73,7 +73,7 @@ class AssistanceData(Corrections, Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FoundRecs:
-    """The RECS of a block, found one by one."""
+    """The RECS of a block, looked up individually."""
 
     block: RecsBlock
     segments: dict[tuple[int, int], tuple[EncryptedSegment, ValidatedKey]]
@@ -84,7 +84,7 @@ class FoundRecs:
 
 
 def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
-    """Return the RECS that the satellites of a block sent."""
+    """Return the RECS from the satellites of a block."""
     shape = snapshots.asked.shape
     found, with_key = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     times = np.full((3, *shape), _NEVER, object)
@@ -109,7 +109,7 @@ def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
 
 
 def segments_between(assistance: Assistance, first: GalileoTime, last: GalileoTime) -> tuple[EncryptedSegment, ...]:
-    """Return the RECS that are sent from the first to the last time, give or take `SEGMENT_WINDOW_S`."""
+    """Return the RECS that are sent from the first to the last time, within `SEGMENT_WINDOW_S`."""
     segments = assistance.segments
     low = bisect_left(segments, first + -SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
     high = bisect_right(segments, last + SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)

@@ -20,16 +20,16 @@ OBSERVED = tuple(one.name for one in fields(E1Observation) if one.name != "svid"
 class E1Block:
     """E1 measurements; arrays [epoch, satellite], NaN where a satellite is not tracked."""
 
-    # as in `E1Observation`; the C/N0 is the receiver's estimate
+    # quantities of `E1Observation`; the C/N0 is the receiver's estimate
     pseudorange_m: Float[np.ndarray, "n m"]
     carrier_phase_cycles: Float[np.ndarray, "n m"]
     doppler_hz: Float[np.ndarray, "n m"]
     doppler_rate_hz_per_s: Float[np.ndarray, "n m"]
     cn0_dbhz: Float[np.ndarray, "n m"]
-    # E1 correlators around the prompt, in standard deviations of the noise per dimension without
-    # interference, behind the gain control; None if E1 is not tracked between two RECS.
+    # E1 correlators around the prompt behind the gain control, in standard deviations per dimension of the noise
+    # without interference; None if E1 is not tracked between two RECS
     taps: Complex128[np.ndarray, "n m k"] | None = None
-    tap_chips: tuple[float, ...] = ()  # their offsets from the prompt in chips
+    tap_chips: tuple[float, ...] = ()  # offsets of the correlators from the prompt in chips
 
     @property
     def seen(self) -> Bool[np.ndarray, "n m"]:
@@ -44,7 +44,7 @@ class E1Block:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrontEndBlock:
-    """Status of one front end; arrays [epoch], powers in dB relative to its own reference, NaN if unknown."""
+    """Status of a front end; arrays [epoch], powers in dB relative to its own reference, NaN if unknown."""
 
     agc_gain_db: Float[np.ndarray, " n"]
     total_power_db: Float[np.ndarray, " n"]
@@ -52,36 +52,36 @@ class FrontEndBlock:
 
     @property
     def power_db(self) -> Float[np.ndarray, " n"]:
-        """Power of the band, or the negative of the gain where only that is known."""
+        """Power of the band, or the negative gain where only the gain is known."""
         return np.where(np.isfinite(self.total_power_db), self.total_power_db, -self.agc_gain_db)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OsnmaBlock:
-    """OSNMA as received beside what a second channel has, in pieces of k subframes that ended up to an epoch.
+    """Received OSNMA compared with a second channel, in k pieces of subframes that ended up to an epoch.
 
-    A subframe may come in several pieces, epoch by epoch. Each piece has a bit for every page of the subframe (bit 0:
-    the first page) and one, `KEY_BIT`, for a key that is compared as a whole because its pages are not known.
+    A subframe may come in several pieces, epoch by epoch. Each piece has a bit for every page of the subframe (bit 0 is
+    the first page). The bit `KEY_BIT` is for a key that is compared as a whole because its pages are unknown.
     """
 
     epoch: Int64[np.ndarray, " k"]  # row of the block in which the piece is known
     subframe: Int64[np.ndarray, " k"]  # start of the subframe in s since the GST epoch
-    due: Int64[np.ndarray, "k m"]  # pages that the second channel knows to have been sent
-    # those of them that were demodulated, and those that are not what the second channel has
+    due: Int64[np.ndarray, "k m"]  # pages that were sent, according to the second channel
+    # demodulated pages, and pages that differ from those of the second channel
     received: Int64[np.ndarray, "k m"]
     differs: Int64[np.ndarray, "k m"]
-    last: Bool[np.ndarray, " k"]  # whether the piece ends its subframe, and all of the subframe was looked at
+    last: Bool[np.ndarray, " k"]  # whether the piece ends its subframe, and all of the subframe was compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VelocityIncrements:
-    """Velocity increments of inertial sensors: kinematic, against the Earth, without gravity."""
+    """Kinematic velocity increments of inertial sensors, relative to the Earth and without gravity."""
 
     epoch: Int64[np.ndarray, " k"]  # row of the block up to which the increment counts
     time: GalileoTimes  # end of each increment on the receiver's clock
-    # east, north, up where the receiver is at that time, since the increment before
+    # east, north, up at the receiver's position at that time, since the previous increment
     delta_velocity_mps: Float[np.ndarray, "k 3"]
-    covered: Bool[np.ndarray, " n"]  # whether the increments up to an epoch leave no gap since the epoch before
+    covered: Bool[np.ndarray, " n"]  # whether the increments up to an epoch have no gap since the previous epoch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -97,20 +97,20 @@ class BankBlock:
 
 @runtime_checkable
 class Handovers(Protocol):
-    """The hand-overs of a block, made one by one because each decrypts its chips when it is asked for."""
+    """The hand-overs of a block, made individually, because each decrypts its chips on request."""
 
     def at(self, epoch: int, satellite: int) -> Handover | None:
-        """Return the hand-over of one satellite at one epoch; None if its window is too late to prove anything."""
+        """Return the hand-over of one satellite at one epoch; None if its window is too late for a proof."""
 
 
 @runtime_checkable
 class E6(Protocol):
-    """E6 of a block as the processor knows it: samples, or a model that draws what they would give."""
+    """E6 of a block for the processor: samples, or a model that draws the results of samples."""
 
     def correlate(
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
-        """Return the banks at `offsets_m` around the hand-overs that are asked for, NaN where E6 does not hold them."""
+        """Return the banks at `offsets_m` around the requested hand-overs; NaN where E6 does not contain them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,27 +118,27 @@ class SearchBlock:
     """Results of a search in k epochs for m satellites."""
 
     signals: Float[np.ndarray, "k m"]  # number of signals of a satellite; NaN where the search was not run
-    carrying: Float[np.ndarray, "k m"]  # number of those that carry the encrypted chips
-    # how much later than E1 puts it the earliest of several signals is, in m; NaN if there is one only or its chips may
-    # have been known by then.
+    carrying: Float[np.ndarray, "k m"]  # number of signals that carry the encrypted chips
+    # Offset of the earliest of several signals from the E1 prediction in m, positive if later; NaN for a single signal,
+    # or if its chips may have been known at its arrival.
     earliest_m: Float[np.ndarray, "k m"]
-    not_run: Int8[np.ndarray, "k m"]  # 0 where it was run, else 1 + the place in `SEARCH_NOT_RUN`
+    not_run: Int8[np.ndarray, "k m"]  # 0 where the search was run, else 1 + the index in `SEARCH_NOT_RUN`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchRequest:
-    """Request for a search: the epochs, and what is known of the clock in each."""
+    """Request for a search: the epochs, and the time uncertainty of each."""
 
     epoch: Int64[np.ndarray, " k"]  # rows of the block
-    uncertainty: tuple[TimeUncertainty, ...]  # what is known of the clock before each epoch
+    uncertainty: tuple[TimeUncertainty, ...]  # limit of the clock error before each epoch
     p_fa: float  # false-alarm probability of one search
-    # when E1 expects each RECS, in s after the time of the snapshot; NaN where it does not
+    # time at which E1 expects each RECS, in s after the time of the snapshot; NaN if unknown
     expected_s: Float[np.ndarray, "k m"]
-    in_samples: SampleSearches | None = None  # how samples are searched; a model needs no such thing
+    in_samples: SampleSearches | None = None  # searches in samples; None for a model
 
 
 class SampleSearches(Protocol):
-    """Both searches in the samples of one snapshot, with the settings and the assistance of the processor that asks."""
+    """Both searches in the samples of one snapshot, with settings and assistance of the requesting processor."""
 
     def e1(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
         """Return the result of the search of E1 with hand-over to E6 for some satellites."""
@@ -149,7 +149,7 @@ class SampleSearches(Protocol):
 
 @runtime_checkable
 class Searches(Protocol):
-    """The searches of a block: made in samples, or drawn by a model of their detection."""
+    """The searches of a block, made in samples or drawn by a model of their detection."""
 
     def e1(self, request: SearchRequest) -> SearchBlock:
         """Return the result of the search of E1 with hand-over to E6 [WFO, Sec. IV-B, step 4]."""
@@ -173,7 +173,7 @@ SEARCH_NOT_RUN = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SnapshotBlock:
-    """Data that a receiver hands to the processor for n epochs of m satellites.
+    """Data from a receiver to the processor for n epochs of m satellites.
 
     Attributes
     ----------
@@ -182,12 +182,12 @@ class SnapshotBlock:
     time
         Receiver-clock times to which the observations refer.
     received_at
-        [n, m], receiver-clock times of the last E6 sample that a satellite is looked for in; the disclosure rule looks
-        at these.
+        [n, m], receiver-clock times of the last E6 sample in which a satellite is searched; the disclosure rule uses
+        these times.
     time_uncertainty_s
         Upper limit of the error of the receiver's clock against Galileo System Time, in s.
     svids
-        The satellites, in ascending order: the second axis.
+        Satellites of the second axis, in ascending order.
     asked
         bool[n, m]: satellites whose verdict is due, whether E1 shows them or not.
     recs
@@ -199,13 +199,13 @@ class SnapshotBlock:
     e6
         Object that answers `correlate`; None without E6.
     searches
-        Object that answers both searches; None where nothing can be searched.
+        Object that answers both searches; None where no search is possible.
     osnma
-        OSNMA beside that of a second channel; None without one.
+        OSNMA compared with a second channel; None without a second channel.
     increments
         Increments of the inertial sensors; None without such sensors.
     data_authenticated
-        bool[n, m], whether OSNMA authenticates the navigation data of a satellite; None if nobody looked.
+        bool[n, m], whether OSNMA authenticates the navigation data of a satellite; None if not checked.
     """
 
     index: Int64[np.ndarray, " n"]

@@ -1,4 +1,4 @@
-"""Upper limit of the receiver's clock error: the searches look that far, and the disclosure rule allows for it."""
+"""Upper limit of the receiver's clock error, which sets the range of searches and enters the disclosure rule."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite, require_time_uncertainty
 
-FIXED_S = 1e-6  # 300 m: of a position out of authenticated pseudoranges
+FIXED_S = 1e-6  # 300 m: clock error after a position from authenticated pseudoranges
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeUncertainty:
     """Upper limit of the error of the receiver's clock."""
 
-    initial_s: float = 15.0  # before the first authentic fix
+    initial_s: float = 15.0  # limit before the first authentic fix
     # upper limit of the relative frequency error of the oscillator
     frequency_error: float = 2e-6  # temperature-compensated crystal oscillator, over temperature and age
-    # time of the last authentic fix, and how good it was
+    # time of the last authentic fix, and its upper limit of the clock error
     fixed_at: GalileoTime | None = None
     fixed_s: float = FIXED_S
 
@@ -36,7 +36,7 @@ class TimeUncertainty:
         return min(self.fixed_s + self.frequency_error * abs(time - self.fixed_at), self.initial_s)
 
     def over(self, times: GalileoTimes) -> Float[np.ndarray, "*n"]:
-        """Return the upper limit at many times, in s; the same bits as `at` one by one."""
+        """Return the upper limit at many times, in s, with the same bits as `at` for each time."""
         if self.fixed_at is None:
             return np.full(times.shape, self.initial_s)
         return np.minimum(self.fixed_s + self.frequency_error * np.abs(times.since(self.fixed_at)), self.initial_s)

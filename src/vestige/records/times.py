@@ -1,4 +1,4 @@
-"""Many Galileo times at once, as exact as one: whole seconds and fractions in two arrays."""
+"""Arrays of Galileo times with full precision: whole seconds and fractions in two arrays."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class GalileoTimes:
 
     @classmethod
     def of(cls, times: Iterable[GalileoTime]) -> GalileoTimes:
-        """Return the array of some times."""
+        """Return an array of given times."""
         times = tuple(times)
         return cls(
             np.array([time.gst_seconds for time in times], np.int64),
@@ -29,7 +29,7 @@ class GalileoTimes:
 
     @classmethod
     def after(cls, start: GalileoTime, elapsed_s: Float[np.ndarray, "*n"]) -> GalileoTimes:
-        """Return the times `elapsed_s` after a start; the same bits as `start + elapsed_s` one by one."""
+        """Return the times `elapsed_s` after a start, with the same bits as `start + elapsed_s` for each time."""
         whole = np.floor(elapsed_s)
         return cls(start.gst_seconds + whole.astype(np.int64), start.fraction + (elapsed_s - whole))._carried()
 
@@ -42,14 +42,14 @@ class GalileoTimes:
         return self.second.shape
 
     def reshaped(self, shape: tuple[int, ...]) -> GalileoTimes:
-        """Return the same times in an array of another shape; one time fills any."""
+        """Return the same times in an array of another shape; a single time fills any shape."""
         second, fraction = self.second, self.fraction
         if self.second.size == 1:
             return GalileoTimes(np.broadcast_to(second, shape), np.broadcast_to(fraction, shape))
         return GalileoTimes(second.reshape(shape), fraction.reshape(shape))
 
     def at(self, *place: int) -> GalileoTime:
-        """Return the time at a place."""
+        """Return the time at an index."""
         whole = GalileoTime.from_gst_seconds(int(self.second[place]))
         return GalileoTime(whole.week, whole.second, float(self.fraction[place]))
 
@@ -58,7 +58,7 @@ class GalileoTimes:
         return GalileoTimes(self.second[part], self.fraction[part])
 
     def since(self, origin: GalileoTime) -> Float[np.ndarray, "*n"]:
-        """Return the times in s after an origin; the same bits as `time - origin` one by one."""
+        """Return the times in s after an origin, with the same bits as `time - origin` for each time."""
         return (self.second - origin.gst_seconds) + (self.fraction - origin.fraction)
 
     def __sub__(self, other: GalileoTimes) -> Float[np.ndarray, "*n"]:

@@ -1,4 +1,4 @@
-"""The answer of the processor: outcome of each check, status of a satellite, and the verdict that holds both."""
+"""The answer of the processor: outcome of each check, status of a satellite, and the verdict with both."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Outcome(Enum):
     FAIL
         The statistic exceeds the threshold, after confirmation if the check has any.
     NOT_RUN
-        The check lacks an input; the reason of its `CheckResult` says which.
+        The check lacks an input, which the reason of its `CheckResult` names.
 
     Examples
     --------
@@ -35,7 +35,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckResult:
-    """One check: its statistic against its threshold; `reason` says why it failed or was not run."""
+    """Result of a check: its statistic, its threshold, and the reason why it failed or was not run."""
 
     name: str
     outcome: Outcome
@@ -46,22 +46,22 @@ class CheckResult:
 
 
 class Status(Enum):
-    """The conclusion of the receiver about a satellite.
+    """Conclusion of the receiver about a satellite.
 
-    Columns of stored results hold the position of a status in this order.
+    Columns of stored results contain the index of a status in this order.
 
     Attributes
     ----------
     AUTHENTIC
-        E6 was found where E1 says, and no check failed.
+        E6 was found at the E1 prediction, and no check failed.
     SUSPECT
-        A check failed that has other causes than an attack, too.
+        A check failed for a reason that need not be an attack.
     SPOOFED
         E6 shows that the E1 range is wrong.
     NOT_DETECTED
-        E6 was not found, although it is strong enough by the C/N0 of E1.
+        E6 was not found, although the C/N0 of E1 predicts a detection.
     NOT_AVAILABLE
-        Nothing can be said: RECS, key, samples or E1 are missing, or the signal is too weak.
+        No conclusion is possible: RECS, key, samples or E1 are missing, or the signal is too weak.
 
     Examples
     --------
@@ -88,7 +88,7 @@ class Verdict:
     time
         Receiver-clock time of the snapshot.
     available_at
-        Earliest time at which a receiver can know the verdict: it has received the key. None if no key was involved.
+        Earliest time at which a receiver can know the verdict, after it received the key. None if no key was involved.
     svid
         Satellite, 1 to 36.
     level
@@ -96,13 +96,13 @@ class Verdict:
     status
         Conclusion of the receiver.
     checks
-        Every check of the level, with statistic, threshold and outcome.
+        All checks of the level, with statistic, threshold and outcome.
     range_offset_m
         Measured minus predicted E6 range in m; NaN if nothing was detected.
     reason
-        Reason for the status, one line for a person; empty if the signal is authentic.
+        Reason for the status in one line of text; empty if the signal is authentic.
     true_offset_m
-        If a search found more than one signal, range of the earliest minus that of E1 in m. NaN otherwise.
+        Range of the earliest signal minus that of E1 in m, if a search found more than one signal. NaN otherwise.
 
     Examples
     --------

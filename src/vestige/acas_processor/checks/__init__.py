@@ -1,1 +1,1 @@
-"""The checks beside E6: each compares one statistic with a threshold that follows from its false-alarm budget."""
+"""Checks: each compares one statistic with a threshold that follows from its false-alarm budget."""

@@ -1,8 +1,8 @@
 """Common parts of all checks: the class `Check`, and thresholds from a false-alarm budget.
 
 A check has a name, a unit, a false-alarm probability `p_fa` per test, and `series`: statistic and threshold over a
-block of epochs. It fails where |statistic| > threshold. If an input is missing, the check is not run (NaN) and states
-the reason. A check that was not run is no evidence of anything.
+block of epochs. A check fails where |statistic| > threshold. If an input is missing, the check is not run (NaN) and
+states the reason. A check that was not run is no evidence.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Check(Protocol):
-    """A check: one file with statistic, threshold and reason, one row in `levels.py`, one member of `CheckName`."""
+    """Protocol of a check. Each check has its file, a row in `levels.py`, and a member of `CheckName`."""
 
     @property
     def name(self) -> CheckName | str:
@@ -81,7 +81,7 @@ class _Level(Check, Protocol):
 
 
 class LevelMonitor(Monitor):
-    """A monitor of a level in dB, two-sided: |ΔL| ≤ K σ, with `sigma_db` the σ without interference."""
+    """A two-sided monitor of a level in dB: |ΔL| ≤ K σ, where `sigma_db` is the σ without interference."""
 
     __slots__ = ()
     unit: ClassVar = "dB"
@@ -92,7 +92,7 @@ class LevelMonitor(Monitor):
         return two_sided_factor(self.p_fa) * self.sigma_db
 
     def probability_of_detection(self: _Level, change_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the probability that a change of the level is seen."""
+        """Return the probability that the monitor detects a change of the level."""
         return two_sided_detection(change_db / self.sigma_db, self.p_fa)
 
 
@@ -119,9 +119,9 @@ def count_threshold(trials: int, probability: float, p_fa: float) -> int:
 def confirmed(
     failed: Bool[np.ndarray, "*n"], run: Bool[np.ndarray, "*n"], confirm: int, before: Int64[np.ndarray, "*k"]
 ) -> Bool[np.ndarray, "*n"]:
-    """Return where a check failed `confirm` times in a row, epochs in which it was not run left out.
+    """Return where a check failed `confirm` times in a row; epochs in which it was not run do not count.
 
-    `before` says how many of a satellite's last tests before the block failed in a row, at most `confirm`.
+    `before` is how many of a satellite's last tests before the block failed in a row, at most `confirm`.
     """
     out = np.zeros(failed.shape, np.bool_)
     flat_failed, flat_run, flat_out = (array.reshape(array.shape[0], -1) for array in (failed, run, out))

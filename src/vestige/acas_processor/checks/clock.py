@@ -1,4 +1,4 @@
-"""The receiver clock as a witness: whether it runs as an oscillator of its kind can.
+"""Check whether the receiver clock runs as an oscillator of its kind can.
 
 Theory of operation
 -------------------
@@ -10,12 +10,12 @@ allows, over a step Δt,
     consistency    b_k − b_{k−1} − ½(d_k + d_{k−1}) Δt      c² (Sf Δt + Sg Δt³/12) + 2 σ_b² + ½ σ_d² Δt²
     slope          least-squares slope of the last drifts   wᵀ C w,  C_ij = c² Sg min(t_i, t_j) + σ_d² δ_ij
 
-as variances, and each test fails beyond K of its standard deviation, the budget P_fa shared in equal parts.
+as variances. Each test fails beyond K standard deviations. The three tests share the budget P_fa equally.
 
-The first sees a step of the drift, the second a time push of the codes that the carriers do not follow, the third a
-drift that is pulled off slowly. A pull-off below the random walk of the oscillator is hidden in it, and a push that the
-attacker plays consistently on code and carrier and slower than that is not seen at all. A receiver that steps its
-clock by whole milliseconds must take the steps out first.
+The innovation test detects a step of the drift. The consistency test detects a time push of the codes that the carriers
+do not follow. The slope test detects a slow pull of the drift. The random walk of the oscillator hides a slower
+pull-off. A push that is consistent on code and carrier, and slower than the random walk, is not detected. A receiver
+that steps its clock by whole milliseconds must remove the steps first.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 
 class ClockHistory(NamedTuple):
-    """The receiver clock of n epochs with a fix: times, bias and drift times c, and the variances of the two."""
+    """The receiver clock of n epochs with a fix: times, bias and drift times c, and the variances of bias and drift."""
 
     time_s: Float[np.ndarray, " n"]
     bias_m: Float[np.ndarray, " n"]
@@ -45,7 +45,7 @@ class ClockHistory(NamedTuple):
 
 
 class ClockStatistics(NamedTuple):
-    """Statistics and thresholds of n epochs; NaN where there are not enough epochs before."""
+    """Statistics and thresholds of n epochs; NaN where there are too few earlier epochs."""
 
     innovation: Float[np.ndarray, " n"]
     innovation_threshold: Float[np.ndarray, " n"]
@@ -57,7 +57,7 @@ class ClockStatistics(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockDriftMonitor:
-    """Whether bias and drift of the receiver clock are those of its oscillator.
+    """Monitor that compares bias and drift of the receiver clock with the noise of its oscillator.
 
     The default is the clock of [WFO, Sec. V].
     """
@@ -65,8 +65,8 @@ class ClockDriftMonitor:
     # Sf = h0/2 and Sg = 2π² h−2 of the oscillator
     white_s: float = 7.115e-24 / 2  # [WFO, Sec. V]
     walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
-    window: int = 10  # epochs of the slope, three or more
-    max_gap_s: float = 120.0  # longest step; after a longer one the monitor begins anew
+    window: int = 10  # number of epochs of the slope, 3 or more
+    max_gap_s: float = 120.0  # longest step between epochs; the monitor begins anew after a longer gap
     p_fa: float = 1e-5  # false-alarm probability of one epoch, all three tests together
 
     def __post_init__(self) -> None:
@@ -109,7 +109,7 @@ class ClockDriftMonitor:
             )
             centred = t - t.mean(axis=1, keepdims=True)
             weight = centred / np.sum(centred**2, axis=1, keepdims=True)
-            # wᵀ min(t_i, t_j) w, as a random walk is the sum of its steps: each step moves all later drifts
+            # wᵀ min(t_i, t_j) w: a random walk is the sum of its steps, and each step changes all later drifts
             later = np.ascontiguousarray(np.cumsum(weight[:, ::-1], axis=1)[:, ::-1][:, 1:])
             steps = np.diff(t, axis=1)
             walk = SPEED_OF_LIGHT_MPS**2 * self.walk_hz * np.sum(later**2 * steps, axis=1)
@@ -121,7 +121,7 @@ class ClockDriftMonitor:
     def probability_of_detection(
         self, step_mps: Float[np.ndarray, "*n"], interval_s: float, sigma_drift_mps: float
     ) -> Float[np.ndarray, "*n"]:
-        """Return the probability that the innovation test sees a step of the drift between two epochs."""
+        """Return the probability that the innovation test detects a step of the drift between two epochs."""
         sigma = math.sqrt(SPEED_OF_LIGHT_MPS**2 * self.walk_hz * interval_s + 2 * sigma_drift_mps**2)
         return two_sided_detection(step_mps / sigma, self.p_fa / 3)
 
@@ -173,7 +173,7 @@ _PARTS = {
 
 
 def clock_history(evidence: Evidence, window: int) -> tuple[ClockHistory, Int64[np.ndarray, " k"]]:
-    """Return the clock of the epochs with a fix, those before the block first, and the rows of the block's own."""
+    """Return the clock of all epochs with a fix, earlier blocks first, and the rows that belong to this block."""
     fix = evidence.measured.fix
     rows = np.zeros(0, np.int64) if fix is None else np.flatnonzero(fix.fix.valid)
     own = (

@@ -1,20 +1,20 @@
-"""Whether the signals are as late as the receiver's own clock allows.
+"""Check whether the signals are later than the error limit of the receiver's clock allows.
 
 Theory of operation
 -------------------
-The receiver keeps time by itself, and states an upper limit U of the error of its clock against Galileo System Time
+The receiver keeps time by itself. It states an upper limit U of the error of its clock against Galileo System Time
 (`time_uncertainty_s`). The E1 ranges measure the same error: the clock b of a position fix, times c. A replay that
 comes τ later makes b larger by c τ, whatever else the attacker suppresses. The check passes if
 
     with a fix       |b|/c ≤ U + (`MARGIN_M` + K σ_b)/c
     without a fix    |median(P)/c − 85 ms| ≤ U + 20 ms
 
-where P are the pseudoranges, and 65 to 105 ms the travel times of Galileo satellites (`position/possible_range.py`).
-`MARGIN_M` covers ionosphere and troposphere, which the fix does not correct, and orbits. K follows from `p_fa`.
+where P are the pseudoranges; Galileo travel times are 65 to 105 ms (`position/possible_range.py`). `MARGIN_M` covers
+ionosphere and troposphere, which the fix does not correct, and orbits. K follows from `p_fa`.
 
 The check is only as good as U. A replay passes if it is no later than U allows, or if the clock is wrong by as much as
 the replay is late. U is the limit that the receiver states. The smaller limit that follows from its last authentic fix
-does not count here, because the attacker may have been there before that fix.
+does not count here, because the attack may have begun before that fix.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ CLOCK_LIMIT_P_FA = 1e-9  # false-alarm probability of one test: 6 σ of the fix'
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockLimitMonitor(Monitor):
-    """Whether the clock error that the E1 ranges show lies within the limit that the receiver states.
+    """Monitor that compares the clock error from the E1 ranges with the limit that the receiver states.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class ClockLimitMonitor(Monitor):
     p_fa: float = CLOCK_LIMIT_P_FA
 
     def smallest_delay_s(self, *, time_uncertainty_s: float, sigma_clock_m: float) -> float:
-        """Return the threshold with a position fix in s: a replay that is later fails if the clock itself is right.
+        """Return the smallest delay in s of a replay that fails with a position fix, if the clock itself is right.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Whether E6 arrives when E1 says: step 2 of every level [WFO, Sec. IV-A], |offset| ≤ κσ [TAES2023, Eq. 21-24]."""
+"""Range check between E6 and E1: |offset| ≤ κσ, step 2 of every level [WFO, Sec. IV-A; TAES2023, Eq. 21-24]."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ KAPPA = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RangeCheck:
-    """Whether the range difference between E6 and E1 is within its error budget."""
+    """Check whether the range difference between E6 and E1 is within its error budget."""
 
     name: ClassVar = CheckName.E1_E6_RANGE
     unit: ClassVar = "m"
@@ -28,7 +28,7 @@ class RangeCheck:
 
     @property
     def p_fa(self) -> float:
-        """False-alarm probability of one test if σ is that of the errors; it is meant to be larger."""
+        """False-alarm probability of one test if σ equals that of the errors; a larger σ is intended, and lowers it."""
         return math.erfc(self.kappa / math.sqrt(2))
 
     @property
@@ -44,6 +44,6 @@ class RangeCheck:
             offset = offset_m[epoch, satellite]
             if np.isnan(offset):
                 return "nothing detected"
-            return f"E6 is {offset:+.1f} m from where E1 puts it, more than {self.limit_m:.1f} m"
+            return f"E6 is {offset:+.1f} m from the E1 prediction, more than {self.limit_m:.1f} m"
 
         return series_of(self, offset_m, np.full(evidence.shape, self.limit_m), explain)

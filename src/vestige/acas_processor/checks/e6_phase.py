@@ -1,27 +1,29 @@
-"""Whether the carrier phase of E6 follows that of E1 from RECS to RECS [WFO, Sec. VI-B, figures 12 and 13].
+"""Check whether the E6 carrier phase follows that of E1 from RECS to RECS [WFO, Sec. VI-B, figures 12 and 13].
 
 Theory of operation
 -------------------
-One oscillator drives both front ends, and geometry, troposphere and clocks move both carriers alike. So the phase φ of
-the detecting correlator, minus that which the carrier phase of E1 predicts (`searches/handover.py`), is a constant that
-changes with the ionosphere only. A second signal of amplitude a on E6 that comes nearer turns against the true one, a
-turn for each 23.4 cm, and adds the variance a²/2. The statistic is the scatter of φ about a straight line over the last
-N RECS against the noise, T of `monitoring/recs_windows.py`, as √(T/(N − 2)), with the variance of each RECS
+One oscillator drives both front ends, and geometry, troposphere and clocks change both carriers alike. φ is the phase
+of the detecting correlator minus the phase that the E1 carrier predicts (`searches/handover.py`). Only the ionosphere
+changes φ. A second E6 signal of amplitude a adds the variance a²/2 while its range changes: its phase against the true
+signal turns once for each 23.4 cm. The statistic is √(T/(N − 2)). T is the scatter of φ about a straight line over the
+last N RECS, relative to the noise (`monitoring/recs_windows.py`), with the variance of each RECS
 
     σ² = 1/m² + (f6/f1)² (σ_PLL² + (2π σ_FLL Δt)²)
 
-m is the magnitude of the correlator in standard deviations of the noise per dimension, σ_PLL and σ_FLL the noise of the
-loops of E1 at its C/N0, and Δt for how long its Doppler carried its phase on, to the middle of the RECS.
+m is the magnitude of the correlator in standard deviations of the noise per dimension. σ_PLL and σ_FLL are the noise of
+the E1 loops at its C/N0. Δt is the time over which the E1 Doppler extrapolates the E1 phase to the middle of the RECS.
 
-Between two RECS the phase is known up to whole turns. It is continued by the smaller way round, which is right if
+Between two RECS the phase is known up to whole turns. The smaller of the possible phase steps is taken. This choice is
+right if
 
     (2π/λ6) v |t_k − t_{k−1}| + 4 √(σ_k² + σ_{k−1}² + P) < π
 
-with v the fastest change of E6 − E1 by the ionosphere. Where that does not hold for all of the N RECS, the check is not
-run. Neither is it over more than 120 s, in which the ionosphere may not change along a straight line. `p_fa` is that of
-noise and multipath about such a line. Where the ionosphere bends, it is exceeded: at 10⁻⁶ and reflections that are new
-with each RECS, 73 of 59,677 overlapping windows of 100 RECS failed without a spoofer, none of 30 (docs/checks). At
-35 dBHz and v = 3 mm/s the phase can be continued over 27 s: with one RECS each 30 s there is no such check.
+with v the fastest change of E6 − E1 by the ionosphere. If this condition fails for any of the N RECS, the check is not
+run. The check is not run over more than 120 s either, because the ionosphere may not change linearly for longer. `p_fa`
+assumes noise and multipath about a straight line. An ionosphere that does not change linearly raises the false-alarm
+rate. For `p_fa` = 10⁻⁶ and reflections that are new with each RECS, 73 of 59,677 overlapping windows of 100 RECS failed
+without a spoofer; no window of 30 RECS failed (docs/checks). At 35 dBHz and v = 3 mm/s the phase can be continued over
+27 s. The check therefore does not run with one RECS each 30 s.
 """
 
 from __future__ import annotations
@@ -47,8 +49,8 @@ from vestige.navigation.elevation_model import relative_ray_amplitude
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.theory.thermal_noise import fll_variance_hz2, pll_variance_rad2
 
-STRAIGHT_S = 120.0  # in which a straight line is good for the ionosphere
-_SURE = 4.0  # standard deviations of a step that is continued by the smaller way round
+STRAIGHT_S = 120.0  # longest time over which a straight line describes the ionosphere
+_SURE = 4.0  # standard deviations of a phase step for which the smaller step is certainly right
 
 
 class _Tested(NamedTuple):
@@ -57,13 +59,13 @@ class _Tested(NamedTuple):
     scatter: Float[np.ndarray, " tests"]  # T
     limit: Float[np.ndarray, " tests"]  # its threshold
     whole: Bool[np.ndarray, " tests"]  # whether each RECS has a phase, and E1 tracked all the time
-    continued: Bool[np.ndarray, " tests"]  # whether the phase is known from each RECS to the next
-    straight: Bool[np.ndarray, " tests"]  # whether a straight line is good for the ionosphere
+    continued: Bool[np.ndarray, " tests"]  # whether the number of whole turns is known from each RECS to the next
+    straight: Bool[np.ndarray, " tests"]  # whether a straight line describes the ionosphere
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6PhaseMonitor(Monitor):
-    """Whether the phase of E6 scatters more about that of E1 than noise and multipath do.
+    """Monitor of the E6 phase: it fails if the phase scatters more about that of E1 than noise and multipath allow.
 
     Attributes
     ----------
@@ -72,7 +74,7 @@ class E6PhaseMonitor(Monitor):
     ray_power_db
         P, mean power of all reflections over the direct signal in dB, at 16° of elevation.
     ray_life_s
-        L, how long a reflection lasts, in s: 0 if each RECS has other reflections, infinite if nothing is known of it.
+        L, duration of a reflection in s: 0 if each RECS has other reflections, infinite if the duration is unknown.
     change_mps
         v, fastest change of E6 − E1 by the ionosphere, in m/s.
     pll_bandwidth_hz, fll_bandwidth_hz, loop_integration_s
@@ -98,7 +100,7 @@ class E6PhaseMonitor(Monitor):
         cn0_e1_dbhz: Float[np.ndarray, "*n"],
         extrapolated_s: Float[np.ndarray, "*n"],
     ) -> Float[np.ndarray, "*n"]:
-        """Return σ², what noise does to the phase of each RECS."""
+        """Return σ², the variance of the phase of each RECS by noise."""
         cn0_hz = 10 ** (cn0_e1_dbhz / 10)
         loops = {"integration_s": self.loop_integration_s}
         of_phase = pll_variance_rad2(cn0_hz, bandwidth_hz=self.pll_bandwidth_hz, **loops)
@@ -107,7 +109,7 @@ class E6PhaseMonitor(Monitor):
         return 1 / magnitude_sigma**2 + (E6_CARRIER_HZ / E1_CARRIER_HZ) ** 2 * of_e1
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block: at every RECS, of the last N RECS of each satellite."""
+        """Return the check over a block: each test is over the last N RECS of a satellite."""
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
         far, long = np.zeros((2, *evidence.shape), np.bool_)
         relative = relative_ray_amplitude(evidence.elevation_rad)
@@ -134,12 +136,12 @@ class E6PhaseMonitor(Monitor):
                 return f"the last {self.window} RECS take more than {STRAIGHT_S:g} s"
             if np.isnan(statistic[here]):
                 return f"fewer than {self.window} RECS in a row with a carrier phase of E1 without a gap"
-            return f"the phase of E6 scatters about that of E1 {statistic[here]:.1f} times as widely as noise does"
+            return f"the phase of E6 scatters about that of E1 {statistic[here]:.1f} times as much as noise does"
 
         return series_of(self, statistic, threshold, explain)
 
     def _tested(self, recs: Recs, ends_here: Bool[np.ndarray, " k"], power: Float[np.ndarray, " tests"]) -> _Tested:
-        """Return what is said of each window; `ends_here` says which of them end in the block."""
+        """Return the properties of each window; `ends_here` marks the windows that end in the block."""
         n = self.window
         variance = self.variance_rad2(recs.magnitude_sigma, recs.cn0_e1_dbhz, recs.extrapolated_s)
         time_s, phase_rad, variance, stretch = (

@@ -1,22 +1,23 @@
-"""Inertial bridging: whether the range rate changes between two RECS as the accelerometers say.
+"""Check whether the range rate changes between two RECS as the accelerometers predict (inertial bridging).
 
 Theory of operation
 -------------------
-Between two epochs the rate of the pseudorange changes by the satellite's motion, which the ephemeris predicts for a
-receiver that does not accelerate, by the receiver's acceleration along the line of sight, and by its clock:
+Three causes change the pseudorange rate between two epochs: the satellite's motion, which the ephemeris predicts for a
+receiver that does not accelerate; the receiver's acceleration along the line of sight; and the receiver's clock:
 
     ρ̇₁ − ρ̇₀ = Δ_satellite − Δ(e·v) + Δdrift        e: unit vector to the satellite, v: velocity against the Earth
     Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means of both ends, a: acceleration
 
-so the difference of both sides is limited by what is left of each:
+The difference of both sides has the variance of the remaining errors:
 
     variance = σ_ρ̇,0² + σ_ρ̇,1² + (σ_bias T)² + N² T + c² Sg T
 
 with σ_bias the accelerometers' bias, N their velocity random walk and Sg that of the receiver's oscillator. The test
-fails beyond K standard deviations. A pull-off that stays below the oscillator's and the accelerometers' drift, and one
-that is over before the next epoch with the rate back where it was, are not seen.
+fails beyond K standard deviations. The test does not detect a pull-off that stays below the drift of oscillator and
+accelerometers. It does not detect a pull-off that ends before the next epoch either, if the rate then has its old
+value.
 
-Accelerations are kinematic: the second derivative of the place against the Earth, gravity taken off.
+Accelerations are kinematic: the second derivative of the position relative to the Earth, without gravity.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InertialMonitor(Monitor):
-    """Whether the range rate between two RECS changed as accelerometers and ephemeris say."""
+    """Monitor that compares the change of the range rate between two RECS with accelerometers and ephemeris."""
 
     name: ClassVar = CheckName.INERTIAL_RANGE_RATE
     unit: ClassVar = "m/s"
@@ -49,7 +50,7 @@ class InertialMonitor(Monitor):
     p_fa: float = 1e-6
 
     def sigma_mps(self, interval_s: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the standard deviation of the statistic after an interval T, without the errors of the range rates."""
+        """Return the standard deviation of the statistic after an interval T, apart from errors of the range rates."""
         walk = self.walk_mps_per_sqrt_s**2 + SPEED_OF_LIGHT_MPS**2 * self.clock_walk_hz
         return np.sqrt((self.sigma_bias_mps2 * interval_s) ** 2 + walk * interval_s)
 
@@ -72,12 +73,12 @@ class InertialMonitor(Monitor):
     def probability_of_detection(
         self, pull_mps: Float[np.ndarray, "*n"], interval_s: float, sigma_rate_mps: float
     ) -> Float[np.ndarray, "*n"]:
-        """Return the probability that a change of the range rate by an attacker is seen after an interval."""
+        """Return the probability that the monitor detects an attacker's change of the range rate after an interval."""
         sigma = np.hypot(self.sigma_mps(np.asarray([interval_s]))[0], math.sqrt(2) * sigma_rate_mps)
         return two_sided_detection(pull_mps / sigma, self.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block: at every epoch with RECS and a position, against the one before."""
+        """Return the check over a block: each epoch with RECS and a position is compared with the previous such one."""
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
         reasons: dict[int, str] = {}
         for epoch, step in rate_steps(evidence):

@@ -1,17 +1,19 @@
-"""OSNMA as checks: whether keys still come, and whether what was demodulated is what the satellites sent.
+"""Check whether OSNMA keys still arrive, and whether demodulated fields are those that the satellites sent.
 
-An attacker who cannot forge OSNMA can keep it from being received: noise just strong enough for bit errors leaves
-ranging intact and denies keys and tags. Two checks look for that.
+An attacker who cannot forge OSNMA can prevent its reception. Noise that is just strong enough for bit errors leaves
+ranging intact and denies keys and tags. Two checks detect such an attack.
 
-**Availability.** The statistic is the number of the last n subframes without a validated key. Without an attack a
-subframe is lost with a known probability p, so the number is binomial. The threshold is the smallest count that is
-exceeded with at most P_fa.
+**Availability.** The statistic counts the subframes without a validated key among the last n. Without an attack a
+subframe is lost with a known probability p, so the count is binomial. The threshold is the smallest count that is
+exceeded with a probability of at most P_fa.
 
-**Assisted comparison** [WFO, Sec. IV-C]. Keys and tags come from a second channel (the network) too. Fields that are
-missing or damaged count as above, now field by field and so within seconds. A field whose page passed its checksum
-and yet differs is no reception error (2⁻²⁴ a page): one is enough to say that somebody else sent it.
+**Assisted comparison** [WFO, Sec. IV-C]. Keys and tags also come from a second channel (the network). Missing or
+damaged fields are counted field by field, so the check needs only seconds. A field that differs although its page
+passed the checksum is no reception error (probability 2⁻²⁴ a page). A single such field shows that another sender is
+active.
 
-They see no attack that leaves the data alone, and a second channel in the attacker's hand proves nothing.
+The checks do not detect an attack that leaves the data unchanged. A second channel that the attacker controls proves
+nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LossMonitor(Monitor):
-    """Whether no more is missing than reception loses; the test keeps below its P_fa."""
+    """Monitor of losses: it fails if more is missing than reception loses, with a probability below its P_fa."""
 
     loss_probability: float = 0.02  # probability of a loss in one trial without an attack
     p_fa: float = 1e-5
@@ -47,7 +49,7 @@ class _LossMonitor(Monitor):
     def probability_of_detection(
         self, loss_probability: Float[np.ndarray, " k"], trials: int
     ) -> Float[np.ndarray, " k"]:
-        """Return the probability that jamming is seen under which a trial is lost with this probability."""
+        """Return the probability that the monitor detects jamming that causes a given probability of loss."""
         return bdtrc(float(self.threshold(trials)), trials, loss_probability)
 
     def _limits(self, trials: Int64[np.ndarray, " k"]) -> Int64[np.ndarray, " k"]:
@@ -56,7 +58,7 @@ class _LossMonitor(Monitor):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaAvailabilityMonitor(_LossMonitor):
-    """Whether enough subframes brought a validated key."""
+    """Check whether enough subframes brought a validated key."""
 
     name: ClassVar = CheckName.OSNMA_AVAILABILITY
     unit: ClassVar = "subframes"
@@ -74,7 +76,7 @@ class OsnmaAvailabilityMonitor(_LossMonitor):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaAgreementMonitor:
-    """Whether what was received is what the second channel has; one difference is one too many."""
+    """Monitor that compares received fields with those of the second channel; any difference fails."""
 
     name: ClassVar = CheckName.OSNMA_AGREEMENT
     unit: ClassVar = "fields"
@@ -93,7 +95,7 @@ class OsnmaAgreementMonitor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaReceptionMonitor(_LossMonitor):
-    """Whether OSNMA was received as the second channel has it."""
+    """Monitor of OSNMA fields that were lost although the second channel has them."""
 
     name: ClassVar = CheckName.OSNMA_RECEPTION
     unit: ClassVar = "fields"

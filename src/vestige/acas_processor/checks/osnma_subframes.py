@@ -1,4 +1,4 @@
-"""OSNMA subframe by subframe, beside a second channel: what the three OSNMA checks count [WFO, Sec. IV-C].
+"""Compare OSNMA with a second channel, subframe by subframe: the counts for the three OSNMA checks [WFO, Sec. IV-C].
 
 A subframe is judged at the first epoch after its end. The key of the subframe counts as received if one satellite
 brought all its pages, and no page differs from that of the second channel.
@@ -19,15 +19,15 @@ from vestige.records.snapshot_block import OsnmaBlock
 
 KEY_WINDOW = 20  # subframes in which missing keys are counted, 10 minutes
 KEY_BIT = 1 << PAGES_A_SUBFRAME  # a key that is compared as a whole
-_KEY_PAGES = sum(1 << page for page in range(10, 15))  # hold the bits of a key of 128 bits [OSNMA-ICD]
+_KEY_PAGES = sum(1 << page for page in range(10, 15))  # pages with the bits of a key of 128 bits [OSNMA-ICD]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Subframes:
     """The k subframes that ended in a block."""
 
-    epoch: Int64[np.ndarray, " k"]  # row at which each is judged
-    # subframes without a key among the last ones, and how many those are
+    epoch: Int64[np.ndarray, " k"]  # row at which each subframe is judged
+    # number of the last subframes without a key, and number of the last subframes
     missing: Int64[np.ndarray, " k"]
     window: Int64[np.ndarray, " k"]
     # pages, or keys, of all satellites
@@ -40,12 +40,12 @@ class Subframes:
 def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMemory) -> tuple[Subframes, OsnmaMemory]:
     """Return the subframes that ended in a block, and the memory after it.
 
-    `block` holds pieces of subframes in order of time; None without a second channel.
+    `block` contains pieces of subframes in order of time; None without a second channel.
     """
     keyed, current = memory.keyed, memory.open
     rows: list[tuple[int, ...]] = []
     for of in _together(block):
-        if current is None or of.start != current.start:  # the last pieces of the other never came: nothing is said
+        if current is None or of.start != current.start:  # pieces of the other are missing
             current = Subframe(start=of.start)
         current = _joined(current, of, svids)
         if not of.last:
@@ -60,11 +60,11 @@ def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMem
 
 
 class _Pieces(NamedTuple):
-    """Pieces of one subframe that follow each other, with the bits of all of them."""
+    """Consecutive pieces of one subframe, with the bits of all pieces."""
 
     start: int  # start of the subframe
     epoch: int  # row of the last piece
-    last: bool  # whether that ends the subframe
+    last: bool  # whether the last piece ends the subframe
     # a number of bits for each satellite
     due: list[int]
     received: list[int]
@@ -72,7 +72,7 @@ class _Pieces(NamedTuple):
 
 
 def _together(block: OsnmaBlock | None) -> Iterator[_Pieces]:
-    """Yield the pieces of a block, those of one subframe together."""
+    """Yield the pieces of a block, grouped by subframe."""
     if block is None or not block.epoch.size:
         return
     ends = np.append((block.subframe[1:] != block.subframe[:-1]) | block.last[:-1], True)
@@ -98,7 +98,7 @@ def _joined(known: Subframe, pieces: _Pieces, svids: tuple[int, ...]) -> Subfram
 
 
 def _counts(known: Subframe) -> tuple[bool, int, int, int, int]:
-    """Return whether the key came, and how many pages were due, lost, received and different."""
+    """Return whether the key was received, and how many pages were due, lost, received and different."""
     keyed, due, lost, received, differs = False, 0, 0, 0, 0
     for svid, bits in known.due.items():
         came, wrong = known.received.get(svid, 0), known.differs.get(svid, 0)

@@ -1,6 +1,7 @@
-"""RAIM by residuals as a check: whether the pseudoranges of an epoch agree.
+"""Check whether the pseudoranges of an epoch agree: RAIM by residuals.
 
-See `navigation/raim.py` for the theory. A pull of all satellites together, in time or in position, is not seen.
+See `navigation/raim.py` for the theory. The check does not detect a pull of all satellites together, in time or in
+position.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RaimMonitor(Monitor):
-    """Whether the residuals of a fix are those of independent errors with the σ of its weights."""
+    """Monitor that compares the residuals of a fix with independent errors of the σ of its weights."""
 
     name: ClassVar = CheckName.RAIM
     unit: ClassVar = "sigma²"
@@ -41,13 +42,13 @@ class RaimMonitor(Monitor):
     def probability_of_detection(
         self, fix: Fix, column: int, bias_m: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, " k"]:
-        """Return the probability that a bias on the satellite of a column is seen, in the first epoch of a fix."""
+        """Return the probability that a bias on a column's satellite is detected, in the first epoch of a fix."""
         share = redundancy(fix.geometry[:1], fix.weight[:1]).unexplained[0, column]
         freedom = int(degrees_of_freedom(fix.weight[:1])[0])
         return 1 - missed_detection(bias_m**2 * fix.weight[0, column] * share, freedom, self.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block; if it fails, the reason names the satellite that would explain it."""
+        """Return the check over a block; the reason of a failure names the satellite that would explain it."""
         fix, snapshots = evidence.measured.fix, evidence.measured.snapshots
         nothing = np.full(evidence.shape[0], np.nan)
         used = np.zeros(evidence.shape[0], np.int64) if fix is None else fix.satellites

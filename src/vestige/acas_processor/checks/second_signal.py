@@ -1,26 +1,26 @@
-"""A second signal in the correlators of one RECS, against what multipath reflections may leave there [WFO, Sec. III-B].
+"""Check for a second signal in the correlators of one RECS, beyond multipath reflections [WFO, Sec. III-B].
 
 Theory of operation
 -------------------
-One signal is a triangle r(τ) of unknown amplitude and place. With C the correlation of the noise in the taps,
-⟨a, b⟩ = aᴴC⁻¹b, taps c in standard deviations of the noise per dimension and τ₁ where |⟨r, c⟩|²/⟨r, r⟩ is largest,
+One signal is a triangle r(τ) of unknown amplitude and position. C is the correlation of the noise in the taps, ⟨a, b⟩ =
+aᴴC⁻¹b, and c are the taps in standard deviations of the noise per dimension. τ₁ is the position at which |⟨r, c⟩|²/⟨r,
+r⟩ is largest. The statistic √G with
 
     r₂⊥ = r(τ) − r(τ₁) ⟨r(τ₁), r(τ)⟩/⟨r(τ₁), r(τ₁)⟩        G = max over |τ − τ₁| ≥ ½ chip of |⟨r₂⊥, c⟩|²/⟨r₂⊥, r₂⊥⟩
 
-is how much better two signals explain the taps than one. Noise alone makes every |·|²/2 exponential. A reflection of
-Rayleigh amplitude and mean power P over a direct signal of amplitude s adds at most s²P/2 to the variance in each
-dimension, and looks like a spoofer: nobody can tell the two apart by one RECS. So
+measures how much better two signals explain the taps than one signal. Noise alone makes every |·|²/2 exponential. A
+reflection of Rayleigh amplitude and mean power P over a direct signal of amplitude s adds at most s²P/2 to the variance
+in each dimension. A single RECS cannot tell such a reflection from a spoofing signal. So
 
-    fail where √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = places that are tried
+    fail where √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = number of positions tried
 
-with k = 1 where the weaker signal is the later one. That is an upper limit, because neighbouring places share noise and
-a reflection rarely lies in the worst one. If P is −15.8 dB (harsh conditions), no later signal below −4 dB of the
-direct one is seen at p_fa = 10⁻⁶, however large C/N0 is.
+with k = 1 where the weaker signal is the later signal. The false-alarm probability is an upper limit, because
+neighbouring positions share noise and a reflection rarely lies at the worst position. If P is −15.8 dB (harsh
+conditions), no later signal below −4 dB of the direct signal is detected at p_fa = 10⁻⁶, however large C/N0 is.
 
-A reflection never arrives before its direct signal. If the weaker signal is the earlier one, the stronger one can
-therefore not be its reflection, and noise alone sets the threshold, up to k = 0.06: a reflection that is too near to be
-told apart bends the triangle, and τ₁ is found to 0.05 chip, which both leave a little on the early side (measured:
-false alarms stay below p_fa up to 45 dBHz over 16 ms).
+A reflection never arrives before its direct signal. If the weaker signal is the earlier signal, it is no reflection of
+the stronger signal. Then noise sets the threshold, with a small k = 0.06 for two effects: a near reflection bends the
+triangle, and τ₁ is found to 0.05 chip. With this k, measured false alarms stay below p_fa up to 45 dBHz over 16 ms.
 
 The check looks at the correlators within `reach_m` of the prediction. Farther out the early detector tells two signals
 apart by itself.
@@ -47,18 +47,18 @@ from vestige.signals.pulse import BPSK, autocorrelation
 _CHIPS_A_METRE = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
 _STEP_CHIPS = 0.05
 _APART_CHIPS = 0.5
-_EARLY_SHARE = 0.06  # k of the weaker signal that comes first
+_EARLY_SHARE = 0.06  # k where the weaker signal is the earlier signal
 _BLOCK = 20_000  # epochs at once, so that memory does not grow
 
 
 class TwoSignals(NamedTuple):
-    """The two signals that explain the correlators of a RECS best."""
+    """Best fit of two signals to the correlators of a RECS."""
 
     statistic: Float[np.ndarray, "*n"]  # √G
-    # the stronger one: amplitude s in standard deviations of the noise per dimension, and offset in m
+    # stronger signal: amplitude s in standard deviations of the noise per dimension, and offset in m
     amplitude: Float[np.ndarray, "*n"]
     stronger_m: Float[np.ndarray, "*n"]
-    weaker_m: Float[np.ndarray, "*n"]  # offset of the weaker one in m
+    weaker_m: Float[np.ndarray, "*n"]  # offset of the weaker signal in m
 
     @property
     def earlier_m(self) -> Float[np.ndarray, "*n"]:
@@ -67,7 +67,7 @@ class TwoSignals(NamedTuple):
 
 
 class _Places(NamedTuple):
-    """Quantities independent of the taps: positions, r(τ)/√⟨r, r⟩, and that of r₂⊥ for each pair (0 if too near)."""
+    """Quantities independent of the taps: positions, r(τ)/√⟨r, r⟩, and r₂⊥/√⟨r₂⊥, r₂⊥⟩ of each pair (0 if too near)."""
 
     at_m: Float[np.ndarray, " places"]
     whitened: Float[np.ndarray, "places n_taps"]
@@ -76,7 +76,7 @@ class _Places(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SecondSignalMonitor(Monitor):
-    """Whether the correlators of one RECS hold more than one signal and its reflections."""
+    """Monitor that detects more than one signal and its reflections in the correlators of one RECS."""
 
     name: ClassVar = CheckName.E6_SECOND_SIGNAL
     unit: ClassVar = "sigma"
@@ -86,7 +86,7 @@ class SecondSignalMonitor(Monitor):
     reach_m: float = np.inf  # correlators farther from the prediction are left out
 
     def near(self, offsets_m: Float[np.ndarray, " n_taps"]) -> Bool[np.ndarray, " n_taps"]:
-        """Return the correlators that the check looks at."""
+        """Return which correlators the check uses."""
         return np.abs(offsets_m) <= self.reach_m * (1 + 1e-9)
 
     def statistic(
@@ -106,7 +106,7 @@ class SecondSignalMonitor(Monitor):
             part = slice(low, low + _BLOCK)
             alone = np.abs(
                 np.einsum("nt,pt->np", scaled[part], places.whitened)
-            )  # no BLAS: same bits for any number of rows
+            )  # without BLAS, so that any number of rows gives the same bits
             first = np.argmax(alone, axis=1)
             further = np.abs(np.einsum("npt,nt->np", places.beside[first], scaled[part]))
             second, row = np.argmax(further, axis=1), np.arange(first.size)
@@ -153,7 +153,7 @@ def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> Two
 
 @cache
 def _places(offsets_m: tuple[float, ...]) -> _Places:
-    """Return the places of a bank of taps, which end where its taps do."""
+    """Return the positions of a bank of taps, from its first to its last tap."""
     chips = np.array(offsets_m) * _CHIPS_A_METRE
     at = np.arange(chips[0], chips[-1] + _STEP_CHIPS / 2, _STEP_CHIPS)
     shape = autocorrelation(BPSK, np.subtract.outer(at, chips).ravel()).reshape(at.size, chips.size)
@@ -161,7 +161,7 @@ def _places(offsets_m: tuple[float, ...]) -> _Places:
     noise = autocorrelation(BPSK, lags.ravel()).reshape(lags.shape)
     weighted = np.linalg.solve(noise, shape.T).T  # C⁻¹ r
     own = np.einsum("pt,pt->p", shape, weighted)
-    share = (weighted @ shape.T) / own[:, None]  # ⟨r₁, r⟩/⟨r₁, r₁⟩, first place by second
+    share = (weighted @ shape.T) / own[:, None]  # ⟨r₁, r⟩/⟨r₁, r₁⟩, first position by second
     left = own[None, :] - share**2 * own[:, None]
     apart = (np.abs(at[:, None] - at) >= _APART_CHIPS) & (left > 1e-6)
     beside = np.where(

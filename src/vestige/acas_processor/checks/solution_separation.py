@@ -1,6 +1,7 @@
-"""Solution separation as a check: whether the position without each satellite is where the position with all is.
+"""Check whether the position without each satellite agrees with the position from all (solution separation).
 
-See `navigation/raim.py` for the theory. A pull of all satellites together, in time or in position, is not seen.
+See `navigation/raim.py` for the theory. The check does not detect a pull of all satellites together, in time or in
+position.
 """
 
 from __future__ import annotations
@@ -21,24 +22,24 @@ _AXES = ("east", "north", "up")
 
 
 def separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3 m"], Int[np.ndarray, " n"]]:
-    """Return |Δx_q|/σ_ss,q for east, north, up and every satellite, NaN where not defined, and how many are defined."""
+    """Return |Δx_q|/σ_ss,q for east, north, up and every satellite (NaN if undefined), and how many are defined."""
     parts = redundancy(local_geometry(fix), fix.weight)
     separation = solution_separation(parts, fix.residual_m, fix.weight)
     sigma = separation.sigma_m[:, :3]
-    # an axis that a satellite hardly touches has a σ of rounding errors
+    # if a satellite hardly affects an axis, its σ is only rounding errors
     touched = sigma > 1e-9
     modes = np.count_nonzero(np.isfinite(sigma[:, 2]), axis=1)
     return np.abs(separation.difference_m[:, :3]) / np.where(touched, sigma, np.nan), modes
 
 
 def largest_separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
-    """Return `separations` of the satellite that has the largest, axis by axis, and how many satellites there are."""
+    """Return the largest of `separations` on each axis, and the number of satellites."""
     sigmas, modes = separations(fix)
     return _largest(sigmas), modes
 
 
 def _largest(values: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n"]:
-    """Return the largest number of the last axis, NaN where there is none."""
+    """Return the largest number of the last axis, NaN where all are NaN."""
     known = np.isfinite(values)
     found = np.max(np.where(known, values, -np.inf), axis=-1, initial=-np.inf)
     return np.where(known.any(axis=-1), found, np.nan)
@@ -46,7 +47,7 @@ def _largest(values: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n"]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolutionSeparationMonitor(Monitor):
-    """Whether the position without each satellite is where the position with all is.
+    """Monitor that compares the position without each satellite with the position from all satellites.
 
     The statistic is the largest |Δx_q|/(K_q σ_ss,q) over satellites and axes, so its threshold is 1.
     """
@@ -59,23 +60,23 @@ class SolutionSeparationMonitor(Monitor):
 
     @property
     def p_fa(self) -> float:
-        """False-alarm probability of one epoch; an upper limit, as the modes depend on each other."""
+        """False-alarm probability of one epoch; an upper limit, because the modes are not independent."""
         return self.p_fa_horizontal + self.p_fa_vertical
 
     @classmethod
     def of_budget(cls, p_fa: float) -> SolutionSeparationMonitor:
-        """Return the monitor of one budget for all axes: half of it horizontal, half vertical."""
+        """Return the monitor with one budget for all axes: half horizontal, half vertical."""
         return cls(p_fa_horizontal=p_fa / 2, p_fa_vertical=p_fa / 2)
 
     def factors(self, modes: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-        """Return K of east, north and up, for so many satellites left out in turn."""
+        """Return K of east, north and up; `modes` is the number of satellites left out in turn."""
         axes = (self.p_fa_horizontal / 2, self.p_fa_horizontal / 2, self.p_fa_vertical)
         counts, place = np.unique(modes, return_inverse=True)
         table = [[separation_factor(p_fa, max(count, 1)) for p_fa in axes] for count in counts.tolist()]
         return np.array(table, np.float64).reshape(-1, len(axes))[place]
 
     def ratios(self, fix: Fix) -> Float[np.ndarray, "n 3 m"]:
-        """Return |Δx_q| over its threshold for east, north, up and every satellite; NaN where not defined."""
+        """Return |Δx_q| over its threshold for east, north, up and every satellite; NaN where undefined."""
         sigmas, modes = separations(fix)
         return sigmas / self.factors(modes)[..., None]
 
@@ -86,15 +87,15 @@ class SolutionSeparationMonitor(Monitor):
     def over_threshold(
         self, largest: Float[np.ndarray, "n 3"], modes: Int[np.ndarray, " n"]
     ) -> Float[np.ndarray, " n"]:
-        """Return `statistic` from what `largest_separations` found: that knows no budget, and this no fix."""
+        """Return `statistic` from the result of `largest_separations`, without a fix."""
         return _largest(largest / self.factors(modes))
 
     def probability_of_detection(
         self, fix: Fix, column: int, bias_m: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, " k"]:
-        """Return the probability that leaving out the biased satellite of a column shows it, in the first epoch.
+        """Return the probability that leaving out a column's biased satellite reveals the bias, in the first epoch.
 
-        Other satellites may show it too: a lower limit.
+        The result is a lower limit, because leaving out other satellites may reveal the bias too.
         """
         share = redundancy(fix.geometry[:1], fix.weight[:1]).unexplained[0, column]
         used = int(fix.n_used[0])

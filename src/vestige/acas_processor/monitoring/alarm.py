@@ -1,9 +1,9 @@
-"""State of each satellite that a receiver shows: one alarm for each change of state, and no flicker.
+"""State of each satellite that a receiver shows, with one alarm for each change of state.
 
-Verdicts come one for each RECS and suspicion comes between them, so the state of a satellite is the gravest status of
-the last `HOLD_S`: it is raised at once, and falls only when nothing as grave was seen for that long. An attack that a
-check sees every now and then is one alarm, not hundreds. AUTHENTIC is a statement about a range, so it is not kept for
-a satellite that E1 has lost, which has no range. Alarms are kept.
+A verdict comes with each RECS, and suspicions come between the RECS. The state of a satellite is therefore the gravest
+status of the last `HOLD_S`. A graver status raises the state at once; the state falls only after `HOLD_S` without a
+status as grave. So an attack that a check detects only now and then is a single alarm. AUTHENTIC is a statement about a
+range, so it is not kept for a satellite that E1 has lost, which has no range. Alarms are kept.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from vestige.acas_processor.levels import ALARMS, GRAVITY, POSITION
 from vestige.records import Status
 from vestige.time import GalileoTime
 
-HOLD_S = 90.0  # three RECS of the service, one each 30 s
+HOLD_S = 90.0  # 3 RECS of the service, one each 30 s
 _AUTHENTIC, _NOT_AVAILABLE = POSITION[Status.AUTHENTIC], POSITION[Status.NOT_AVAILABLE]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateChange:
-    """A satellite's state changed."""
+    """A change of the state of a satellite."""
 
-    time: GalileoTime  # time of the snapshot that changed it
+    time: GalileoTime  # time of the snapshot that changed the state
     svid: int
     before: Status
     after: Status
-    reason: str  # reason of the verdict that changed it; "" if nothing happened for long enough
+    reason: str  # reason of the verdict that changed the state; "" if the state fell after `HOLD_S`
 
     @property
     def alarm(self) -> bool:
-        """Whether it is one to worry about: a state of alarm that was not there before."""
+        """Whether the new state is a state of alarm."""
         return self.after in ALARMS
 
 
@@ -42,7 +42,7 @@ class StateChange:
 class AlarmState:
     """State of all satellites."""
 
-    # when each status was last seen, by satellite, in s after the receiver's origin
+    # last time of each status, by satellite, in s after the receiver's origin
     seen: Mapping[int, Mapping[Status, float]] = field(default_factory=dict)
     shown: Mapping[int, Status] = field(default_factory=dict)
 
@@ -56,8 +56,8 @@ class AlarmState:
     ) -> tuple[Int8[np.ndarray, "n m"], AlarmState]:
         """Return the state of every epoch and satellite, as positions in `Status`, and the state after the block.
 
-        `time_s` ascends, after the receiver's origin. Where no status is `due` the state stays as it is; `lost` is
-        where E1 has lost a satellite.
+        `time_s` ascends and counts from the receiver's origin. Where no status is `due` the state stays unchanged.
+        `lost` marks where E1 has lost a satellite.
         """
         n = time_s.size
         shown = np.array([POSITION[self.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids], np.int8)
@@ -91,7 +91,7 @@ class AlarmState:
 def _last_time(
     where: Bool[np.ndarray, "n m"], time_s: Float[np.ndarray, " n"], before_s: Float[np.ndarray, " m"]
 ) -> Float[np.ndarray, "n m"]:
-    """Return when something was last true, at or before each epoch; −∞ if never."""
+    """Return the time of the last true value at or before each epoch; −∞ if there is none."""
     times = np.where(where, time_s[:, None], -np.inf)
     return np.maximum(np.maximum.accumulate(times, axis=0), before_s)
 
@@ -99,7 +99,7 @@ def _last_time(
 def state_changes(
     svids: tuple[int, ...], state: Int8[np.ndarray, "n m"], before: AlarmState
 ) -> list[tuple[int, int, Status, Status]]:
-    """Return where the state of a satellite changes: row, column, state before and after."""
+    """Return the changes of state: row, column, state before and after."""
     statuses = tuple(POSITION)
     first = np.array([[POSITION[before.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids]], np.int8)
     earlier = np.concatenate([first, state[:-1]])

@@ -7,11 +7,12 @@ Theory of operation
 
     P_fa = alarms a day / (number of such checks · tests a day)
 
-Some checks have their own false-alarm probability, and come on top: the range check errs with erfc(κ/√2) if its budget
-σ equals that of the errors (it is meant to be larger), or because noise exceeds the detection threshold in one of N
-correlators, N times their P_fa; E6 power errs with 1 − P_d, averaged over fading by multipath (`theory/fading.py`);
-power–distortion with its published 0.6 % [WESSON18] to the power of its confirmations, and differing OSNMA with 2⁻²⁴ a
-page. These are upper limits, and so is their sum: an alarm that is kept (`alarm.py`) counts its failures once.
+Some checks have their own false-alarm probability, in addition to this budget. The range check has erfc(κ/√2) if its σ
+equals that of the errors (a larger σ is intended). In addition, noise exceeds the detection threshold in one of N
+correlators with N times their P_fa. E6 power has 1 − P_d, averaged over fading by multipath (`theory/fading.py`).
+Power–distortion has its published 0.6 % [WESSON18] to the power of its confirmations. Differing OSNMA has 2⁻²⁴ a page.
+These probabilities are upper limits. Their sum is an upper limit too, because an alarm that is kept (`alarm.py`) counts
+its failures once.
 
 **With `alarms_per_day` = a** the whole level may raise at most a false alarms in one day. Alarms that no threshold
 changes are subtracted first: those by noise in the N correlators, and OSNMA's 2⁻²⁴. The other n checks of the level get
@@ -23,13 +24,12 @@ equal shares, and with T tests a day each
     power–distortion   ⌈ln P / ln 0.006⌉ failures in a row
     all others         P_fa = P
 
-For level 1, eight satellites and a RECS each 30 s, a = 1: 0.11 a day are noise in 46 correlators, P = 1.9·10⁻⁵,
-κ = 4.27.
-Checks that a user wrote keep their own probability, on top of a.
+For level 1, eight satellites and a RECS each 30 s, a = 1: 0.11 a day are noise in 46 correlators, P = 1.9·10⁻⁵, κ =
+4.27. Checks that a user wrote keep their own probability, in addition to a.
 
-Among those that can be set, clock and RAIM are *exact*: their statistics have the law from which the threshold is
-taken. The others allow for errors that are not always there, such as a front end that drifts or a C/N0 that fades.
-Their probabilities are upper limits, too.
+Among the checks with a settable probability, clock and RAIM are *exact*: their statistics have the distribution from
+which the threshold is computed. The other checks allow for errors that are not always present, such as a front end that
+drifts or a C/N0 that fades. Their probabilities are upper limits, too.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ if TYPE_CHECKING:
     from vestige.acas_processor.verdict_block import VerdictBlock
 
 ALARMS_PER_DAY = 1.0  # sum over all checks whose probability can be chosen
-_LARGEST_P_FA = 0.5  # false-alarm probability of one test, however many alarms a day a user allows
+_LARGEST_P_FA = 0.5  # upper limit of the false-alarm probability of one test
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cadence:
-    """Numbers that set how often a receiver tests: satellites, and times between epochs, RECS and searches."""
+    """Numbers that determine how often a receiver tests: satellites, and times between epochs, RECS and searches."""
 
     satellites: int
     # time between epochs of E1, between RECS, and between exhaustive searches, in s
@@ -68,7 +68,7 @@ class Cadence:
     search_s: float = 3600.0
 
     def tests_a_day(self, row: CheckSpec) -> float:
-        """Return how many tests of a check there are in a day."""
+        """Return the number of tests of a check in a day."""
         interval_s = {
             TestCadence.OBSERVATION: self.observation_s,
             TestCadence.RECS: self.recs_s,
@@ -93,14 +93,14 @@ def false_alarm_budget(
     Parameters
     ----------
     level, cadence
-        Mitigation level, and how often it tests.
+        Mitigation level, and how often its checks test.
     alarms_per_day
-        False alarms a day of the whole level. None: `ALARMS_PER_DAY` for all checks together whose probability can be
-        chosen, and the others bring their own.
+        False alarms a day of the whole level. With None, the checks with a settable probability have `ALARMS_PER_DAY`
+        together, and the other checks have their own probability.
     kappa
-        Factor of the range check; without `alarms_per_day` only.
+        Factor of the range check; used only without `alarms_per_day`.
     pd
-        Mean probability that E6 is detected where a miss is an alarm; without `alarms_per_day` only.
+        Mean probability that E6 is detected where a miss is an alarm; used only without `alarms_per_day`.
     bank_p_fa
         Probability that noise exceeds the detection threshold in any correlator of the bank.
     further
@@ -109,7 +109,7 @@ def false_alarm_budget(
     Raises
     ------
     VestigeError
-        If `alarms_per_day` is no more than what no threshold changes.
+        If `alarms_per_day` does not exceed the alarms that no threshold changes.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def false_alarm_budget(
 def _set_share(
     rows: Sequence[CheckSpec], cadence: Cadence, alarms_per_day: float, assumed: DetectionAssumptions
 ) -> float:
-    """Return the alarms a day that each check may raise, after what no threshold changes."""
+    """Return the alarms a day that each check may raise, after subtraction of the alarms that no threshold changes."""
     fixed = sum(_fixed_p_fa(row, assumed) * cadence.tests_a_day(row) for row in rows)
     if alarms_per_day <= fixed:
         raise VestigeError(
@@ -146,13 +146,13 @@ def _set_share(
 
 
 def _fixed_p_fa(row: CheckSpec, assumed: DetectionAssumptions) -> float:
-    """Return the false-alarm probability of a check that no threshold of it changes."""
+    """Return the part of a check's false-alarm probability that no threshold changes."""
     fixed = row.fixed_p_fa if row.settable else row.own_p_fa
     return 0.0 if fixed is None else fixed(assumed)
 
 
 def _set(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmShare:
-    """Return the share of a check of a level whose alarms a day are set; `p_fa` is what a test of it may have."""
+    """Return the share of a check of a level whose alarms a day are set; `p_fa` is the allowance of one test."""
     if not row.settable:
         return _with_own(row, p_fa, assumed)
     p_fa = min(p_fa, _LARGEST_P_FA)
@@ -165,7 +165,7 @@ def _set(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmSha
 
 
 def _with_own(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmShare:
-    """Return the share of a check that may bring its own probability in place of `p_fa`."""
+    """Return the share of a check that may have its own probability in place of `p_fa`."""
     return AlarmShare(
         p_fa=p_fa if row.own_p_fa is None else row.own_p_fa(assumed),
         confirm=row.confirm,
@@ -184,10 +184,9 @@ def set_kappa(share: AlarmShare, bank_p_fa: float) -> float:
 
 
 def budget_of(processor: AcasProcessor, block: VerdictBlock) -> dict[CheckName | str, AlarmShare]:
-    """Return the share of each check of a processor, for the satellites that a block shows.
+    """Return the share of each check of a processor, for the satellites of a block.
 
-    E6 power is expected to miss what the C/N0 on E1 says, averaged over the fading that the receiver is configured to
-    expect.
+    The miss rate of E6 power follows from the C/N0 on E1, averaged over the configured fading.
     """
     return false_alarm_budget(
         processor.level,

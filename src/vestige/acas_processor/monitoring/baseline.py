@@ -1,13 +1,13 @@
 """Reference levels of power, C/N0 and noise floor, configured or learned [WFO, Sec. IV-B].
 
-The checks of step 3 compare with a reference level. There is one rule for where it comes from:
+The checks of step 3 compare with a reference level. One rule gives the source of this level:
 
-1. If the receiver's settings state it (a calibrated front end, an antenna whose C/N0 is known), that is the reference.
-2. Otherwise the receiver learns it: the median of the last `WINDOW` values of epochs with RECS in which nothing raised
-   an alarm, from `LEARNED` values on. Until then the check is not run.
+1. If the receiver's settings state the level (calibrated front end, antenna with known C/N0), this is the reference.
+2. Otherwise the receiver learns the level: the median of the last `WINDOW` values of epochs with RECS and without an
+   alarm. Before `LEARNED` values are collected, the check is not run.
 
-An attack that is there from the beginning becomes the usual level. The median of k values has π/(2k) of the variance of
-one of them, so thresholds grow by √(1 + π/(2k)).
+An attack from the beginning becomes the usual level. The median of k values has π/(2k) times the variance of a single
+value, so thresholds grow by √(1 + π/(2k)).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from vestige.signals.definitions import E6C
 
 BASELINE_WINDOW = 20
 LEARNED = 5
-_LEAST_SNR = 1e-3  # where noise is stronger than the largest correlator
+_LEAST_SNR = 1e-3  # lower limit, for noise that is stronger than the largest correlator
 
 
 class Quantity(Enum):
@@ -43,7 +43,7 @@ class Quantity(Enum):
 
     @property
     def of_receiver(self) -> bool:
-        """Whether it is one number for all satellites."""
+        """Whether the quantity is one number for all satellites."""
         return self in (Quantity.E1_POWER_DB, Quantity.E6_POWER_DB)
 
 
@@ -54,11 +54,11 @@ class Antenna:
     # C/N0 of E1-C and E6-C at the zenith
     e1_dbhz: float
     e6_dbhz: float
-    # by how much it is lower at the horizon: C/N0(e) = zenith − fall (1 − sin e); 0 needs no elevation
+    # decrease of C/N0 from zenith to horizon: C/N0(e) = zenith − fall (1 − sin e); 0 needs no elevation
     fall_db: float = 0.0
 
     def expected_dbhz(self, zenith_dbhz: float, elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the expected C/N0; NaN where the elevation matters and is not known."""
+        """Return the expected C/N0; NaN where the elevation matters and is unknown."""
         if not self.fall_db:
             return np.full(elevation_rad.shape, zenith_dbhz)
         return zenith_dbhz - self.fall_db * (1 - np.sin(elevation_rad))
@@ -66,7 +66,7 @@ class Antenna:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceLevels:
-    """The reference levels that the receiver's settings state; None is to be learned."""
+    """Reference levels that the receiver's settings state; None for a level that the receiver learns."""
 
     # power of each band without interference, in the reference of its front end
     e1_power_db: float | None = None
@@ -74,7 +74,7 @@ class ReferenceLevels:
     antenna: Antenna | None = None
 
     def configured(self, quantity: Quantity, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "*n"] | None:
-        """Return a stated level for every epoch, and satellite if it is of satellites; None if it is to be learned."""
+        """Return a stated level for every epoch (and satellite, if it differs); None if the receiver learns it."""
         power_db = {Quantity.E1_POWER_DB: self.e1_power_db, Quantity.E6_POWER_DB: self.e6_power_db}.get(quantity)
         if power_db is not None:
             return np.full(elevation_rad.shape[0], power_db)
@@ -86,9 +86,10 @@ class ReferenceLevels:
 
 
 class Reference(NamedTuple):
-    """A reference level of every epoch, and satellite if it is of satellites.
+    """Reference level of every epoch, and of every satellite for quantities of satellites.
 
-    `value` is NaN where it is not known, `learned` the number of values behind it, infinite where it is configured.
+    `value` is NaN where the level is unknown. `learned` is the number of values behind a level, infinite where the
+    level is configured.
     """
 
     value: Float[np.ndarray, "*n"]
@@ -96,11 +97,11 @@ class Reference(NamedTuple):
 
     @property
     def growth(self) -> Float[np.ndarray, "*n"]:
-        """By how much thresholds grow because the level is a median of few values."""
+        """Factor by which thresholds grow, because the level is a median of few values."""
         return np.sqrt(1 + np.pi / 2 / np.maximum(self.learned, 1))
 
     def why_unknown(self, place: tuple[int, ...]) -> str:
-        """Return why a level is not known."""
+        """Return why a level is unknown."""
         if np.isinf(self.learned[place]):
             return "no level is expected: the elevation is not known"
         return f"its usual level is being learned: {self.learned[place]:.0f} of {LEARNED} snapshots without an alarm"
@@ -111,24 +112,24 @@ Values = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baseline:
-    """The last values of each quantity without an alarm, by SVID; those of the receiver under 0."""
+    """Last values of each quantity without an alarm, by SVID; values of the receiver have the key 0."""
 
     values: Mapping[Quantity, Mapping[int, Values]] = field(default_factory=dict)
 
     def of(self, quantity: Quantity, svid: int) -> Values:
-        """Return the values, the latest last."""
+        """Return the values in order of time."""
         return self.values.get(quantity, {}).get(svid, ())
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """The values of a measured block that reference levels are learned from."""
+    """Values of a measured block from which the receiver learns reference levels."""
 
     measured: MeasurementBlock
 
     @cached_property
     def values(self) -> Mapping[Quantity, Float[np.ndarray, "*n"]]:
-        """Every quantity, NaN where it was not measured."""
+        """Values of every quantity, NaN where not measured."""
         snapshots, banks = self.measured.snapshots, self.measured.banks
         nothing = np.full(len(snapshots.time), np.nan)
         power = {
@@ -152,7 +153,7 @@ class Observed:
         }
 
     def _own_share(self, snr: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
-        """Return what the signal itself adds to the floor of wrong codes: Ec/N0 where it meets two chips."""
+        """Return the signal's own contribution to the floor of wrong codes: Ec/N0 where it overlaps two chips."""
         banks, chips_per_m = self.measured.banks, E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
         between = np.nan_to_num(self.measured.detected.range_offset_m) * chips_per_m % 1.0
         return snr / (banks.integration_s * E6C.chip_rate_hz) * ((1 - between) ** 2 + between**2)
@@ -164,9 +165,9 @@ class Observed:
         teaches: Bool[np.ndarray, " n"],
         elevation_rad: Float[np.ndarray, "n m"],
     ) -> Mapping[Quantity, Reference]:
-        """Return what is usual at each epoch, from what was seen before it.
+        """Return the reference at each epoch, from the values before that epoch.
 
-        `teaches` says which epochs have RECS and no alarm, and so teach those after them.
+        `teaches` marks the epochs with RECS and without an alarm, from which later epochs learn.
         """
         found = {}
         for quantity, values in self.values.items():
@@ -184,7 +185,7 @@ class Observed:
         return found
 
     def after(self, baseline: Baseline, teaches: Bool[np.ndarray, " n"]) -> Baseline:
-        """Return the baseline that knows the epochs of the block without an alarm."""
+        """Return the baseline with the values of the block's epochs without an alarm added."""
         known: dict[Quantity, dict[int, Values]] = {}
         for quantity, values in self.values.items():
             known[quantity] = dict(baseline.values.get(quantity, {}))
@@ -203,7 +204,7 @@ def _running(
     taught = teaches & np.isfinite(column)
     values = np.concatenate([np.array(before, np.float64), column[taught]])
     known: Int64[np.ndarray, " n"] = len(before) + np.cumsum(taught) - taught
-    medians = np.full(values.size + 1, np.nan)  # medians of the values so far, by their number
+    medians = np.full(values.size + 1, np.nan)  # medians of the values so far, by number of values
     growing = values[: BASELINE_WINDOW - 1].tolist()
     for count in range(max(LEARNED, len(before)), len(growing) + 1):
         medians[count] = median(growing[:count])

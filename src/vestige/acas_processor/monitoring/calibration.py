@@ -9,15 +9,15 @@ import numpy as np
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
 
-MIN_SATELLITES = 3  # with one satellite a bias cannot be told from spoofing
+MIN_SATELLITES = 3  # a single satellite cannot tell a bias from spoofing
 
 
 def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | None:
     """Return the correction of the hardware bias so that the median range offset is zero, in s.
 
     The bias is common to all satellites; ionosphere, multipath and noise are not. The median over all detected
-    satellites survives a minority of spoofed ones. So calibrate where the signals are known to be good, and keep the
-    value.
+    satellites is robust against a minority of spoofed satellites. Calibrate where the signals are known to be
+    authentic, and keep the value.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | 
 
     Examples
     --------
-    A single satellite is too few:
+    A single satellite is not enough:
 
     >>> import vestige as vs
     >>> source = vs.simulate(vs.load_scenario("scenarios/quick.toml", ["epochs=2", "receiver.cn0_dbhz=45"]))

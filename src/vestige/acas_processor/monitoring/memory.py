@@ -9,13 +9,13 @@ from typing import NamedTuple
 from vestige.time import GalileoTime
 
 Vector = tuple[float, float, float]
-# −log₁₀ of the probability of the E6 misses in a row, by satellite; satellites without any are left out
+# −log₁₀ of the probability of the E6 misses in a row, by satellite; satellites without misses are left out
 MissMemory = Mapping[int, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockEpoch:
-    """The receiver clock of one epoch, as the position fix gave it."""
+    """The receiver clock of one epoch from the position fix."""
 
     time_s: float  # after the first epoch that the receiver ever processed
     # times c
@@ -25,12 +25,12 @@ class ClockEpoch:
     drift_variance_m2ps2: float
 
 
-ClockMemory = tuple[ClockEpoch, ...]  # the latest last
+ClockMemory = tuple[ClockEpoch, ...]  # in order of time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixMemory:
-    """The last position out of authentic ranges without any alarm."""
+    """Last position from authentic ranges without an alarm."""
 
     time_s: float  # after the first epoch that the receiver ever processed
     position_m: Vector  # ECEF
@@ -38,7 +38,7 @@ class FixMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subframe:
-    """OSNMA of one subframe, as far as it is known."""
+    """OSNMA of one subframe, as far as received."""
 
     start: int  # in s since the GST epoch
     # bits of pages by satellite
@@ -49,7 +49,7 @@ class Subframe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaMemory:
-    """OSNMA of the epochs before: which of the last subframes brought a key, and the one that has not ended."""
+    """OSNMA of earlier epochs: whether each of the last subframes brought a key, and the unfinished subframe."""
 
     keyed: tuple[bool, ...] = ()
     open: Subframe | None = None
@@ -59,7 +59,7 @@ class OsnmaMemory:
 class SatelliteRate:
     """The range rate of a satellite at the last epoch with RECS."""
 
-    # measured rate of the pseudorange, that of a receiver and a clock that stand still, and the error of the first
+    # measured rate of the pseudorange, its rate for a receiver and a clock at rest, and the error of the measured rate
     rate_mps: float
     static_mps: float
     sigma_mps: float
@@ -68,26 +68,26 @@ class SatelliteRate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateMemory:
-    """The last epoch with RECS and a position, and what the receiver gained in velocity since."""
+    """Last epoch with RECS and a position, and the increments of velocity since then."""
 
     time: GalileoTime
     position_m: Vector
     satellites: Mapping[int, SatelliteRate]
-    # end times and velocity increments (east, north, up, m/s) since
+    # end times and velocity increments (east, north, up, m/s) since that epoch
     increments: tuple[tuple[GalileoTime, Vector], ...] = ()
-    covered: bool = True  # whether the increments leave no gap
+    covered: bool = True  # whether the increments have no gap
 
 
 class CarrierEpoch(NamedTuple):
     """E6 carrier of a satellite in one RECS: phase against the E1 prediction, magnitude and C/N0."""
 
     time_s: float  # after the first epoch that the receiver ever processed
-    phase_rad: float  # detecting correlator minus the phase that E1 predicts, but for a constant; NaN without
+    phase_rad: float  # detecting correlator minus the phase that E1 predicts, up to a constant; NaN if unknown
     magnitude_sigma: float  # magnitude of the detecting correlator in standard deviations of the noise per dimension
     cn0_e1_dbhz: float
-    extrapolated_s: float  # for how long the Doppler of E1 carried its phase on, to the middle of the RECS
+    extrapolated_s: float  # time over which the Doppler of E1 extrapolates its phase to the middle of the RECS
 
 
 CarrierMemory = Mapping[
     int, tuple[CarrierEpoch, ...]
-]  # by satellite, since E1 tracks it without a gap; the latest last
+]  # by satellite, in order of time, since E1 tracks it without a gap

@@ -38,20 +38,20 @@ class MonitoringSettings:
     Attributes
     ----------
     cadence
-        How often epochs come.
+        Numbers of satellites, epochs, RECS and searches.
     alarms_per_day
-        How many false alarms a day the whole level may raise: thresholds and confirmations of all its checks follow
-        (`alarm_budget.py`). None: one a day for all checks together whose probability can be chosen; range check and
-        E6 power bring their own.
+        Number of false alarms a day that the whole level may raise. Thresholds and confirmations of all its checks
+        follow (`alarm_budget.py`). With None, the checks with a settable probability may raise one a day together, and
+        range check and E6 power have their own probability.
     test_p_fa
-        If given, the false-alarm probability of one test of every check, of the three of the clock together, in place
-        of the shares of the budget: to measure detection curves.
+        False-alarm probability of one test of every check, in place of the shares of the budget, to measure detection
+        curves. The three clock checks have this probability together. None: the shares of the budget.
     levels
-        Reference levels that are known beforehand; the others are learned.
+        Reference levels that are known beforehand; the receiver learns the other levels.
     fix
-        Orbits, and what is assumed of the observations.
+        Orbits, and the assumed errors of the observations.
     e1_power, e6_power, e1_cn0, e6_cn0, noise_floor, second_signal, clock, power_distortion, inertial
-        Settings of the check with this name; the class of each one describes them.
+        Settings of the check with this name; the class of the settings describes them.
     e6_phase, e6_fading
         The optional monitors of the carrier on E6, for every level; None if they are turned off.
     osnma_availability, osnma_reception
@@ -59,11 +59,11 @@ class MonitoringSettings:
     second_signal_filtered
         Whether a filter of the E6 front end bends the correlation function, so that two signals look like one.
     e1_search, exhaustive_search
-        The searches with their settings, but for what follows.
+        Settings of the searches, without the two settings below.
     search_p_fa
         False-alarm probability of one search.
     exhaustive_period_s
-        Time between two exhaustive searches when nothing is wrong.
+        Time between two exhaustive searches while nothing is suspicious.
     """
 
     cadence: Cadence = Cadence(satellites=10, observation_s=30.0)  # noqa: RUF009  (frozen)
@@ -102,9 +102,9 @@ def shares_of(processor: AcasProcessor) -> dict[CheckName | str, float]:
 
 
 def set_shares(processor: AcasProcessor) -> dict[CheckName | str, AlarmShare]:
-    """Return the share of each check of a processor's level, before anything was measured.
+    """Return the share of each check of a processor's level, before any measurement.
 
-    Raises `VestigeError` if the false alarms a day that are set are too few.
+    Raises `VestigeError` if the configured false alarms a day are too few.
     """
     return false_alarm_budget(
         processor.level,
@@ -116,7 +116,7 @@ def set_shares(processor: AcasProcessor) -> dict[CheckName | str, AlarmShare]:
 
 
 def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName | str, float]) -> dict[CheckName | str, Check]:
-    """Return the checks of a processor's level that look at one block alone; the searches are made by `assess`.
+    """Return the checks of a processor's level that need only one block; `assess` makes the searches.
 
     `p_fa` is the false-alarm probability of one test of each check of the level.
     """

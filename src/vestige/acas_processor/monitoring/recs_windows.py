@@ -1,20 +1,21 @@
-"""The last N RECS of a satellite, at every RECS: what the monitors of its carrier on E6 look at.
+"""Windows of the last N RECS of a satellite, for the monitors of its carrier on E6.
 
 Theory of operation
 -------------------
-A window holds N RECS in a row with the values y, their times t and their weights w = 1/variance. A straight line stands
-for what is not known or changes slowly (a constant, the ionosphere, the elevation). It is fitted and taken away:
+A window contains N RECS in a row with the values y, their times t and their weights w = 1/variance. A straight line
+represents unknown or slowly changing terms (a constant, the ionosphere, the elevation). The line is fitted and
+subtracted:
 
     T = Σ w (y − a − b t)²        ~ χ²(N − 2) if nothing but noise scatters
 
-Reflections scatter too. Their part of y in phase or in quadrature is normal with the variance P/2, P their mean power
-over the direct signal. If they are new with every RECS, all N − 2 degrees of freedom have the variance
-k = 1 + w P N/(2 (N − 2)). If they live for a time L, d/2 of them follow each other in a window, and each makes
-two degrees of freedom wide, for it may turn as it likes but keeps its amplitude:
+Reflections scatter too. Their part of y in phase or in quadrature is normal with the variance P/2, where P is their
+mean power over the direct signal. If reflections are new with every RECS, all N − 2 degrees of freedom have the
+variance k = 1 + w P N/(2 (N − 2)). If reflections last for a time L, d/2 of them follow each other in a window. Each
+widens two degrees of freedom, because its phase is free and its amplitude is constant:
 
     d = 2 max(1, ⌊(t_N − t_1)/L⌋), at most N − 2        k = 1 + w P N/(2 d)
 
-The window begins anew where E1 loses the satellite, because the constant is then another one.
+The window begins anew where E1 loses the satellite, because the constant changes there.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ from vestige.theory.variance_test import variance_threshold
 
 
 class Recs(NamedTuple):
-    """RECS in order of time, those before the block first."""
+    """RECS in order of time, from before the block and of the block."""
 
-    row: Int[np.ndarray, " k"]  # epoch of the block; −1 for those before it
-    stretch: Int[np.ndarray, " k"]  # how often E1 lost the satellite before, since the block began
+    row: Int[np.ndarray, " k"]  # epoch of the block; −1 for earlier RECS
+    stretch: Int[np.ndarray, " k"]  # number of times that E1 lost the satellite since the block began
     # as in `CarrierEpoch`
     time_s: Float[np.ndarray, " k"]
     phase_rad: Float[np.ndarray, " k"]
@@ -44,7 +45,7 @@ class Recs(NamedTuple):
 
 
 def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
-    """Yield the RECS of each satellite of a block that were detected, in the order of its columns."""
+    """Yield the detected RECS of each satellite of a block, in the order of its columns."""
     measured, snapshots = evidence.measured, evidence.measured.snapshots
     detected = measured.detected
     phase_rad = detected.phase_rad - measured.predicted_phase_rad
@@ -80,7 +81,7 @@ def remembered_carrier(evidence: Evidence, most: int) -> CarrierMemory:
 
 
 def last_of(values: Shaped[np.ndarray, " k"], n: int) -> Shaped[np.ndarray, "tests n"]:
-    """Return the last n values at each of them from the n-th on."""
+    """Return the last n values at each value from the n-th on."""
     if values.size < n:
         return np.zeros((0, n), values.dtype)
     return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(values, n))

@@ -23,10 +23,10 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchMemory:
-    """Memory of the exhaustive search: the time of the last one, its finding, and any suspicion since then."""
+    """Memory of the exhaustive search: time and result of the last search, and any suspicion since then."""
 
     searched_at: GalileoTime | None = None  # time of the last epoch
-    found_twice: bool = False  # whether it was made with the last RECS, and found more than one signal of a satellite
+    found_twice: bool = False  # whether a search with the last RECS found more than one signal of a satellite
     suspicious: bool = False  # whether another check failed since the last RECS
 
 
@@ -34,12 +34,12 @@ class SearchMemory:
 class ReceiverState:
     """Memory of a receiver between two blocks of epochs."""
 
-    origin: GalileoTime  # time of the first epoch that it processed
+    origin: GalileoTime  # time of the first epoch that the receiver processed
     last: GalileoTime  # time of the last epoch
     uncertainty: TimeUncertainty = field(default_factory=TimeUncertainty)
-    baseline: Baseline = field(default_factory=Baseline)  # what is usual of power, C/N0 and noise floor
+    baseline: Baseline = field(default_factory=Baseline)  # reference levels of power, C/N0 and noise floor
     position_m: Vector | None = None  # ECEF position of the last fix; None before the first
-    fix: FixMemory | None = None  # the last fix, which limits where the receiver may be; None before the first
+    fix: FixMemory | None = None  # last fix, which limits the position of the receiver; None before the first
     # memory of single checks
     clock: ClockMemory = ()
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
@@ -47,7 +47,7 @@ class ReceiverState:
     misses: MissMemory = field(default_factory=dict)
     carrier: CarrierMemory = field(default_factory=dict)
     search: SearchMemory = field(default_factory=SearchMemory)
-    # how many of its last tests a check that has to be confirmed failed in a row, by satellite
+    # number of last tests in a row that failed, by satellite, for each check that needs confirmation
     streaks: Mapping[CheckName | str, Mapping[int, int]] = field(default_factory=dict)
     alarm: AlarmState = field(default_factory=AlarmState)
-    on_e1: Mapping[int, GalileoTime] = field(default_factory=dict)  # when E1 showed each satellite last
+    on_e1: Mapping[int, GalileoTime] = field(default_factory=dict)  # last time at which E1 showed each satellite

@@ -1,6 +1,6 @@
-"""The position that a snapshot authenticates, for a person: geodetic, with its standard deviations and its latency.
+"""Position that a snapshot authenticates: geodetic, with its standard deviations and its latency.
 
-Which ranges it rests on is decided in `range_in_use.py`.
+`range_in_use.py` chooses the ranges for this position.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ class AuthenticPosition:
     """Position of the receiver at the time of a snapshot, from authentic ranges, with its standard deviations."""
 
     index: int
-    # time of the snapshot, and of the last key that it needs
+    # time of the snapshot, and of the last key that the position needs
     time: GalileoTime
     available_at: GalileoTime
-    # geodetic, height over the ellipsoid
+    # geodetic coordinates; height over the ellipsoid
     latitude_deg: float
     longitude_deg: float
     height_m: float
     # standard deviations of the position in m, from the covariance of the fix
     horizontal_sigma_m: float
     vertical_sigma_m: float
-    # satellites whose ranges are used, and those of them with the earliest of several signals
+    # satellites whose ranges are used; those of them whose range is that of the earliest of several signals
     svids: tuple[int, ...]
     earlier: tuple[int, ...]
-    orbits_authenticated: bool  # whether OSNMA proves the ephemerides of these, or the user vouches for them
+    orbits_authenticated: bool  # whether OSNMA proves their ephemerides, or the user vouches for them
 
     @property
     def latency_s(self) -> float:
-        """From the snapshot until its position is known, in s."""
+        """Time from the snapshot until its position is known, in s."""
         return self.available_at - self.time
 
 
 def authentic_positions(block: VerdictBlock) -> Iterator[AuthenticPosition]:
-    """Yield the positions of the epochs that have one."""
+    """Yield the authenticated positions, epoch by epoch."""
     found, snapshots = block.position, block.measured.snapshots
     if found is None:
         return

@@ -1,8 +1,9 @@
-"""Error of the receiver's clock, as the E1 ranges show it.
+"""Error of the receiver's clock, from the E1 ranges.
 
-All pseudoranges of an epoch contain the same clock error. A position fix solves for it. Without a fix the travel times
-limit it: those of Galileo satellites to the Earth lie between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, so the median
-pseudorange, less the middle of the two, is the clock error to within `TRAVEL_SPREAD_S`.
+All pseudoranges of an epoch contain the same clock error. A position fix solves for this error. Without a fix the
+travel times limit the error. Travel times from Galileo satellites to the Earth lie between `SHORTEST_TRAVEL_S` and
+`LONGEST_TRAVEL_S`. So the median pseudorange minus the middle of both limits is the clock error to within
+`TRAVEL_SPREAD_S`.
 """
 
 from __future__ import annotations
@@ -22,16 +23,16 @@ _MIDDLE_S = (LONGEST_TRAVEL_S + SHORTEST_TRAVEL_S) / 2
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClockError:
-    """The error of the receiver's clock at n epochs, as the E1 ranges show it.
+    """Error of the receiver's clock at n epochs, from the E1 ranges.
 
     Attributes
     ----------
     error_s
-        Clock minus Galileo System Time, which makes signals late; NaN without a pseudorange.
+        Clock minus Galileo System Time; a positive error makes signals late. NaN without a pseudorange.
     sigma_m
         Standard deviation of the fix's clock times c; NaN where there is no fix.
     of_fix
-        Where a position fix gives the error; elsewhere the travel times do, to within `TRAVEL_SPREAD_S`.
+        True where a position fix gives the error. Elsewhere the travel times give it to within `TRAVEL_SPREAD_S`.
     """
 
     error_s: Float[np.ndarray, " n"]
@@ -40,7 +41,7 @@ class ClockError:
 
 
 def clock_error(measured: MeasurementBlock) -> ClockError:
-    """Return the clock error that the E1 ranges of a block show."""
+    """Return the clock error from the E1 ranges of a block."""
     error_s = row_median(measured.snapshots.e1.pseudorange_m)[:, 0] / SPEED_OF_LIGHT_MPS - _MIDDLE_S
     if measured.fix is None:
         return ClockError(error_s=error_s, sigma_m=np.full(error_s.size, np.nan), of_fix=np.zeros(error_s.size, bool))

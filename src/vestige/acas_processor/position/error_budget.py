@@ -1,4 +1,4 @@
-"""The error budget of the range test: how far E6 may lie from where E1 says, without an attack.
+"""Error budget of the range test: the possible distance of E6 from the E1 prediction without an attack.
 
 The range offset of a true signal is the sum of independent errors, and the test allows κ times their standard deviation
 [TAES2023, Eq. 21-24]:
@@ -19,7 +19,7 @@ from vestige.constants import GAMMA_E1_E6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorBudget:
-    """Standard deviations of what separates the E6 range from its prediction, all in m.
+    """Standard deviations of the errors between the E6 range and its prediction, all in m.
 
     Attributes
     ----------
@@ -28,7 +28,8 @@ class ErrorBudget:
     group_delay_m
         σ_BGD, broadcast group delay after correction.
     ionosphere_e1_m
-        σ_I,E1, ionospheric delay *on E1* after correction; its difference between E6 and E1 is γ−1 = 0.518 of it.
+        σ_I,E1, ionospheric delay *on E1* after correction; the difference between E6 and E1 is γ−1 = 0.518 of this
+        delay.
     multipath_e1_m, multipath_e6_m
         σ_MP, code multipath.
     noise_e1_m, noise_e6_m
@@ -52,7 +53,7 @@ class ErrorBudget:
 
     @classmethod
     def uncorrected(cls) -> ErrorBudget:
-        """Return the budget with neither ionosphere model nor group delay file [SASLIB]: σ_auth 8.85 m."""
+        """Return the budget without ionosphere model and without group delay file [SASLIB]: σ_auth 8.85 m."""
         return cls(
             hardware_m=0.0,
             group_delay_m=1.5,

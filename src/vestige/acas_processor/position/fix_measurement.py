@@ -1,7 +1,7 @@
-"""The position fix of every epoch of a block, and what the checks of step 5 need of it [WFO, Sec. IV-B].
+"""Position fix of every epoch of a block, with the quantities for the checks of step 5 [WFO, Sec. IV-B].
 
-The fix takes all E1 pseudoranges of an epoch and the broadcast orbits. Standard deviations that depend on the elevation
-come from a first fix without them.
+The fix uses all E1 pseudoranges of an epoch and the broadcast orbits. If standard deviations depend on the elevation, a
+first fix without them gives the elevation.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixSettings:
-    """Orbits, and what the receiver assumes of its observations."""
+    """Orbits, and the receiver's assumptions about its observations."""
 
     ephemerides: tuple[Ephemeris, ...] = ()  # broadcast orbits and clocks of any satellites
     authenticated: frozenset[int] | None = None  # satellites whose ephemerides are authenticated; None for all
     errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)  # standard deviations of the observations
-    fit_interval_s: float = FIT_INTERVAL_S  # how far from its time an ephemeris is used
-    near: ApproximatePosition | None = None  # where the receiver is known to be, if it is
+    fit_interval_s: float = FIT_INTERVAL_S  # longest time from its reference time for which an ephemeris is used
+    near: ApproximatePosition | None = None  # known position of the receiver, if any
 
     def why_no_fix(self, time: GalileoTime) -> str | None:
-        """Return why no fix is possible at a time in spite of ephemerides; None if it is, or none are given."""
+        """Return why no fix is possible at a time; None if a fix is possible, or if no ephemerides are given."""
         return why_no_orbits(self.ephemerides, time, UNKNOWNS) if self.ephemerides else None
 
     def transmission(
         self, time: GalileoTimes, svids: tuple[int, ...], pseudorange_m: Float[np.ndarray, "n m"]
     ) -> Transmission:
-        """Return the satellites at transmission; NaN where nothing was measured or there is no orbit."""
+        """Return the satellites at transmission; NaN without a measurement or an orbit."""
         n, m = pseudorange_m.shape
         position, velocity = np.full((2, n, m, 3), np.nan)
         clock_m, clock_mps = np.full((2, n, m), np.nan)
@@ -98,7 +98,7 @@ class FixSettings:
 def fix_quantities(
     sent: Transmission, fix: Fix, *, rate_mps: Float[np.ndarray, "n m"], sigma_rate_mps: Float[np.ndarray, "n m"]
 ) -> dict[str, Any]:
-    """Return what a `FixBlock` holds of a fix."""
+    """Return the fields of a `FixBlock` from a fix."""
     _, drift_mps = velocity_fix(sent, fix, rate_mps)
     separation_sigmas, separation_modes = largest_separations(fix)
     return {
@@ -118,9 +118,9 @@ def fix_quantities(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LazyFix:
-    """The fixes of a block, made when they are first asked for."""
+    """The fixes of a block, computed at their first use."""
 
-    # as `FixSettings.measure` takes them
+    # arguments of `FixSettings.measure`
     settings: FixSettings
     time: GalileoTimes
     svids: tuple[int, ...]
@@ -135,9 +135,9 @@ class LazyFix:
 def elevations_from(
     position_m: Float[np.ndarray, "n 3"], satellite_m: Float[np.ndarray, "n m 3"]
 ) -> Float[np.ndarray, "n m"]:
-    """Return the elevation of satellites in rad, seen from ECEF positions; NaN where one of the two is not known.
+    """Return the elevation of satellites in rad, seen from ECEF positions; NaN where either position is unknown.
 
-    The turn of the Earth during the flight, below 10 µrad, is left out.
+    The rotation of the Earth during the travel time, below 10 µrad, is neglected.
     """
     known = np.isfinite(position_m[:, :1])
     axes = local_axes_at(np.where(known, position_m, [[6_378_137.0, 0.0, 0.0]]))
@@ -149,17 +149,17 @@ def elevations_from(
 def _chosen(
     own: tuple[Ephemeris, ...], time: GalileoTimes, fit_interval_s: float
 ) -> list[tuple[Ephemeris, np.ndarray]]:
-    """Return which ephemeris is used in which rows: the nearest, as `nearest_ephemerides` has it."""
+    """Return the ephemeris of each row: the nearest, by the rule of `nearest_ephemerides`."""
     if not own:
         return []
     age_s = np.abs(np.stack([time.since(one.toe) for one in own]))
-    best = age_s.shape[0] - 1 - np.argmin(age_s[::-1], axis=0)  # if two are equally near, the later wins
+    best = age_s.shape[0] - 1 - np.argmin(age_s[::-1], axis=0)  # the later of two equally near ephemerides
     usable = np.min(age_s, axis=0) <= fit_interval_s
     rows = [np.flatnonzero(usable & (best == place)) for place in range(len(own))]
     return [(ephemeris, some) for ephemeris, some in zip(own, rows, strict=True) if some.size]
 
 
 def _drift_variance(fix: Fix, sigma_mps: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
-    """Return the variance of the clock's drift from that of the range rates; NaN without a fix."""
+    """Return the variance of the clock's drift from the variance of the range rates; NaN without a fix."""
     share = redundancy(fix.geometry, fix.weight).gain[:, 3]
     return np.sum(np.where(fix.weight > 0, share * sigma_mps, 0.0) ** 2, axis=1) + 0 * fix.clock_m

@@ -1,12 +1,13 @@
-"""Inertial bridging from one RECS to the next: what range rates did, and what the receiver gained in velocity.
+"""Inertial bridging from one RECS to the next: changes of range rates, and increments of the receiver's velocity.
 
-Each epoch with RECS and a position leaves behind the range rates of its satellites, what they would be if receiver and
-receiver clock stood still, and the directions to them. The next one compares (`checks/inertial.py`). An epoch without a
-position leaves nothing behind, so the one after it has nothing to compare with.
+Each epoch with RECS and a position stores three quantities of its satellites: the measured range rates, the range rates
+for a receiver and a clock at rest, and the directions to the satellites. The next epoch compares
+(`checks/inertial.py`). An epoch without a position stores nothing, so the next epoch cannot compare.
 
-Increments of velocity are in local axes, which turn with the place: over 7.5 km, 30 s of an aircraft, by 1.2 mrad. They
-are turned into ECEF one by one, along the path between the two fixes. Positions at both ends and increments give that
-path: first along a straight line, then bent by what the increments say. The velocities at both ends follow from it.
+Velocity increments are in local axes, which rotate with the position: by 1.2 mrad over 7.5 km, 30 s of an aircraft.
+Each increment is rotated into ECEF at its position on the path between the two fixes. The path follows from the
+positions at both ends and the increments. It is computed twice: as a straight line, then with the increments. The path
+also gives the velocities at both ends.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ def gained_towards_mps(
     delta_velocity_mps: Float[np.ndarray, "*n 3"],
     mean_mps: Float[np.ndarray, "*n 3"],
 ) -> Float[np.ndarray, "*n m"]:
-    """Return the velocity gained towards satellites, Δ(e·v) = ē·Δv + Δe·v̄: who moves sees the line of sight turn.
+    """Return the velocity increment towards satellites, Δ(e·v) = ē·Δv + Δe·v̄, with the rotation of the line of sight.
 
-    `before` and `now` are unit vectors e to the satellites, `delta_velocity_mps` is Δv = ∫ a dt, and `mean_mps` the
-    mean of the receiver's velocities at both ends, all in one system of axes.
+    `before` and `now` are unit vectors e to the satellites, and `delta_velocity_mps` is Δv = ∫ a dt. `mean_mps` is the
+    mean of the receiver's velocities at both ends. All vectors have the same axes.
     """
     own = np.einsum("...mi,...i->...m", (before + now) / 2, delta_velocity_mps)
     return own + np.einsum("...mi,...i->...m", now - before, mean_mps)
@@ -43,10 +44,10 @@ def gained_towards_mps(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateStep:
-    """Change of the range rates from one RECS to the next; NaN for satellites that are not in both."""
+    """Change of the range rates from one RECS to the next; NaN for satellites that are not at both RECS."""
 
     interval_s: float
-    # as for `InertialMonitor.statistic`
+    # arguments of `InertialMonitor.statistic`
     rate_change_mps: Float[np.ndarray, " m"]
     static_change_mps: Float[np.ndarray, " m"]
     delta_velocity_mps: Float[np.ndarray, " m"]
@@ -98,7 +99,7 @@ def remembered_rates(evidence: Evidence) -> RateMemory | None:
 
 
 def _pairs(evidence: Evidence) -> Iterator[tuple[int, RateMemory | None, RateMemory | None]]:
-    """Yield each epoch with RECS, what the one before left behind with all increments since, and what it leaves."""
+    """Yield each epoch with RECS, the memory before it with all increments since, and the memory after it."""
     if evidence.measured.snapshots.increments is None:
         return
     before, after = evidence.rates, 0
@@ -109,7 +110,7 @@ def _pairs(evidence: Evidence) -> Iterator[tuple[int, RateMemory | None, RateMem
 
 
 def _with_increments(evidence: Evidence, left: RateMemory | None, first: int, last: int) -> RateMemory | None:
-    """Return what an epoch left behind, with the increments of the rows from `first` to before `last` added."""
+    """Return the memory of an epoch with the increments of the rows from `first` to before `last` added."""
     increments = evidence.measured.snapshots.increments
     if left is None or increments is None:
         return None
@@ -120,7 +121,7 @@ def _with_increments(evidence: Evidence, left: RateMemory | None, first: int, la
 
 
 def _left_behind(evidence: Evidence, epoch: int) -> RateMemory | None:
-    """Return what an epoch leaves behind; None without a position."""
+    """Return the memory of an epoch; None without a position."""
     found, snapshots = evidence.measured.fix, evidence.measured.snapshots
     if found is None or not found.fix.valid[epoch]:
         return None
@@ -142,7 +143,7 @@ def _step(before: RateMemory, now: RateMemory, svids: tuple[int, ...]) -> RateSt
     ends_s = np.array([time - before.time for time, _ in before.increments])
     sensed = np.array([increment for _, increment in before.increments]).reshape(-1, 3)
     path = _bent(places, ends_s, interval_s, np.zeros((ends_s.size, 3)))
-    for _ in range(2):  # the first time along a straight line, the second along the path that the increments bend
+    for _ in range(2):  # first along a straight line, then along the path from the increments
         gained = np.einsum("nij,ni->nj", local_axes_at(path.middles_m), sensed)
         path = _bent(places, ends_s, interval_s, gained)
     m = len(svids)
@@ -164,7 +165,7 @@ def _step(before: RateMemory, now: RateMemory, svids: tuple[int, ...]) -> RateSt
 
 
 class _Path(NamedTuple):
-    """Places in the middle of each of k increments, and the mean of the velocities at both ends."""
+    """Positions in the middle of each of k increments, and the mean of the velocities at both ends."""
 
     middles_m: Float[np.ndarray, "k 3"]
     mean_of_ends_mps: Float[np.ndarray, " 3"]
@@ -176,14 +177,14 @@ def _bent(
     interval_s: float,
     gained: Float[np.ndarray, "k 3"],
 ) -> _Path:
-    """Return the path from one place to another on which a receiver gains velocities, each evenly in its step.
+    """Return the path between two positions for given velocity increments, each uniform in its step.
 
-    Places and velocities are ECEF. `ends_s` are the ends of the steps after the first place; the second is reached at
-    `interval_s`.
+    Positions and velocities are ECEF. `ends_s` are the ends of the steps, in s after the first position; the receiver
+    reaches the second position at `interval_s`.
     """
     steps_s = np.diff(ends_s, prepend=0.0)[:, None]
     before = np.cumsum(gained, axis=0) - gained
-    moved = steps_s * (before + gained / 2)  # beside what the velocity at the beginning makes
+    moved = steps_s * (before + gained / 2)  # without the part of the velocity at the beginning
     rest_s = interval_s - (float(ends_s[-1]) if ends_s.size else 0.0)
     total = np.sum(gained, axis=0)
     first = (places[1] - places[0] - np.sum(moved, axis=0) - rest_s * total) / interval_s

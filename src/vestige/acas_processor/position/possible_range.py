@@ -1,14 +1,15 @@
 """Plausibility of ranges: limits from travel time, receiver clock, the other satellites and the known position.
 
-A search can take noise for a signal, anywhere in the time that it looks at. Its range is tested three times:
+A search can take noise for a signal anywhere in the searched time. Three tests exclude impossible ranges:
 
-1. **Travel time and clock.** The travel time lies between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, and the clock is
-   wrong by no more than its upper limit.
-2. **The other satellites.** The clock error is common to all ranges of an epoch, so they differ by the travel times
-   alone: a range that is farther from the median than `SPREAD_M` is wrong. If two disagree, either may be wrong.
+1. **Travel time and clock.** The travel time lies between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, and the clock
+   error is below its upper limit.
+2. **The other satellites.** The clock error is common to all ranges of an epoch, so ranges differ by the travel times
+   alone. A range that is farther from the median than `SPREAD_M` is wrong. If only two ranges disagree, either may be
+   wrong.
 3. **The known position.** With d the distance from the satellite to that position, P − d + c Δt_sat is the clock error
-   to within `reach_m` + `MARGIN_M`: it must lie within the limit of the clock, and agree with that of the others. This
-   holds for found signals only. The checks test the range of E1.
+   to within `reach_m` + `MARGIN_M`. This clock error must lie within the limit of the clock, and agree with that of the
+   other satellites. Test 3 is for found signals only, because the checks test the range of E1.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from vestige.acas_processor.monitoring.memory import FixMemory, Vector
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.position_fix import Transmission
 
-# Travel times from Galileo's orbit: 77.5 ms at the zenith, 95 ms at 5° elevation, 10 ms to spare for the clock.
+# Travel times from Galileo's orbit: 77.5 ms at the zenith, 95 ms at 5° elevation, with a 10 ms margin for the clock.
 SHORTEST_TRAVEL_S, LONGEST_TRAVEL_S = 0.065, 0.105
 SPREAD_M = (LONGEST_TRAVEL_S - SHORTEST_TRAVEL_S) * SPEED_OF_LIGHT_MPS
 
-FIX_REACH_M = 1000.0  # error of a fix without corrections: ionosphere, troposphere, and an attack that no check sees
-FASTEST_MPS = 500.0  # how fast the receiver may leave a position; an airliner has 300 m/s
-MARGIN_M = 500.0  # ionosphere and troposphere of a low satellite, its orbit, 46 m of rotation of the Earth
-_RANGE_RATE_MPS = 1000.0  # no more of a receiver on the Earth: what the clock's error makes of a satellite's place
+FIX_REACH_M = 1000.0  # error of a fix without corrections: ionosphere, troposphere, and an undetected attack
+FASTEST_MPS = 500.0  # highest speed of the receiver; an airliner has 300 m/s
+MARGIN_M = 500.0  # ionosphere and troposphere of a low satellite, its orbit error, 46 m of Earth rotation
+_RANGE_RATE_MPS = 1000.0  # upper limit on the Earth; converts clock error to satellite position
 
 # why a range is not possible, as numbers in `why_impossible`
 REASONS = (
@@ -44,7 +45,7 @@ _TRAVEL, _OTHERS, BY_POSITION = 1, 2, 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ApproximatePosition:
-    """A position that the receiver is known to be near.
+    """A known approximate position of the receiver.
 
     Attributes
     ----------
@@ -79,12 +80,12 @@ def why_impossible(
     range_m: Float[np.ndarray, "n m"],
     clock_limit_s: Float[np.ndarray, " n"],
 ) -> Int8[np.ndarray, "n m"]:
-    """Return which ranges travel time, clock and the other satellites exclude, as a number of `REASONS`; 0 for none.
+    """Return the ranges that travel time, clock or other satellites exclude, as a number of `REASONS`; 0 if possible.
 
     Parameters
     ----------
     range_m
-        Pseudoranges, NaN where there is none.
+        Pseudoranges; NaN where there is no pseudorange.
     clock_limit_s
         Upper limit of the error of the receiver's clock.
     """
@@ -104,20 +105,20 @@ def too_far_away(
     clock_limit_s: Float[np.ndarray, " n"],
     known: KnownPositions,
 ) -> Bool[np.ndarray, "n m"]:
-    """Return which found signals the known position excludes.
+    """Return the found signals that the known position excludes.
 
     Parameters
     ----------
     range_m
-        Pseudoranges that are possible otherwise, NaN where there is none.
+        Pseudoranges that passed the other tests; NaN elsewhere.
     sent
-        The satellites when they sent what has these ranges.
+        The satellites at the transmission of the signals with these ranges.
     found
-        Which of them are of found signals.
+        True for ranges of found signals.
     clock_limit_s
         Upper limit of the error of the receiver's clock.
     known
-        Where the receiver may be.
+        Possible positions of the receiver.
     """
     distance_m = np.linalg.norm(sent.position_m - known.position_m[:, None], axis=2)
     clock_m = range_m + sent.clock_m - distance_m
@@ -133,20 +134,20 @@ def known_positions(
     before: FixMemory | None,
     stated: ApproximatePosition | None,
 ) -> KnownPositions:
-    """Return where the receiver may be at each epoch: near the last fix before it, or near the position that is stated.
+    """Return the possible position at each epoch: near the last fix before the epoch, or near the stated position.
 
     If both are known, the position with the smaller reach is returned.
 
     Parameters
     ----------
     time_s
-        Epochs, in s after the first one that the receiver processed.
+        Epochs, in s after the first epoch that the receiver processed.
     fixed_m
-        The fix of each epoch that counts; NaN where none does.
+        The valid fix of each epoch; NaN where there is none.
     before
-        The last one before the block.
+        The last valid fix before the block.
     stated
-        Approximate position from the settings; None if they have none.
+        Approximate position from the settings; None if it is not set.
     """
     rows = np.where(np.isfinite(fixed_m[:, 0]), np.arange(time_s.size), -1)
     last = np.concatenate([[-1], np.maximum.accumulate(rows)[:-1]])
@@ -162,7 +163,7 @@ def known_positions(
 
 
 def row_median(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n 1"]:
-    """Return the median of what is known of each row; NaN if nothing is."""
+    """Return the median of the values of each row without NaN; NaN if all are NaN."""
     order = np.sort(values, axis=1)  # NaN last
     count = np.count_nonzero(np.isfinite(values), axis=1)
     row, middle = np.arange(count.size), np.maximum(count - 1, 0)

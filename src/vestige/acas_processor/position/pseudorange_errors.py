@@ -1,11 +1,11 @@
-"""Error model that a receiver assumes for E1 observations: standard deviations from C/N0 and elevation.
+"""A receiver's error model of E1 observations: standard deviations from C/N0 and elevation.
 
     σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor²        of a pseudorange
     σ_ρ̇ = λ σ_f(C/N0)                                                                of its rate
 
 with the noise of the receiver's own loops (`thermal_noise`, [KAPLAN06, 5.6.2]), the obliquity M and the multipath A of
-`elevation_model`. A share of the ionosphere's variance is common to all satellites: it is in the covariance of the fix,
-not in its weights.
+`elevation_model`. A share of the ionosphere's variance is common to all satellites. This share enters the covariance of
+the fix, not its weights.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _GRID_DBHZ = np.arange(10.0, 75.5, 1.0)
 class LoopNoise(Protocol):
     """Thermal noise of the receiver's tracking loops: standard deviations against C/N0 in dBHz.
 
-    It is hashed, compared and pickled, as a frozen dataclass is.
+    A model must support hashing, comparison and pickling, as a frozen dataclass does.
     """
 
     def __hash__(self) -> int:
-        """Return a number that equal models share."""
+        """Return the same number for equal models."""
 
     def code_sigma_m(self, cn0_dbhz: float) -> float:
         """Return the standard deviation of a pseudorange in m."""
@@ -41,21 +41,21 @@ class LoopNoise(Protocol):
         """Return the standard deviation of a Doppler in Hz."""
 
 
-_NEGLIGIBLE_M = 0.01  # beside the noise of a loop
+_NEGLIGIBLE_M = 0.01  # compared with the noise of a loop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PseudorangeErrors:
     """Standard deviations of E1 observations."""
 
-    floor_m: float = 5.0  # all errors that are not named below
-    # residual of the ionosphere on E1 at 17.5° elevation, and the share of its variance that is common to all
+    floor_m: float = 5.0  # all errors except those below
+    # residual of the ionosphere on E1 at 17.5° elevation, and the share of its variance common to all satellites
     # satellites.
     ionosphere_m: float = 0.0
     ionosphere_common: float = 0.5
     multipath_m: float = 0.0  # error of multipath at 16° elevation
-    rate_mps: float = 0.1  # error of a range rate, where `loops` does not say it
-    loops: LoopNoise | None = None  # noise of the tracking loops; None for none beside the floor
+    rate_mps: float = 0.1  # error of a range rate without `loops`
+    loops: LoopNoise | None = None  # noise of the tracking loops; None: only the floor
 
     @property
     def needs_elevation(self) -> bool:
@@ -64,13 +64,13 @@ class PseudorangeErrors:
 
     @property
     def is_bound(self) -> bool:
-        """Whether the standard deviations are upper limits of the errors, and not just those of the loops' noise."""
+        """Whether the standard deviations are upper limits of all errors, not only those of the loops' noise."""
         return self.loops is None or self.needs_elevation or self.floor_m > _NEGLIGIBLE_M
 
     def range_m(
         self, cn0_dbhz: Float[np.ndarray, "n m"], elevation_rad: Float[np.ndarray, "n m"]
     ) -> Float[np.ndarray, "n m"]:
-        """Return the standard deviation of pseudoranges; NaN where the C/N0 is not known but matters."""
+        """Return the standard deviation of pseudoranges; NaN where the C/N0 is needed but unknown."""
         code_m = np.zeros(cn0_dbhz.shape) if self.loops is None else _sigma(self.loops, "code_sigma_m", cn0_dbhz)
         if not self.needs_elevation:
             return np.sqrt(code_m**2 + self.floor_m**2)
@@ -79,7 +79,7 @@ class PseudorangeErrors:
         return np.sqrt(code_m**2 + ionosphere_m**2 + multipath_m**2 + self.floor_m**2)
 
     def common_m(self, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"] | None:
-        """Return what the common part of the ionosphere adds to each pseudorange, None if it is not modelled."""
+        """Return the common part of the ionosphere in each pseudorange; None if it is not modelled."""
         if not self.ionosphere_m:
             return None
         return math.sqrt(self.ionosphere_common) * self.ionosphere_m * obliquity(elevation_rad)
@@ -92,7 +92,7 @@ class PseudorangeErrors:
 
 
 def _sigma(loops: LoopNoise, name: str, cn0_dbhz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return a standard deviation; between whole dB its logarithm is interpolated, which is good to 1e-3."""
+    """Return a standard deviation, with its logarithm interpolated between whole dB to 1e-3."""
     return np.exp(np.interp(cn0_dbhz, _GRID_DBHZ, _log_sigma(loops, name)))
 
 

@@ -1,21 +1,21 @@
-"""Choice of the range of each satellite that may be used, and the authenticated position [WFO, Sec. III-D, IV].
+"""Choose the usable range of each satellite, and compute the authenticated position [WFO, Sec. III-D, IV].
 
-A RECS authenticates the time since the RECS before. In epochs with RECS the range in use is
+A RECS authenticates the time since the previous RECS. In epochs with RECS the range in use is
 
-1. where a search found more than one signal: the earliest, whatever the verdict, because nobody can send chips before
-   they are broadcast; if both searches found it, within one chip, its place is that of the exhaustive search;
-2. where the correlators of the RECS hold two signals: that of E1 if the earlier signal is where E1 says, else that of
-   the earlier signal;
-3. where the signal that the detector found on E6 is earlier than E1 says by more than the range check allows: that of
-   E6, for the same reason;
-4. where the verdict is AUTHENTIC, and so is the state that is shown: that of E1.
+1. that of the earliest signal, if a search found several, whatever the verdict, because nobody can send chips before
+   they are broadcast; if both searches found this signal within one chip, the exhaustive search gives its range;
+2. that of E1, if the correlators of the RECS contain two signals and the earlier signal agrees with the E1 prediction;
+   else that of the earlier signal;
+3. that of E6, if the detected signal is earlier than the E1 prediction by more than the range check allows (for the
+   reason in 1);
+4. that of E1, if both the verdict and the state are AUTHENTIC.
 
-Otherwise no range is in use. Nor is one where a search found several signals and cannot say which is the true one: the
-true one may come before all signals that the correlators of the RECS reach, so their earliest proves nothing. A range
-that is not possible is left out, too (`possible_range.py`).
+Otherwise no range is in use. If a search found several signals and cannot tell which is true, no range is in use
+either. The true signal may then come before all signals that the correlators of the RECS reach, so the earliest of
+these signals proves nothing. Impossible ranges are not used (`possible_range.py`).
 
-The position is the fix of all satellites with a range in use, four at least. It takes
-pseudoranges and broadcast orbits as they are: delays of ionosphere and troposphere stay in, mostly in height and clock.
+The position is the fix of all satellites with a range in use, at least four. The fix uses uncorrected pseudoranges and
+broadcast orbits. Delays of ionosphere and troposphere therefore remain, mostly in height and clock.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 def ranges_in_use(
     block: VerdictBlock, processor: AcasProcessor, clock_limit_s: Float[np.ndarray, " n"]
 ) -> VerdictBlock:
-    """Return verdicts with the ranges and positions that are in use.
+    """Return verdicts with the ranges and positions in use.
 
     `clock_limit_s` is the upper limit of the error of the receiver's clock at each epoch.
     """
@@ -106,7 +106,7 @@ def ranges_near(
 def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[np.ndarray, "n m"]:
     """Return the offset of the earlier of two signals in the correlators of a RECS in m after E1; NaN for one signal.
 
-    A signal that only the detector sees counts if the range check failed with it.
+    A signal that only the detector found counts if its range check failed.
     """
     offset_m = np.where(block.failed[CheckName.E1_E6_RANGE], block.measured.detected.range_offset_m, np.nan)
     offset_m[~(offset_m < 0)] = np.nan
@@ -119,10 +119,10 @@ def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[n
 def _earliest_m(
     handed_over_m: Float[np.ndarray, "n m"], exhaustive_m: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n m"]:
-    """Return where the earliest signal of both searches is, in m after E1; NaN where none found several.
+    """Return the offset of the earliest signal of both searches, in m after E1; NaN unless a search found several.
 
-    Nobody can send before the satellite, so the earlier of two signals counts. Two places within a chip are of one
-    signal: then it is that of the exhaustive search, which looks everywhere.
+    Nobody can send before the satellite, so the earlier of two signals counts. Two offsets within a chip belong to the
+    same signal. Then the offset of the exhaustive search counts, because this search covers all offsets.
     """
     same_or_later = ~(handed_over_m < exhaustive_m - SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz)
     return np.where(np.isfinite(exhaustive_m) & same_or_later, exhaustive_m, handed_over_m)

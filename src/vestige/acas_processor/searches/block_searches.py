@@ -1,7 +1,6 @@
-"""Both vestigial searches of a block of one epoch, in the samples of its snapshot.
+"""Make both vestigial searches for a block of one epoch, in the samples of its snapshot.
 
-The settings of the searches are those of the processor that asks: false-alarm probability, cipher mode, and convention
-of the group delays.
+The searches use settings of the requesting processor: false-alarm probability, cipher mode, and group delay convention.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 class SampledSearches:
     """Both searches of a block of one epoch, in the samples of its snapshot."""
 
-    snapshot: Snapshot  # with E1, and E6 as far as it goes
+    snapshot: Snapshot  # snapshot with E1, and with E6 if available
     svids: tuple[int, ...]
 
     def e1(self, request: SearchRequest) -> SearchBlock:
@@ -42,7 +41,7 @@ class SampledSearches:
 
 def _in_samples(request: SearchRequest) -> SampleSearches:
     if request.in_samples is None:
-        raise ValueError("samples are searched with the settings of a processor, and the request has none")
+        raise ValueError("a search in samples needs the settings of a processor, and the request has none")
     return request.in_samples
 
 
@@ -79,8 +78,8 @@ class ProcessorSearches:
     def _recs_of(self, snapshot: Snapshot) -> Assistance:
         """Return the assistance with the RECS of the snapshot alone.
 
-        The RECS before and after it have snapshots of their own. So the verdicts are the same whether the RECS to come
-        are known or not.
+        Earlier and later RECS have their own snapshots. So the verdicts do not depend on whether later RECS are already
+        known.
         """
         times = [snapshot.time + -one.pseudorange_m / SPEED_OF_LIGHT_MPS for one in snapshot.observations.values()]
         segments = segments_between(self.assistance, min(times), max(times)) if times else ()
@@ -106,7 +105,7 @@ class ProcessorSearches:
         return SearchBlock(signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run.astype(np.int8))
 
     def _sent_with(self, svid: int, sent: GalileoTime, snapshot: Snapshot) -> bool:
-        """Return whether a RECS is that of the snapshot; not if E1 does not show the satellite."""
+        """Return whether a RECS belongs to the snapshot; False if E1 does not show the satellite."""
         observation = snapshot.observations.get(svid)
         if observation is None:
             return False

@@ -1,6 +1,6 @@
-"""Hand-over from E1 to E6: when and how the encrypted chips are expected in the E6 samples [WFO, Sec. II-B].
+"""Hand over from E1 to E6: predict time and Doppler of the encrypted chips in the E6 samples [WFO, Sec. II-B].
 
-Everything that moves both bands alike (geometry, clocks, troposphere) is in the E1 pseudorange. What remains is
+The E1 pseudorange contains all delays common to both bands (geometry, clocks, troposphere). The remaining difference is
 
     P6 − P1 = (γ − 1)(I1 + c·BGD(E1,E6)) + (HW6 − HW1)        γ = (f1/f6)²; positive: E6 later
     f_d6    = f_d1 · f6/f1                                     f6/f1 = 125/154
@@ -9,8 +9,8 @@ The RECS epoch is a time of transmission on the satellite's clock, so the expect
 with P1(t) = P1 − λ1 (f_d1 Δt + ½ ḟ_d1 Δt²) around the time of the observation. The satellite clock needs no
 correction.
 
-The carrier phase of E6 follows that of E1 but for the ionosphere and a constant, because one oscillator drives both
-front ends. With φ1 the carrier phase of E1 in cycles, growing with the range, the E6 correlator has the phase
+One oscillator drives both front ends, so the carrier phase of E6 follows that of E1 apart from the ionosphere and a
+constant. φ1 is the carrier phase of E1 in cycles, growing with the range. The E6 correlator has the phase
 
     −2π (f6/f1) (φ1 − f_d1 Δt − ½ ḟ_d1 Δt²) + constant + slow change of the ionosphere
 """
@@ -45,8 +45,8 @@ def predicted_delay_m(
 ) -> float:
     """Return P6 − P1 in m; positive means that E6 arrives later.
 
-    The ionosphere is the slant delay on E1, the hardware bias the receiver's delay of E6 minus E1; for the convention
-    see `vestige.crypto.recs.group_delay`.
+    The ionosphere is the slant delay on E1. The hardware bias is the receiver's delay of E6 minus E1.
+    `vestige.crypto.recs.group_delay` explains the conventions.
     """
     group_s = inter_frequency_delay_s(bgd_e1_e6_s, convention)
     return (GAMMA_E1_E6 - 1) * ionosphere_e1_m + SPEED_OF_LIGHT_MPS * (group_s + hardware_bias_e1_e6_s)
@@ -55,7 +55,7 @@ def predicted_delay_m(
 def assisted_delay_m(
     assistance: Corrections, svid: int, time: GalileoTime, convention: GroupDelayConvention = OS_ICD_CONVENTION
 ) -> float:
-    """Return P6 − P1 of a satellite in m as the assistance predicts it: 0 for what it does not say."""
+    """Return P6 − P1 of a satellite in m from the assistance; missing terms count as 0."""
     valid = [delay for delay in assistance.group_delays if delay.svid == svid and delay.valid_from <= time]
     delay_m = predicted_delay_m(
         ionosphere_e1_m=assistance.ionosphere_e1_m.get(svid, 0.0),
@@ -70,7 +70,7 @@ def assisted_delay_m(
 def hand_over(
     observation: E1Observation, observed_at: GalileoTime, chips: ChipSequence, *, delay_m: float = 0.0
 ) -> Handover:
-    """Return where and how the chips are expected in the E6 samples.
+    """Return the expected time and Doppler of the chips in the E6 samples.
 
     The observation refers to the receiver-clock time `observed_at`; `delay_m` is P6 − P1 from `predicted_delay_m`.
     """
@@ -92,7 +92,7 @@ def hand_over(
 
 
 def reception_s(e1: E1Block) -> Float[np.ndarray, "n m"]:
-    """Return how long after the snapshot a RECS arrives that is sent at the time of the snapshot, in s."""
+    """Return when a RECS that is sent at the time of the snapshot arrives, in s after the snapshot."""
     wavelength_m = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
     dt = np.zeros(e1.pseudorange_m.shape)
     for _ in range(_LIGHT_TIME_STEPS):
@@ -102,9 +102,9 @@ def reception_s(e1: E1Block) -> Float[np.ndarray, "n m"]:
 
 
 def predicted_phase_rad(e1: E1Block, after_s: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
-    """Return the phase of the E6 correlators that the carrier phase of E1 predicts, but for a constant, from −π to π.
+    """Return the phase of the E6 correlators that the E1 carrier phase predicts, up to a constant, from −π to π.
 
-    `after_s` is when the RECS begins, in s after the snapshot. NaN where E1 has no carrier phase.
+    `after_s` is the begin of the RECS in s after the snapshot. The result is NaN where E1 has no carrier phase.
     """
     cycles = e1.carrier_phase_cycles - (e1.doppler_hz * after_s + 0.5 * e1.doppler_rate_hz_per_s * after_s**2)
     cycles = cycles * (E6_CARRIER_HZ / E1_CARRIER_HZ)

@@ -1,13 +1,13 @@
-"""The vestigial searches in samples: how many signals of a satellite there are, and where the earliest is.
+"""Vestigial searches in samples: the number of signals of a satellite, and the earliest of them.
 
-Step 4 of [WFO, Sec. IV-B] and step 5 of [WFO, Sec. IV-C].
+The searches are step 4 of [WFO, Sec. IV-B] and step 5 of [WFO, Sec. IV-C].
 
-`E1VestigialSearch` belongs to level 2: all signals on E1, and the hand-over of each to E6. `E6ExhaustiveSearch` belongs
-to level 3: every half chip and Doppler bin of E6. Both take a snapshot and its assistance and answer for each satellite
-with the peaks and the number of signals. Both search the `TimeUncertainty`: what the receiver knows of its clock before
-its first authentic fix, and after it only what the oscillator may have drifted since.
+`E1VestigialSearch` (level 2) searches all signals on E1, and hands each over to E6. `E6ExhaustiveSearch` (level 3)
+searches every half chip and Doppler bin of E6. Both take a snapshot and its assistance, and return peaks and number of
+signals of each satellite. Both search the `TimeUncertainty`. Before the first authentic fix it is the stated limit of
+the clock error; after the fix it is the possible drift of the oscillator since the fix.
 
-`block_searches.py` answers for a block of one epoch with these two.
+`block_searches.py` uses both searches for a block of one epoch.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from vestige.time import GalileoTime
 
 _OPEN_CODE = next(why for why in SEARCH_NOT_RUN if "open E6-C" in why)
 
-_SAME_S = 2e-6  # two chips of E1, which its search leaves out
+_SAME_S = 2e-6  # 2 chips of E1, which its search omits
 
 _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival
 
@@ -56,30 +56,30 @@ class SatelliteSearch:
     """Result of a search for one satellite."""
 
     svid: int
-    signals: tuple[Acquisition, ...]  # on E1, the strongest first; none from the exhaustive search
-    # in E6, in order of time: the first is the true signal. None if the first may have arrived after the disclosure of
-    # its key; then E6 says nothing of it, but `count` counts what was found all the same.
+    signals: tuple[Acquisition, ...]  # signals on E1, the strongest first; none from the exhaustive search
+    # Peaks in E6, in order of time; the first is the true signal. There are none if the first may have arrived after
+    # the disclosure of its key. Then E6 proves nothing, but `count` still counts the found signals.
     peaks: tuple[Peak, ...]
-    # number of signals, NaN if the search was not run, and of those that carry the encrypted chips
+    # number of signals (NaN if the search was not run), and number of signals that carry the encrypted chips
     count: float
     carrying: int = 0
-    # whether the first of the peaks is the true one of several signals; not if one on E1 that was not found in E6 may
-    # be earlier: the true one may be too weak there
+    # Whether the first peak is the true signal of several. False if a signal on E1 that was not found in E6 may be
+    # earlier: the true signal may be too weak on E6.
     true_is_known: bool = False
-    not_run: int = 0  # 0 if it was run, else 1 + the place of the reason in `SEARCH_NOT_RUN`
-    sent: GalileoTime | None = None  # time of transmission of the RECS that the peaks are of; None without peaks
+    not_run: int = 0  # 0 if the search was run, else 1 + the index of the reason in `SEARCH_NOT_RUN`
+    sent: GalileoTime | None = None  # time of transmission of the RECS of the peaks; None without peaks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1VestigialSearch:
-    """All signals on E1, handed over to E6."""
+    """Search for all signals on E1, with hand-over to E6."""
 
     p_fa: float = 1e-3  # false-alarm probability of one snapshot, for E1 and for E6 each
     # arguments of `search_e1`
     doppler_span_hz: float = 5000.0
     periods: int = 24
     taps: int = 5  # correlators of `search_handover`
-    # as `AcasProcessor` has them
+    # as in `AcasProcessor`
     cipher_mode: CipherMode = CipherMode.CBC
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
 
@@ -89,12 +89,12 @@ class E1VestigialSearch:
     def search(
         self, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
     ) -> tuple[SatelliteSearch, ...]:
-        """Return the findings for every satellite with a RECS; without E6 or a key E1 alone decides.
+        """Return the result for every satellite with a RECS; without E6 or a key E1 alone decides.
 
-        The hand-over is made of satellites with more than one signal on E1 and, before the first authentic fix, of all:
-        then a signal may be the right one at the wrong time.
+        Satellites with more than one signal on E1 are handed over. Before the first authentic fix all satellites are
+        handed over, because a single signal may then be a replay.
 
-        The snapshot has at least 8 ms of E1, better 100, and E6 as far as it goes.
+        The snapshot has at least 8 ms of E1 (better 100 ms), and E6 if available.
         """
         svids = _satellites(assistance)
         if snapshot.e1 is None:
@@ -140,7 +140,7 @@ class E1VestigialSearch:
         assistance: Assistance,
         uncertainty: TimeUncertainty,
     ) -> tuple[VestigialDecision, GalileoTime | None]:
-        """Return the decision on E6 at the places of all signals on E1, and when its RECS was sent, which says most."""
+        """Return the strongest decision on E6 at the times of all E1 signals, and the transmission time of its RECS."""
         decision, sent = decide_vestigial(svid, ()), None
         e6 = _samples(snapshot)
         if e6 is None or not signals:
@@ -170,14 +170,14 @@ class E1VestigialSearch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6ExhaustiveSearch:
-    """Every half chip and Doppler bin of E6."""
+    """Search of every half chip and Doppler bin of E6."""
 
     p_fa: float = 1e-3  # false-alarm probability of one snapshot
     # integration time, Doppler span, engine, workers
     how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
-    # how far before and after the place where E1 expects the RECS to look; None for all of the time uncertainty
+    # time to search before and after the time at which E1 expects the RECS; None for all of the time uncertainty
     around_s: float | None = None
-    cipher_mode: CipherMode = CipherMode.CBC  # as `AcasProcessor` has it
+    cipher_mode: CipherMode = CipherMode.CBC  # as in `AcasProcessor`
 
     def __post_init__(self) -> None:
         check_budget(self.p_fa)
@@ -191,10 +191,10 @@ class E6ExhaustiveSearch:
         *,
         expected: Mapping[int, GalileoTime] | None = None,
     ) -> tuple[SatelliteSearch, ...]:
-        """Return the findings for every satellite with a RECS.
+        """Return the result for every satellite with a RECS.
 
-        Samples `e6` stand in place of those of the snapshot: a file that is too long for one. `expected` says where E1
-        puts the RECS of a satellite, for `around_s`; satellites without are not searched then.
+        `e6` replaces the samples of the snapshot if the file is too long for a snapshot. For `around_s`, `expected`
+        gives the time at which E1 expects the RECS of a satellite; satellites without it are not searched.
         """
         source = e6 or _samples(snapshot)
         found = {
@@ -222,7 +222,7 @@ class E6ExhaustiveSearch:
         )
 
     def _clear(self, codes: Sequence[ChipSequence]) -> tuple[ChipSequence, ...]:
-        """Return the RECS that are found once in what is searched; those of the open code are in each code period."""
+        """Return the RECS that occur once in the searched samples; an open code occurs in each code period."""
         if self.around_s is not None and self.around_s < E6C.period_s / 2:
             return tuple(codes)
         return tuple(code for code in codes if not is_open_e6c(code.chips, code.svid))
@@ -230,7 +230,7 @@ class E6ExhaustiveSearch:
     def _stretches(
         self, source: SampleSource, codes: list[ChipSequence], uncertainty_s: float, expected: Mapping[int, GalileoTime]
     ) -> list[_Stretch]:
-        """Return which codes to look for where: those of one transmission at once, or each around its own place."""
+        """Return the codes for each time range: all codes of one transmission together, or each around its own time."""
         stretches = []
         for sent in sorted({code.transmit_time for code in codes}):
             group = [code for code in codes if code.transmit_time == sent]
@@ -249,7 +249,7 @@ class E6ExhaustiveSearch:
     def _peaks(
         self, source: SampleSource, stretches: list[_Stretch]
     ) -> Iterator[tuple[ChipSequence, tuple[Peak, ...]]]:
-        """Yield the codes that could be looked for, each with the peaks of its search."""
+        """Yield each searched code with the peaks of its search."""
         for group, first, last in stretches:
             starts = searchable(source, self.how.integration_s, first, last)[1]
             hypotheses = self.how.hypotheses(starts, len(group))
@@ -290,8 +290,8 @@ def _of_decision(
 def _preceded(peak: Peak, signals: Sequence[Acquisition], e1: SampleBatch, sent: GalileoTime | None) -> bool:
     """Return whether a signal on E1 comes before a peak in E6, by up to half a period of its secondary code.
 
-    Where the secondary code is not known, half a period of the primary code: 2 ms. Signals on E1 that were handed over
-    to the same peak do not come before it; E6 may be `_SAME_S` beside them.
+    If the secondary code is unknown, half a period of the primary code (2 ms) is used. Signals on E1 that were handed
+    over to the same peak do not come before the peak; E6 may differ from them by `_SAME_S`.
     """
     if sent is None:
         return False
@@ -304,7 +304,7 @@ def _preceded(peak: Peak, signals: Sequence[Acquisition], e1: SampleBatch, sent:
 
 
 def _sent_on_e1(signal: Acquisition, e1: SampleBatch, received: GalileoTime) -> tuple[float, float]:
-    """Return when a signal on E1 that is received at a time was sent, and modulo what, in s."""
+    """Return the transmission time of a signal on E1 that is received at a time, and the period of that time, in s."""
     measured = measure_e1(e1, signal)
     if measured is not None and measured.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB:
         since_s = (received - measured.time) * (1 + measured.doppler_hz / E1_CARRIER_HZ)
@@ -329,9 +329,9 @@ def _proven(decision: VestigialDecision) -> tuple[Peak, ...]:
 def _proof(
     code: ChipSequence, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
 ) -> ReceptionProof:
-    """Return which arrivals of a RECS in a snapshot are provably from before the disclosure of its key.
+    """Return the proof of which arrivals of a RECS in a snapshot are before the disclosure of its key.
 
-    The time tags of the samples follow E1, and with it a spoofer; `received_at` does not.
+    The time tags of the samples follow E1, and so may follow a spoofer. `received_at` does not follow E1.
     """
     proof = reception_proof(assistance, code, uncertainty.at(snapshot.received_at))
     behind_s = 0.0 if snapshot.e6 is None else max(snapshot.received_at - snapshot.e6.received_until, 0.0)
@@ -341,7 +341,7 @@ def _proof(
 def _codes(
     snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int, cipher_mode: CipherMode
 ) -> tuple[ChipSequence, ...]:
-    """Return the RECS of a satellite that may prove something in a snapshot, its own first."""
+    """Return the RECS of a satellite that can be a proof in a snapshot, the RECS of the snapshot first."""
     begin = snapshot.received_at if snapshot.e6 is None else snapshot.e6.received_from
     keys = {key.time: key for key in assistance.keys}
     codes = [
@@ -354,7 +354,7 @@ def _codes(
 
 
 def _samples(snapshot: Snapshot) -> SampleSource | None:
-    """Return the E6 samples of a snapshot, None if it has none, or a model in place of them."""
+    """Return the E6 samples of a snapshot; None if it has no samples, or a model in place of samples."""
     return None if snapshot.e6 is None else snapshot.e6.searched
 
 

@@ -1,4 +1,4 @@
-"""One snapshot of samples as a block of one epoch: how a recording enters the processor."""
+"""Convert one snapshot of samples to a block of one epoch, the processor's input from a recording."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class SampledE6:
     def correlate(
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
-        """Return the banks that are asked for; NaN where the samples do not hold them."""
+        """Return the requested banks; NaN where the samples do not contain them."""
         taps = np.full((*asked.shape, offsets_m.size), np.nan + 0j)
         noise_power, integration_s = np.full((2, *asked.shape), np.nan)
         for epoch, satellite in zip(*(axis.tolist() for axis in np.nonzero(asked)), strict=True):
@@ -47,7 +47,7 @@ def block_of(
 ) -> SnapshotBlock:
     """Return a snapshot as a block of one epoch.
 
-    Accelerations count from `since` on, the time of the snapshot before; None at first.
+    Accelerations count from `since` on, the time of the previous snapshot; None for the first snapshot.
     """
     svids = tuple(sorted(set(snapshot.observations) | snapshot.recs))
     observations = [snapshot.observations.get(svid) for svid in svids]
@@ -78,5 +78,5 @@ def block_of(
 
 
 def _row(observations: Sequence[E1Observation | None], name: str) -> Float[np.ndarray, "1 m"]:
-    """Return a quantity of the satellites, NaN of those that E1 does not show."""
+    """Return a quantity of the satellites; NaN for satellites that E1 does not show."""
     return np.array([[np.nan if one is None else getattr(one, name) for one in observations]])

@@ -1,14 +1,14 @@
-"""The two vestigial searches as checks: whether there is more than one signal of a satellite.
+"""Check with two vestigial searches whether there is more than one signal of a satellite.
 
 Step 4 of [WFO, Sec. IV-B] finds all signals on E1 and hands each over to E6; step 5 of [WFO, Sec. IV-C] searches E6
-exhaustively. The statistic is the number of signals of a satellite, the threshold one. What an attacker can do against
-both: null the true signal, or bury it in noise; then the checks of E6 power and of received power see that.
+exhaustively. The statistic is the number of signals of a satellite; the threshold is 1. An attacker can evade both
+searches by nulling the true signal or burying it in noise. The checks of E6 power and of received power detect this.
 
-The search on E1 is made with every RECS. The paper leaves open how often the exhaustive one is; with every RECS it
-would take more time than there is. So it is made at the start, now and then, and with every RECS as long as something
-is suspicious. That goes on with the RECS after a search that found a second signal, though no other check may see it:
-an attacker who nulls E1 and adds no noise would otherwise be AUTHENTIC again one RECS after he was found.
-Both search as far as the clock may be wrong (`TimeUncertainty`).
+The search on E1 is made with every RECS. The paper does not state how often the exhaustive search is made, and with
+every RECS the search would take too long. The exhaustive search is therefore made at the start, at a set period, and
+with every RECS while something is suspicious. A search that found a second signal is repeated with the next RECS, even
+if no other check fails. Otherwise an attacker who nulls E1 and adds no noise would be AUTHENTIC again after a single
+RECS. Both searches cover the possible error of the clock (`TimeUncertainty`).
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ _ROUNDING_S = 1e-6  # rounding error of times that are sums of intervals
 
 
 def search_due(since_s: float | None, period_s: float, *, suspicious: bool, found_twice: bool) -> bool:
-    """Return whether the search is to be made with a RECS.
+    """Return whether the exhaustive search is due with a RECS.
 
-    `since_s` is None if no search was made. It is suspicious if another check failed since the RECS before, or does
-    with this one; `found_twice` if the search with the RECS before found more than one signal of a satellite.
+    `since_s` is None if no search was made. `suspicious` is true if another check failed since the previous RECS, or
+    fails with this RECS. `found_twice` is true if the search with the previous RECS found more than one signal of a
+    satellite.
     """
     return since_s is None or suspicious or found_twice or since_s >= period_s - _ROUNDING_S
 
@@ -39,7 +40,7 @@ def search_due(since_s: float | None, period_s: float, *, suspicious: bool, foun
 class SearchResults:
     """Results of one kind of search in a block of n epochs; NaN where the search was not made."""
 
-    # as in `SearchBlock`, of every epoch
+    # as in `SearchBlock`, for every epoch
     signals: Float[np.ndarray, "n m"]
     carrying: Float[np.ndarray, "n m"]
     earliest_m: Float[np.ndarray, "n m"]
@@ -53,7 +54,7 @@ class SearchResults:
         return cls(signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run)
 
     def put(self, epoch: Int64[np.ndarray, " k"], found: SearchBlock) -> None:
-        """Take in what was found at some epochs."""
+        """Insert the results of some epochs."""
         for name in ("signals", "carrying", "earliest_m", "not_run"):
             getattr(self, name)[epoch] = getattr(found, name)
 
@@ -73,11 +74,11 @@ class SearchResults:
                 return SEARCH_NOT_RUN[max(int(self.not_run[here]), 1) - 1]
             text = f"{self.signals[here]:.0f} signals of one satellite: "
             if not self.carrying[here] > 1:
-                return f"{text}E6 does not say which is the true one"
+                return f"{text}E6 does not tell which is the true signal"
             text = f"{text}{self.carrying[here]:.0f} carry the encrypted chips; "
             if np.isnan(self.earliest_m[here]):
                 return f"{text}all of them when their key may have been known"
-            return f"{text}the earliest, {self.earliest_m[here]:+.1f} m from where E1 puts it, is the true one"
+            return f"{text}the earliest, {self.earliest_m[here]:+.1f} m from the E1 prediction, is the true signal"
 
         return CheckSeries(
             name=name,

@@ -1,15 +1,15 @@
-"""Vestigial signal search as a step of the processor: thresholds out of what is searched, and the decision.
+"""Vestigial signal search of the processor: thresholds from the size of the search, and the decision.
 
 Theory of operation
 -------------------
-A meaconer must bring the encrypted signal into E6, and without nulling the true one stays there, too. So whoever finds
-the chips of one RECS twice is being spoofed, and because nobody can send chips before they are broadcast, the earliest
-is the true one [WFO, Sec. III-D, III-E].
+A meaconer must repeat the encrypted signal on E6, where the true signal remains unless the meaconer nulls it. So a
+receiver that finds the chips of one RECS twice is being spoofed. Nobody can send chips before they are broadcast, so
+the earliest signal is the true signal [WFO, Sec. III-D, III-E].
 
-`handover_peaks` goes from all signals of the satellite on E1 to E6. Each is measured on E1 and handed over as a line of
-places (`CandidateEpochs`); over seconds E1 is measured again every `REMEASURE_S`, because a Doppler that is 1 Hz wrong
-has moved away by a tap after a minute, and one that changes by 0.5 Hz/s after ten seconds. After the first authentic
-position the clock is known: a narrower time uncertainty makes both searches as much shorter.
+`handover_peaks` hands over all signals of the satellite on E1 to E6. Each signal is measured on E1 and handed over as a
+line of candidate epochs (`CandidateEpochs`). E1 is measured again every `REMEASURE_S`: a Doppler error of 1 Hz shifts
+the line by a tap in a minute, and a Doppler change of 0.5 Hz/s in ten seconds. After the first authentic position the
+clock is known, and the smaller time uncertainty shortens both searches in proportion.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from vestige.signals.definitions import E6C
 from vestige.theory.search_budget import SearchBudget, search_budget
 from vestige.time import GalileoTime
 
-REMEASURE_S = 2.0  # between measurements of E1
+REMEASURE_S = 2.0  # time between measurements of E1
 _CHIP_S = 1 / E6C.chip_rate_hz
-TRAVEL_TIME_S = (0.02, 0.16)  # travel time from any satellite to any receiver, with 50 ms to spare on both sides
+TRAVEL_TIME_S = (0.02, 0.16)  # travel time from any satellite to any receiver, with a margin of 50 ms on both sides
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,9 +40,9 @@ class VestigialDecision:
 
     svid: int
     peaks: tuple[Peak, ...]
-    true: Peak | None  # the earliest peak; None if there is none, or if its chips may have been known when it arrived
-    spoofed: bool  # whether there is more than one
-    open_code: bool = False  # whether the chips are those of the open code: then the peaks say nothing
+    true: Peak | None  # earliest peak; None without a peak, or if its chips may have been known at its arrival
+    spoofed: bool  # whether there is more than one signal
+    open_code: bool = False  # whether the chips are those of the open code: then the peaks prove nothing
 
 
 def decide_vestigial(
@@ -53,10 +53,11 @@ def decide_vestigial(
     open_code: bool = False,
     repeated_after_s: float | None = None,
 ) -> VestigialDecision:
-    """Return the decision on the peaks of a satellite: the earliest is the true signal, a second one is spoofing.
+    """Return the decision on the peaks of a satellite: the earliest is the true signal, any other is spoofing.
 
-    `proof` is None if all samples are known to be from before the key's disclosure. With an open code neither is said.
-    If the chips repeat after `repeated_after_s`, peaks that are whole multiples of it apart count once.
+    `proof` is None if all samples are known to be from before the key's disclosure. With an open code neither decision
+    is made. If the chips repeat after `repeated_after_s`, peaks that are whole multiples of this period apart count
+    once.
     """
     own = tuple(sorted((peak for peak in peaks if peak.svid == svid), key=lambda peak: peak.start_time))
     if open_code:
@@ -68,7 +69,7 @@ def decide_vestigial(
 
 
 def _without_repetitions(peaks: Iterable[Peak], period_s: float) -> Iterator[Peak]:
-    """Yield peaks in order of time, without those that lie whole periods of their signal behind another one."""
+    """Yield peaks in order of time, without peaks that follow another peak by whole periods of the signal."""
     kept: list[Peak] = []
     for peak in peaks:
         received_s = period_s / (1 + peak.doppler_hz / E6_CARRIER_HZ)
@@ -79,10 +80,10 @@ def _without_repetitions(peaks: Iterable[Peak], period_s: float) -> Iterator[Pea
 
 
 def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: float) -> ReceptionProof:
-    """Return which arrivals of a RECS are provably from before anybody could know its chips.
+    """Return the proof of which arrivals of a RECS are from before anybody could know its chips.
 
-    The assistance holds the segment of the chips and its key. `uncertainty_s` is the upper limit of the error of the
-    clock that the start is measured with, infinite if there is none.
+    The assistance contains the segment of the chips and its key. `uncertainty_s` is the upper limit of the error of the
+    clock that measures the start, infinite if there is no limit.
     """
     times = {
         one.key_time
@@ -97,9 +98,9 @@ def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: 
 def arrival_window(
     sent: GalileoTime, uncertainty_s: float, samples: SampleSource
 ) -> tuple[GalileoTime, GalileoTime] | None:
-    """Return when a chip may arrive at the earliest and at the latest, as far as samples go; None if never in them.
+    """Return the earliest and latest arrival of a chip within the samples; None if it cannot arrive in them.
 
-    `uncertainty_s` is the upper limit of the error of the samples' time, infinite if there is none.
+    `uncertainty_s` is the upper limit of the error of the samples' time, infinite if there is no limit.
     """
     head = samples.read(samples.first_sample, 1)
     end_s = (samples.end_sample - samples.first_sample) / head.sample_rate_hz
@@ -120,10 +121,10 @@ class CandidateInterval:
 def handover_line(
     snapshot: E1Snapshot, chips: ChipSequence, *, delay_m: float = 0.0, secondary: bool = True
 ) -> CandidateEpochs:
-    """Return where a signal on E1 says that the chips may arrive in E6.
+    """Return the candidate epochs at which the chips may arrive in E6, from a signal on E1.
 
-    `delay_m` is P6 − P1 from `predicted_delay_m`. With `secondary` the phase of the secondary code is used, if it is
-    clear: places are 100 ms apart, not 4.
+    `delay_m` is P6 − P1 from `predicted_delay_m`. With `secondary` the phase of the secondary code is used if it is
+    clear. Candidates are then 100 ms apart instead of 4 ms.
     """
     known = secondary and snapshot.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB
     period_s = SECONDARY_PERIOD_S if known else E1_CODE_PERIOD_S
@@ -148,7 +149,7 @@ def line_stretches(
     delay_m: float = 0.0,
     secondary: bool = True,
 ) -> tuple[CandidateInterval, ...]:
-    """Return the lines of one signal on E1 over a time uncertainty; () if it cannot be measured where it was found.
+    """Return the lines of one signal on E1 over a time uncertainty; () if the signal cannot be measured in its batch.
 
     The signal was found in a batch whose first sample is at `found_at`; other arguments as in `handover_line`.
     """
@@ -183,9 +184,9 @@ def handover_peaks(
     taps: int = 5,
     trace: Callable[[GalileoTime, float], None] | None = None,
 ) -> tuple[tuple[Peak, ...], SearchBudget]:
-    """Return the signals in E6 at the places of all lines, in order of time, and the budget of the search.
+    """Return the signals in E6 at the candidate epochs of all lines, in order of time, and the budget of the search.
 
-    `overall_pfa` is the probability that noise alone gives any peak. Each place has an odd number of `taps`, half a
+    `overall_pfa` is the probability that noise alone gives any peak. Each candidate has an odd number of `taps`, half a
     chip apart.
     """
     if not stretches:
@@ -205,7 +206,7 @@ def handover_peaks(
 
 
 def _measured(e1: SampleSource, found: Acquisition, at: GalileoTime) -> E1Snapshot | None:
-    """Return the measurement of a signal in the window that begins at a time, None if the samples do not hold it."""
+    """Return the measurement of a signal in the window from a given time; None if the samples do not contain it."""
     head = e1.read(e1.first_sample, 1)
     low = e1.first_sample + round((at - head.start) * head.sample_rate_hz)
     count = min(round(E1_WINDOW_S * head.sample_rate_hz), e1.end_sample - low)
@@ -215,7 +216,7 @@ def _measured(e1: SampleSource, found: Acquisition, at: GalileoTime) -> E1Snapsh
 
 
 def _moved(snapshot: E1Snapshot, time: GalileoTime) -> E1Snapshot:
-    """Return the snapshot carried to another time with its own Doppler."""
+    """Return the snapshot extrapolated to another time with its own Doppler."""
     elapsed_s = (time - snapshot.time) * (1 + snapshot.doppler_hz / E1_CARRIER_HZ)
     return E1Snapshot(
         svid=snapshot.svid,
@@ -228,7 +229,7 @@ def _moved(snapshot: E1Snapshot, time: GalileoTime) -> E1Snapshot:
 
 
 def _predicted(snapshot: E1Snapshot, time: GalileoTime) -> tuple[Acquisition, GalileoTime]:
-    """Return where the signal is in a window that begins at a time."""
+    """Return the predicted signal in a window that begins at a time."""
     moved = _moved(snapshot, time)
     ahead_s = -moved.transmit_phase_s % E1_CODE_PERIOD_S
     found = Acquisition(

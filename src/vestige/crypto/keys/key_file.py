@@ -1,7 +1,7 @@
 """Files with TESLA keys.
 
-The key file of an assistance folder is a CSV that proves itself: beside the keys it has the signed DSM-KROOTs that they
-chain to, so that a reader needs nothing but the public key::
+The key file of an assistance folder is a CSV that proves itself. In addition to the keys, the file has the signed
+DSM-KROOTs to which they chain, so a reader needs only the public key::
 
     # vestige OSNMA keys 2
     # public key,<DSM-PKR, hex>
@@ -10,17 +10,17 @@ chain to, so that a reader needs nothing but the public key::
     gst_week,gst_second,chain_id,key_hex,disclosed_week,disclosed_second,gst
     1251,277200,3,be7801d2d4eb75a7e686054a18c58141,1251,277222,2023-08-16T05:00:00.000 GST
 
-A key's time is the start of the subframe in which it is sent; it is disclosed when its first bit is on air. The last
-column is for people. Reading validates every key: the root key's signature, the chain, the disclosure time.
+A key's time is the start of the subframe in which the key is sent. A key is disclosed when its first bit is on air. The
+last column is for human readers. Reading validates every key: the root key's signature, the chain, the disclosure time.
 
-A public key that was broadcast, and that a root key is signed with, is in the file as the DSM-PKR that brought it. It
-needs the Merkle tree to be read.
+If a root key is signed with a broadcast public key, the file has the DSM-PKR of this public key. Reading such a file
+needs the Merkle tree.
 
-Root keys and alert messages have the subframe in which they were received. A root key with the status "don't use", or
-with a revocation, is in the file like the others: a key that it withdraws is refused (`chain_register`). Whoever writes
-the file can leave it out, so the file proves that keys are genuine and not that they were never withdrawn.
+Root keys and alert messages have the subframe in which they were received. The file also has root keys with the status
+"don't use" or with a revocation; keys that they withdraw are refused (`chain_register`). The writer of a file can leave
+out such root keys. So the file proves that keys are genuine, but not that they were never withdrawn.
 
-Files of version 1 lack time and status. They are read as long as none of their root keys withdraws anything.
+Files of version 1 lack time and status. Such files are readable if none of their root keys withdraws a chain.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ class KeyFile:
 def write_key_file(
     path: Path, keys: Sequence[ValidatedKey], roots: Sequence[RootKey], alerts: Sequence[GalileoTime] = ()
 ) -> None:
-    """Write keys with the signed root keys that they chain to; the file is replaced only when it is complete.
+    """Write keys with the signed root keys to which they chain; the file is replaced only when it is complete.
 
-    `roots` are all verified root keys: those of the keys' chains, and those that withdraw chains.
+    `roots` are all verified root keys: the root keys of the keys' chains, and root keys that withdraw chains.
     """
     broadcast = dict.fromkeys(root.public_key.message for root in roots if root.public_key.message)
     lines = [KEY_FILE_FIRST_LINE, *(f"{_KEY_PREFIX}{message.hex()}" for message in broadcast)]
@@ -156,7 +156,7 @@ def _lines(path: Path) -> list[str]:
         text = read_bytes(path, at_most=_MAX_FILE_BYTES).decode("ascii")
     except UnicodeDecodeError as error:
         raise InputFileError(path, f"byte {error.start}", "not ASCII", "a key file") from None
-    # Spreadsheets fill short lines up with commas.
+    # Spreadsheets fill short lines with commas.
     lines = [line.rstrip("\r").rstrip(",") for line in text.split("\n")]
     if lines[0] not in (KEY_FILE_FIRST_LINE, FIRST_LINE_1):
         raise InputFileError(path, "line 1", lines[0], KEY_FILE_FIRST_LINE)

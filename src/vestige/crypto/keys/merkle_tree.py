@@ -1,11 +1,11 @@
-"""The Merkle tree of OSNMA: 16 leaves, one for each public key, and one root that every receiver trusts.
+"""The Merkle tree of OSNMA: 16 leaves, one for each public key, and a root that every receiver trusts.
 
-A leaf is SHA-256 of `type 4 | PKID 4 | point`; a parent is SHA-256 of its two children. With the leaf and the siblings
-on the way up anybody can compute the root, and only the true key at its true place gives the true root [OSNMA-ICD,
-6.2]. The root itself comes from the user: it is what OSNMA's trust starts from.
+A leaf is SHA-256 of `type 4 | PKID 4 | point`; a parent is SHA-256 of its two children. Anybody can compute the root
+from a leaf and the siblings on the way up. Only the true key at its true leaf gives the true root [OSNMA-ICD, 6.2]. The
+user provides the root, from which OSNMA's trust starts.
 
-A new public key is also broadcast, as a DSM-PKR with the four siblings that belong to it: `NB 4 | leaf 4 | siblings 4 x
-256 | type 4 | PKID 4 | point | padding`, the point of 264 bits (P-256) or 536 (P-521).
+A new public key is also broadcast, as a DSM-PKR with its four siblings: `NB 4 | leaf 4 | siblings 4 x 256 | type 4 |
+PKID 4 | point | padding`. The point has 264 bits (P-256) or 536 bits (P-521).
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ NODE_BYTES = 32
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MerkleTree:
-    """A Merkle tree as far as it is published."""
+    """The published part of a Merkle tree."""
 
-    # hash (32 bytes) by (j, i): j is the height over the leaves, i counts from the left. (4, 0) is the root
+    # hash (32 bytes) by (j, i): j is the height above the leaves, i counts from the left; (4, 0) is the root
     nodes: Mapping[tuple[int, int], bytes]
-    public_keys: tuple[ClaimedPublicKey, ...] = ()  # the keys that the publication holds, still to be verified
+    public_keys: tuple[ClaimedPublicKey, ...] = ()  # published keys, not yet verified
 
     @property
     def root(self) -> bytes:
@@ -41,7 +41,7 @@ class MerkleTree:
 def leaf_hash(pkid: int, point: bytes) -> bytes:
     """Return the leaf of a public key, 32 bytes.
 
-    Raises `AuthenticationError` if `point` has the length of no compressed point.
+    Raises `AuthenticationError` if the length of `point` is not that of a compressed point.
     """
     return hashlib.sha256(bytes([scheme_of_point(point).key_type << 4 | pkid]) + point).digest()
 
@@ -65,7 +65,7 @@ def nodes_over(leaves: Sequence[bytes]) -> dict[tuple[int, int], bytes]:
     Raises
     ------
     ValueError
-        If there are not 16 of them.
+        If the number of leaves is not 16.
 
     Examples
     --------
@@ -83,11 +83,11 @@ def nodes_over(leaves: Sequence[bytes]) -> dict[tuple[int, int], bytes]:
 
 
 def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
-    """Return the key for use, because the tree's root follows from it.
+    """Return the key for use after verification against the tree's root.
 
-    A claim that does not know its number or its leaf takes them from the tree's own entry with that point or number.
+    A claim without number or leaf takes them from the tree's own entry with the same point or number.
 
-    Raises `AuthenticationError` if the tree does not know the key, or another root follows.
+    Raises `AuthenticationError` if the tree does not have the key, or the key leads to another root.
     """
     pkid, leaf = _placed(claim, tree)
     siblings = []
@@ -102,9 +102,9 @@ def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
 
 
 def verify_tree(tree: MerkleTree) -> tuple[PublicKey, ...]:
-    """Return all public keys that a published tree holds, each verified against its root.
+    """Return all public keys of a published tree, each verified against its root.
 
-    Raises `AuthenticationError` if one of them, or one of the published nodes above them, does not lead to the root.
+    Raises `AuthenticationError` if a public key, or a published node above it, does not lead to the root.
     """
     return tuple(verify_public_key(claim, tree) for claim in tree.public_keys)
 
@@ -138,22 +138,23 @@ def _verified(
 
 
 def verify_broadcast_key(message: bytes, tree: MerkleTree, known: Sequence[PublicKey] = ()) -> PublicKey:
-    """Return the public key of a DSM-PKR, verified against the tree's root, which root keys may be signed with.
+    """Return the public key of a DSM-PKR for the verification of root keys, verified against the tree's root.
 
-    Public keys take over in the order of their numbers. So a key whose number is below one of the known keys is
-    refused: it may have been revoked, and an attacker who has it can send its old DSM-PKR again [OSNMA-RG, 4.2].
+    Public keys come into force in the order of their numbers. So a key with a number below that of a known key is
+    refused: such a key may have been revoked, and an attacker who has it can send its old DSM-PKR again [OSNMA-RG,
+    4.2].
 
-    Raises `AuthenticationError` if the message is malformed, leads to another root, or if the key is older than a known
-    one. Raises `UnsupportedError` if it holds no key (an alert message, a reserved value).
+    Raises `AuthenticationError` if the message is malformed or leads to another root, or if the key is older than a
+    known key. Raises `UnsupportedError` if the message contains no key (an alert message, a reserved value).
 
     Parameters
     ----------
     message
         All blocks of the DSM-PKR.
     tree
-        The Merkle tree, of which only the root is used.
+        The Merkle tree; only its root is used.
     known
-        The keys that are in use. One of them may be broadcast again.
+        The keys in use. A key in use may be broadcast again.
     """
     blocks = pkr_blocks(message[0]) if message else 0
     if not blocks or len(message) != blocks * DSM_BLOCK_BYTES:

@@ -1,8 +1,8 @@
-"""The public keys that OSNMA's root keys are signed with, and why one of them may be trusted.
+"""Public keys that verify OSNMA's root keys, and the basis of the trust in them.
 
-A key that was read is a `ClaimedPublicKey`: it has a number and a point, and no use. It becomes a `PublicKey` in one of
-two ways: `merkle_tree.verify_public_key` shows that it is a leaf of the Merkle tree whose root the user trusts, or the
-user has nothing but the key and says with `trusted_by_user` that he vouches for it himself.
+A key from a file or a signal is a `ClaimedPublicKey`, which has a number and a point but verifies nothing. A claimed
+key becomes a `PublicKey` in either of two ways. `merkle_tree.verify_public_key` shows that the key is a leaf of the
+Merkle tree whose root the user trusts. With `trusted_by_user`, a user without a Merkle tree vouches for the key.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class Trust(Enum):
 class ClaimedPublicKey:
     """A public key as a file or the signal claims it."""
 
-    pkid: int | None  # number of the key, PKID 0 … 15; None if the source does not say (PEM)
-    leaf: int | None  # its place among the 16 leaves of the Merkle tree; None if the source does not say
+    pkid: int | None  # number of the key, PKID 0 … 15; None if the source does not give it (PEM)
+    leaf: int | None  # index 0 … 15 of the leaf in the Merkle tree; None if the source does not give it
     point: bytes  # compressed point on P-256, 33 bytes, or on P-521, 67 bytes
 
 
@@ -41,7 +41,7 @@ class PublicKey:
     pkid: int | None  # number of the key; None (only from PEM, trusted by the user) stands for any
     point: bytes
     trust: Trust
-    message: bytes = field(default=b"", compare=False, repr=False)  # the DSM-PKR that brought it, if one did
+    message: bytes = field(default=b"", compare=False, repr=False)  # DSM-PKR that brought the key, if any
 
     def verify(self, message: bytes, signature: bytes) -> None:
         """Check a signature, given as r and s, in the scheme of this key.
@@ -66,9 +66,9 @@ class PublicKey:
 
 
 def load_point(point: bytes) -> ec.EllipticCurvePublicKey:
-    """Return the key of a compressed point; its length says on which curve it is.
+    """Return the key of a compressed point; the length of the point determines the curve.
 
-    Raises `AuthenticationError` if the bytes are no point on P-256 or P-521.
+    Raises `AuthenticationError` if the bytes are not a point on P-256 or P-521.
     """
     scheme = scheme_of_point(point)
     try:
@@ -87,9 +87,9 @@ def compressed_point(key: ec.EllipticCurvePublicKey) -> bytes:
 
 
 def trusted_by_user(claim: ClaimedPublicKey) -> PublicKey:
-    """Return the key for use on the user's own word, without a Merkle tree.
+    """Return the key for use because the user vouches for it, without a Merkle tree.
 
-    Raises `AuthenticationError` if it is no point on the curve.
+    Raises `AuthenticationError` if the key is not a point on the curve.
     """
     load_point(claim.point)
     return PublicKey(pkid=claim.pkid, point=claim.point, trust=Trust.USER)

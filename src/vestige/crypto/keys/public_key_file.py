@@ -1,8 +1,8 @@
-"""Readers of the files that OSNMA's public key and Merkle tree come in.
+"""Readers of files with OSNMA's public key and Merkle tree.
 
 The European GNSS Service Centre publishes both as XML. Public keys also travel as PEM, and as loose XML elements
-without a common root, so a public key is read by its elements and not as a document. Nothing that is read here is
-trusted yet: see `public_key` and `merkle_tree`.
+without a common root, so a public key is read by its elements and not as a document. The readers return untrusted keys:
+see `public_key` and `merkle_tree`.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from vestige.crypto.keys.public_key import ClaimedPublicKey, PublicKey, compress
 from vestige.crypto.keys.signature_scheme import NAMES, P256, SCHEMES, scheme_of_curve
 from vestige.errors import InputFileError, UnsupportedError
 
-_MAX_FILE_BYTES = 1_000_000  # the published files have 2 kB; nothing larger is one of them
+_MAX_FILE_BYTES = 1_000_000  # far more than the 2 kB of the published files
 _ELEMENT = re.compile(r"<(PKID|PKType|i|point|lengthInBits)>([^<]*)</\1>")
 
 
 def read_public_key(path: Path) -> ClaimedPublicKey:
     """Return the public key of an XML file (elements PKID, PKType, i, point) or of a PEM file; not yet trusted.
 
-    Raises `InputFileError` if the file is neither. Raises `UnsupportedError` if it is a key of another kind than ECDSA
-    P-256 and P-521.
+    Raises `InputFileError` if the file has neither form. Raises `UnsupportedError` if the key is not ECDSA P-256 or
+    P-521.
     """
     text = _read_text(path)
     if "-----BEGIN" in text:
@@ -55,7 +55,7 @@ def read_merkle_tree(path: Path) -> MerkleTree:
     """
     text = _read_text(path)
     try:
-        # As bytes, because the parser refuses a text that declares its encoding.
+        # The parser takes bytes, because it refuses a text that declares its encoding.
         document: Element = ElementTree.fromstring(text.encode())
     except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
         raise InputFileError(path, "document", str(error), "well-formed XML without entities") from None
@@ -80,8 +80,8 @@ def read_merkle_tree(path: Path) -> MerkleTree:
 def load_public_keys(public_key: Path | None, merkle_tree: Path | None) -> tuple[PublicKey, ...]:
     """Return the keys that may be used, from a public key file, a Merkle tree file, or both.
 
-    With a Merkle tree every key is verified against its root, and so is every key that the tree's own file holds. With
-    a public key alone the user vouches for it.
+    With a Merkle tree every key is verified against its root, including the keys in the tree's own file. A public key
+    without a Merkle tree is trusted because the user vouches for it.
 
     Raises `AuthenticationError` if a key does not lead to the root of the tree. Raises `InputFileError` or
     `UnsupportedError` if a file cannot be read. Raises `ValueError` if neither file is given.

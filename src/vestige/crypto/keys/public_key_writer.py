@@ -1,7 +1,7 @@
-"""Writers of the files that receivers take OSNMA's public key and Merkle tree from: PEM, and the XML of the service.
+"""Writers of files with OSNMA's public key and Merkle tree: PEM, and the XML of the service.
 
-The XML has the elements of the files that the European GNSS Service Centre publishes, in their order, so programs that
-read those read these. `public_key_file` reads back what is written here.
+The XML has the elements of the files that the European GNSS Service Centre publishes, in the same order. So programs
+that read the published files can read the written files, and so can `public_key_file`.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ _NO_TIME = GalileoTime(0, 0)
 
 
 def write_public_key_pem(path: Path, claim: ClaimedPublicKey) -> None:
-    """Write a public key as PEM. Number and leaf are lost: PEM has no place for them.
+    """Write a public key as PEM. Number and leaf are lost, because PEM has no field for them.
 
-    Raises `AuthenticationError` if its point is none, and `OSError` if the file cannot be written.
+    Raises `AuthenticationError` if the point is not on a curve, and `OSError` if the file cannot be written.
     """
     data = load_point(claim.point).public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
     _write(path, data.decode())
@@ -40,12 +40,12 @@ def write_public_key_xml(path: Path, claim: ClaimedPublicKey, applicable_from: G
     claim
         The key, with its number and its leaf.
     applicable_from
-        From when on the file says that the key is used.
+        Start of the key's applicability in the file.
 
     Raises
     ------
     VestigeError
-        If the number or the leaf of the key is not known.
+        If the number or the leaf of the key is unknown.
     OSError
         If the file cannot be written.
     """
@@ -58,21 +58,21 @@ def write_public_key_xml(path: Path, claim: ClaimedPublicKey, applicable_from: G
 
 
 def write_merkle_tree(path: Path, tree: MerkleTree, applicable_from: GalileoTime = _NO_TIME) -> None:
-    """Write a Merkle tree as the service publishes it, with all nodes and public keys that it has.
+    """Write a Merkle tree as the service publishes it, with all its nodes and public keys.
 
     Parameters
     ----------
     path
         The file.
     tree
-        The tree; its root is what receivers trust.
+        The tree; receivers trust its root.
     applicable_from
-        From when on the file says that the tree is used.
+        Start of the tree's applicability in the file.
 
     Raises
     ------
     VestigeError
-        If the number or the leaf of a key is not known.
+        If the number or the leaf of a key is unknown.
     OSError
         If the file cannot be written.
     """

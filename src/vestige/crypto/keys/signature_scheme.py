@@ -1,7 +1,7 @@
 """The two signature schemes of OSNMA: ECDSA P-256/SHA-256 and ECDSA P-521/SHA-512 [OSNMA-ICD, DSM-KROOT, DSM-PKR].
 
 A public key is broadcast and published as a compressed point, a signature as r and s, each as long as a coordinate of
-the curve. So the length of a point or signature says which scheme is used.
+the curve. So the length of a point or signature determines the scheme.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from vestige.errors import AuthenticationError, UnsupportedError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignatureScheme:
-    """One scheme."""
+    """A signature scheme of OSNMA."""
 
     key_type: int  # NPKT, the type of a new public key in a DSM-PKR and in a leaf of the Merkle tree
-    name: str  # as the European GNSS Service Centre writes it, and the next
+    name: str  # names of scheme and curve as the European GNSS Service Centre writes them
     curve_name: str
     curve: ec.EllipticCurve
     hash: hashes.HashAlgorithm
@@ -27,7 +27,7 @@ class SignatureScheme:
 
     @property
     def point_bytes(self) -> int:
-        """Length of a compressed point: the sign of y and x."""
+        """Length of a compressed point, which is the sign of y, and x."""
         return 1 + self.coordinate_bytes
 
     @property
@@ -52,7 +52,7 @@ _ALERT_TYPE = 4  # NPKT of an OSNMA alert message [OSNMA-ICD, DSM-PKR]
 def scheme_of_type(key_type: int) -> SignatureScheme:
     """Return the scheme of a public key's type (NPKT).
 
-    Raises `UnsupportedError` if the type is reserved, or that of an alert message, which is no key.
+    Raises `UnsupportedError` if the type is reserved, or is that of an alert message, which is not a key.
     """
     for scheme in SCHEMES:
         if scheme.key_type == key_type:

@@ -1,24 +1,26 @@
-"""Register of the TESLA chains that may be used: the signed status of OSNMA, and nothing else, decides.
+"""Register of the usable TESLA chains, which follow only from the signed status of OSNMA.
 
-The NMA header of a subframe says whether OSNMA may be used, but anybody can forge it. The same header is signed
-together with each DSM-KROOT. So the status follows from verified root keys, in the order in which they were received:
+The NMA header of a subframe says whether OSNMA may be used, but anybody can forge this header. The same header is
+signed together with each DSM-KROOT. So the status follows from verified root keys, in the order of their reception:
 
 * A root key with the status "don't use" withdraws all chains.
-* A root key with "chain revoked" or "public key revoked" withdraws all chains but the one that it names as in force.
-  "Public key revoked" also revokes the public keys that came before the one that signed the root key.
-* A chain comes back only with a root key of its own that says "test" or "operational" and cannot be older than the
-  withdrawal. A root key of a later time cannot be older: it is itself a key of the chain, which nobody may know before
-  its time. A root key of the chain that the withdrawal announced as the next one cannot be older either, because that
-  chain was not in force before.
-* An alert message is final: everything that could end it is no longer trusted [OSNMA-RG, 4.2.3].
-* A key of a chain without any accepted root key is refused from the first withdrawal on: a revoked key signed its root.
+* A root key with "chain revoked" or "public key revoked" withdraws all chains except the chain that it names as in
+  force. "Public key revoked" also revokes the public keys before the key that signed the root key.
+* A chain comes back only with its own root key that says "test" or "operational" and cannot be older than the
+  withdrawal. A root key of a later time cannot be older, because a root key is a key of the chain that nobody may know
+  before its time. A root key of the chain that the withdrawal announced as next chain cannot be older either, because
+  that chain was not in force before.
+* An alert message is final, because no message that could end it is trusted any more [OSNMA-RG, 4.2.3].
+* A key of a chain without any accepted root key is refused from the first withdrawal on, because a revoked key signed
+  its root key.
 
-Nobody signs when a root key was received, so an attacker may choose that time. Therefore a withdrawal counts from the
-earliest of its times on. A root key that ends it must be later than the latest of its times, later than the withdrawing
-root key itself, and later than the root keys of the chain that were known before: the last two times are signed.
+The time of reception of a root key is not signed, so an attacker may choose it. Therefore a withdrawal counts from the
+earliest of its times of reception. A root key that ends a withdrawal must be later than three times: the latest
+reception of the withdrawal, the withdrawing root key, and the root keys of the chain that were known before. The last
+two times are signed.
 
-A genuine withdrawal that an attacker records and sends again counts as a new one. The receiver then has no keys until
-the root key of the next hour. This is the price of never missing a withdrawal.
+A genuine withdrawal that an attacker records and sends again counts as a new withdrawal. The receiver then has no keys
+until the root key of the next hour. In return, the receiver never misses a withdrawal.
 """
 
 from __future__ import annotations
@@ -40,18 +42,18 @@ class RevokedKeyError(AuthenticationError):
 
 @dataclass(slots=True, kw_only=True)
 class _Withdrawal:
-    """A withdrawal: from `since` on, only `in_force` may be used, and each chain that came back from its time on.
+    """A withdrawal: from `since` on, only `in_force` and chains that came back may be used.
 
-    A chain comes back with a root key of after `until`, and of after the one of the chain in `known`.
+    A chain comes back with a root key that is later than `until` and later than the root key of the chain in `known`.
     """
 
-    since: GalileoTime  # the earliest time of reception, which nobody signs
-    until: GalileoTime  # the latest one, or the signed time of the withdrawal itself if that is later
-    header: NmaHeader | None = None  # None of an alert message
+    since: GalileoTime  # earliest time of reception, which is not signed
+    until: GalileoTime  # latest time of reception, or the signed time of the withdrawal itself if later
+    header: NmaHeader | None = None  # None for an alert message
     in_force: Chain | None = None
-    successor: Chain | None = None  # announced by the withdrawal itself
+    successor: Chain | None = None  # next chain that the withdrawal announced
     final: bool = False
-    known: dict[Chain, GalileoTime] = field(default_factory=dict)  # the latest root key of each chain at that time
+    known: dict[Chain, GalileoTime] = field(default_factory=dict)  # time of the latest known root key of each chain
     lifted: dict[Chain, GalileoTime] = field(default_factory=dict)
 
     @property
@@ -61,21 +63,21 @@ class _Withdrawal:
         return f"withdrawn by the signed root key of {self.since}: {self.header}"
 
     def received(self, time: GalileoTime) -> bool:
-        """Take in that it was received at `time`, too; return whether that changes from when on it counts."""
+        """Note another reception at `time`; return whether the withdrawal now counts from an earlier time."""
         earlier = time < self.since
         self.since, self.until = min(self.since, time), max(self.until, time)
         return earlier
 
 
 class ChainRegister:
-    """The chains that hang on verified root keys, and what the root keys say of them.
+    """The chains of verified root keys, and their status from the root keys.
 
     Attributes
     ----------
     chains
-        Chains in the order in which their first root keys came.
+        Chains in the order of reception of their first root keys.
     n_changes
-        How often more keys were refused: a withdrawal was new, or an earlier time of it.
+        Number of times that more keys were refused, by a new withdrawal or by an earlier time of a withdrawal.
     """
 
     def __init__(self) -> None:
@@ -87,11 +89,11 @@ class ChainRegister:
         self._newest: dict[Chain, GalileoTime] = {}
 
     def add(self, root: RootKey) -> bool:
-        """Take a verified root key; return whether its chain was known.
+        """Add a verified root key; return whether its chain was known.
 
-        Root keys come in the order in which they were received. The same one may come again with another time.
+        Root keys are added in the order of reception. The same root key may come again with another time.
 
-        Raises `RevokedKeyError` if the public key that signed it was revoked by an earlier root key.
+        Raises `RevokedKeyError` if an earlier root key revoked the public key that signed this root key.
         """
         for revoker in self._revoked_by:
             if _comes_before(root.public_key, revoker):
@@ -126,8 +128,8 @@ class ChainRegister:
     def refusal_of(self, key: ValidatedKey) -> str:
         """Return why a key that was validated before may not be used; "" if it may.
 
-        The key, perhaps of another program run, counts for the first chain that holds it. If none does, its root key
-        was refused, and so is the key from the first withdrawal on.
+        The key may come from another program run; it counts for the first chain that contains it. If no chain contains
+        the key, its root key was refused, and the key is refused from the first withdrawal on.
         """
         if not self._withdrawals:
             return ""
@@ -151,7 +153,7 @@ class ChainRegister:
         in_force = chain if header.usable and own else None
         latest = self._withdrawals[-1] if self._withdrawals else None
         if in_force is not None and latest is not None and latest.in_force is in_force and not latest.lifted:
-            self._withdrawal_of[identity] = latest  # said again every hour, while it lasts
+            self._withdrawal_of[identity] = latest  # repeated every hour while the withdrawal lasts
             self.n_changes += latest.received(root.received_at)
             return
         withdrawal = _Withdrawal(
@@ -170,7 +172,7 @@ class ChainRegister:
     def _lift(self, root: RootKey, chain: Chain) -> None:
         if not root.header.usable or root.chain_id != root.header.chain_id:
             return
-        since = max(root.received_at, root.time)  # it cannot have been received before
+        since = max(root.received_at, root.time)  # a root key cannot be received before its time
         for withdrawal in self._withdrawals:
             newer = root.time > max(withdrawal.until, withdrawal.known.get(chain, withdrawal.until))
             if (newer or withdrawal.successor is chain) and not withdrawal.final:

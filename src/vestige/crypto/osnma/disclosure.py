@@ -1,9 +1,8 @@
-"""Whether samples were provably received before the key of their RECS was on air [WFO, Sec. III-D].
+"""Decide whether samples were provably received before the key of their RECS was on air [WFO, Sec. III-D].
 
-From the first bit of a key on, anybody can make the chips that its RECS decrypt to. So a correlation proves something
-only if the end of the window of samples that is correlated lies before the disclosure by more than the receiver's clock
-may be wrong. `provably_before_disclosure` alone decides whether it does, for one snapshot and
-for arrays.
+From the first bit of a key on, anybody can make the chips of its RECS. So a correlation is a proof only if the
+correlated samples end before the disclosure by more than the possible error of the receiver's clock. Only
+`provably_before_disclosure` makes this decision, for one snapshot and for arrays.
 """
 
 from __future__ import annotations
@@ -34,10 +33,9 @@ def provably_before_disclosure(
     Parameters
     ----------
     lead_s
-        Time from the end of the window of samples that is correlated to the disclosure of the key, on the receiver's
-        clock, in s.
+        Time from the end of the correlated samples to the disclosure of the key, on the receiver's clock, in s.
     time_uncertainty_s
-        Upper limit of the error of that clock, 0 or more; infinite if it is not known, and then nothing is provable.
+        Upper limit of the error of that clock in s, 0 or more; infinite if unknown, so that no reception is provable.
     """
     require_time_uncertainty(float(np.min(time_uncertainty_s, initial=np.inf)))
     return lead_s > time_uncertainty_s
@@ -47,13 +45,13 @@ def provably_before_disclosure(
 class ReceptionProof:
     """Proof of which arrivals of one RECS happened before the disclosure of its key."""
 
-    disclosed_at: GalileoTime  # when the first bit of the key was on air
+    disclosed_at: GalileoTime  # time at which the first bit of the key was on air
     duration_s: float  # length of the RECS in s
-    time_uncertainty_s: float  # upper limit of the error of the receiver's clock in s; infinite if it is not known
-    # by how much the time tags of the samples are behind the clock of that limit, 0 or more
+    time_uncertainty_s: float  # upper limit of the error of the receiver's clock in s; infinite if unknown
+    # delay of the samples' time tags behind that clock in s, 0 or more
     labels_behind_s: float = 0.0
 
     def holds(self, start: GalileoTime) -> bool:
-        """Return whether a RECS whose first chip arrives at a time tag was received, to its last chip, in time."""
+        """Return whether a RECS with its first chip at a time tag was completely received before the disclosure."""
         end = start + (self.duration_s + self.labels_behind_s)
         return provably_before_disclosure(self.disclosed_at - end, self.time_uncertainty_s)

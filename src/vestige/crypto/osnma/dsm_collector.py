@@ -1,12 +1,12 @@
-"""Puts digital signature messages together from the blocks that the satellites send.
+"""Collect digital signature messages from the blocks that the satellites send.
 
-Blocks are collected twice: from all satellites together, which is fast, and from each satellite on its own, so that one
-satellite with false blocks cannot keep the message of the others from being completed. Whatever gets complete is only a
-claim; the signature decides.
+Blocks are collected twice. The collection from all satellites together is fast. The collection from each satellite on
+its own ensures that a satellite with false blocks cannot prevent the completion of the message. A complete message is
+only a claim; the signature decides.
 
-A message is handed on again when it comes with an earlier time than before. Nobody signs that time, so the first one
-may be false, and a withdrawal has to count from the earliest on. The verifier keeps what it verified, so this costs no
-signature.
+A message is returned again when it comes with an earlier time than before. This time is not signed, so the first time
+may be false, and a withdrawal has to count from the earliest time. The verifier stores its results, so a repetition
+costs no signature check.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
 from vestige.errors import UnsupportedError
 from vestige.time import GalileoTime
 
-MAX_AGE_S = 1800  # ours: a DSM is repeated every few minutes, and its id comes back only after hours
+MAX_AGE_S = 1800  # our choice: a DSM is repeated every few minutes, and its id is reused only after hours
 
-_ALL = 0  # stands for the collection of all satellites together
+_ALL = 0  # key of the collection from all satellites together
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsmMessage:
     """A complete DSM as received."""
 
-    header: NmaHeader  # that came with every block
+    header: NmaHeader  # header that came with every block
     dsm_id: int  # 0 … 11 DSM-KROOT, 12 … 15 DSM-PKR
     data: bytes  # all blocks
 
     @property
     def is_root_key(self) -> bool:
-        """Whether it is a DSM-KROOT."""
+        """Whether the message is a DSM-KROOT."""
         return self.dsm_id < FIRST_PKR_ID
 
 
@@ -43,7 +43,7 @@ class _Collection:
     last_s: int = 0
 
     def add(self, number: int, block: bytes, time_s: int) -> None:
-        # Another content under the same number: a new message took the place of the old one.
+        # Different content under the same number: a new message replaced the old message.
         if time_s - self.last_s > MAX_AGE_S or self.blocks.get(number, block) != block:
             self.blocks.clear()
         self.blocks[number] = block
@@ -59,7 +59,7 @@ class _Collection:
         return b"".join(self.blocks[number] for number in range(n_blocks))
 
     def root_key_progress(self) -> str:
-        """Return how many blocks of a DSM-KROOT there are, and of how many, which only block 0 says."""
+        """Return how many blocks of a DSM-KROOT were received, and their total, which only block 0 gives."""
         n = len(self.blocks)
         if 0 not in self.blocks:
             return f"{n} block{'s' * (n != 1)}, but not block 0, which says of how many"
@@ -70,12 +70,12 @@ class _Collection:
 
 
 class DsmCollector:
-    """Collects blocks; every different message is handed out once, and again with each earlier time."""
+    """Collect blocks; `add` returns every different message once, and again with each earlier time."""
 
     def __init__(self) -> None:
         self._collections: dict[tuple[int, int, int], _Collection] = {}
-        self._handed_out: dict[DsmMessage, GalileoTime] = {}  # by the earliest time
-        self._unsure: dict[bytes, GalileoTime] = {}  # HKROOT messages whose last page is zero, by when they came first
+        self._handed_out: dict[DsmMessage, GalileoTime] = {}  # earliest time of each message
+        self._unsure: dict[bytes, GalileoTime] = {}  # HKROOT messages with a last page of zero: first reception
 
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
         """Return the messages that this subframe of one satellite completes.
@@ -84,7 +84,7 @@ class DsmCollector:
         """
         hkroot = subframe.hkroot
         if hkroot is None and subframe.hkroot_if_sent is not None:
-            # A zero at the end that was sent comes again with the same block; one that was not sent does not.
+            # A transmitted zero at the end comes again with the same block; a zero that was not transmitted does not.
             first = self._unsure.setdefault(subframe.hkroot_if_sent, subframe.time)
             hkroot = subframe.hkroot_if_sent if first != subframe.time else None
         return [] if hkroot is None else self._add(subframe, hkroot)
@@ -110,7 +110,7 @@ class DsmCollector:
         return messages
 
     def progress(self) -> str:
-        """Return how much of each DSM-KROOT was received, for a person: `DSM 7: 5 of 8 blocks`."""
+        """Return a text with the received part of each DSM-KROOT, such as `DSM 7: 5 of 8 blocks`."""
         parts = {
             dsm_id: collection.root_key_progress()
             for (source, _, dsm_id), collection in sorted(self._collections.items())

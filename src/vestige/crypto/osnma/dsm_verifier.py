@@ -1,4 +1,4 @@
-"""Verifies the digital signature messages that are received: root keys, new public keys, alert messages."""
+"""Verify received digital signature messages: root keys, new public keys, alert messages."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from vestige.time import GalileoTime
 
 
 class DsmVerifier:
-    """Collects DSM blocks and enters what verifies in the register of chains.
+    """Collect DSM blocks, and enter verified messages in the register of chains.
 
-    Broadcast public keys and alert messages are verified against `tree`, if there is one. A broadcast key that verifies
-    is used like those in `public_keys`, also for root keys that came before it.
+    Broadcast public keys and alert messages are verified against `tree`, if given. A verified broadcast key is used
+    like those in `public_keys`, also for earlier root keys.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class DsmVerifier:
         self.alerts: list[GalileoTime] = []
 
     def take(self, epoch: Epoch) -> None:
-        """Take the DSM blocks of one subframe of all satellites."""
+        """Add the DSM blocks of one subframe of all satellites."""
         for subframe in epoch.satellites.values():
             try:
                 for message in self._collector.add(subframe):
@@ -49,7 +49,7 @@ class DsmVerifier:
                 self._problems.report_once(ProblemKind.IGNORED, epoch.time, str(error))
 
     def progress(self) -> str:
-        """Return how much of each DSM-KROOT was received, for a person."""
+        """Return a text with the received part of each DSM-KROOT."""
         return self._collector.progress()
 
     def _verify(self, message: DsmMessage, time: GalileoTime) -> None:
@@ -70,7 +70,7 @@ class DsmVerifier:
                 self._problems.report_once(ProblemKind.IGNORED, time, f"{dsm}: {error}")
 
     def _take_key(self, key: PublicKey) -> None:
-        """Use a broadcast key from now on, first for the root keys that were refused because it was missing."""
+        """Use a broadcast key from now on, first for the root keys that were refused without this key."""
         if key.point in {one.point for one in self._public_keys}:
             return
         self._public_keys = (*self._public_keys, key)
@@ -118,7 +118,7 @@ class DsmVerifier:
         )
 
     def _take_earlier(self, place: int, time: GalileoTime) -> None:
-        """Note that a message was received before, at an earlier time; a refused message stays refused."""
+        """Note that a message was already received at an earlier time; a refused message stays refused."""
         check = self.roots[place]
         if check.root is None:
             return

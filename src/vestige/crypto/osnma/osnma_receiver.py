@@ -1,15 +1,16 @@
-"""The OSNMA receiver: I/NAV pages in, validated TESLA keys and verified tags out.
+"""The OSNMA receiver, which turns I/NAV pages into validated TESLA keys and verified tags.
 
-Pages are collected into subframes (`page_intake`), subframes into DSM-KROOTs. The signature of a DSM-KROOT is verified
-with a public key (`dsm_verifier`), which gives a chain (`tesla`); the key of every subframe is
-validated along it; keys verify the tags and MACSEQ fields that were sent before them (`tag_verifier`). As the layout of
-the MACK message is known only from the DSM-KROOT, subframes wait until there is one.
+Pages are collected into subframes (`page_intake`), and subframes into DSM-KROOTs. A public key verifies the signature
+of a DSM-KROOT (`dsm_verifier`), which gives a chain (`tesla`). The key of every subframe is validated along the chain.
+Keys verify the tags and MACSEQ fields that were sent before them (`tag_verifier`). Only the DSM-KROOT gives the layout
+of the MACK message, so subframes wait until a DSM-KROOT is received.
 
-It is a fold: give it pages as they come, keys come back as soon as they are valid. Several satellites send the same key
-at the same time; a satellite with another one is reported, and its key is accepted only if it chains, which no two do.
+The receiver takes pages as they come, and returns keys as soon as they are valid. Several satellites send the same key
+at the same time. A satellite with a different key is reported. Its key is accepted only if it chains, and no two
+different keys of a subframe chain.
 
-Which chain may be used follows from verified root keys alone (`chain_register`). The NMA header of a subframe is not
-authenticated, so it can only make things stricter: if a satellite says "don't use" there, the key of that subframe is
+Verified root keys alone decide which chain may be used (`chain_register`). The NMA header of a subframe is not
+authenticated, so it can only add restrictions. If a satellite's header says "don't use", the key of that subframe is
 withheld until the tags prove that the header is forged (`status_claim`).
 """
 
@@ -53,14 +54,14 @@ from vestige.validated_key import ValidatedKey
 
 @dataclass(frozen=True, slots=True)
 class _Message:
-    """OSNMA of all satellites in one subframe, and the navigation words that had been received before it.
+    """OSNMA of all satellites in one subframe, and the navigation words that were received before it.
 
-    Subframes with lost pages are included, because their key may be there. `refusing` holds those with the header
-    "don't use".
+    Subframes with lost pages are included, because their key may be complete. `refusing` contains the subframes with
+    the header "don't use".
     """
 
     time: GalileoTime
-    chain_id: int  # that most headers name
+    chain_id: int  # chain that most headers name
     refusing: tuple[SatelliteSubframe, ...]
     satellites: tuple[SatelliteSubframe, ...]
     navigation: Mapping[int, NavigationWords]
@@ -68,7 +69,7 @@ class _Message:
 
 @dataclass(frozen=True, slots=True)
 class _Claim:
-    """A key that is withheld because of headers that nobody signed."""
+    """A key that is withheld because of unsigned headers."""
 
     message: _Message
     subframes: Sequence[SatelliteSubframe]
@@ -77,14 +78,14 @@ class _Claim:
 
 
 class OsnmaReceiver:
-    """Verifies OSNMA, page by page.
+    """Verify OSNMA, page by page.
 
     Broadcast public keys that lead to the root of the tree are used; without a tree they are only reported.
 
     Attributes
     ----------
     n_subframes
-        Subframes that were taken so far: while it stays, nothing new is known.
+        Number of subframes processed so far; new results appear only when this number grows.
     """
 
     def __init__(self, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> None:
@@ -104,20 +105,20 @@ class OsnmaReceiver:
 
     @property
     def chains(self) -> tuple[Chain, ...]:
-        """The chains that hang on a verified root key."""
+        """The chains with a verified root key."""
         return tuple(self._register.chains)
 
     def process(self, page: InavPage) -> tuple[ValidatedKey, ...]:
-        """Return the keys that this page makes valid: it closes the subframes before it.
+        """Return the keys that become valid because this page closes the subframes before it.
 
         Satellites may come in any order, and pages some seconds late.
         """
         return self._take(self._intake.add(page))
 
     def learn(self, roots: Iterable[RootKey]) -> tuple[ValidatedKey, ...]:
-        """Return the keys that root keys of another source make valid: the chain is known before its DSM-KROOT comes.
+        """Return the keys that root keys from another source make valid, before the chain's DSM-KROOT is received.
 
-        Whether the chain was withdrawn since those root keys were received, only the message can tell.
+        Only the received message can tell whether the chain was withdrawn after the reception of those root keys.
         """
         n_chains, n_changes = len(self._register.chains), self._register.n_changes
         for root in sorted(roots, key=lambda root: root.received_at):
@@ -126,20 +127,21 @@ class OsnmaReceiver:
         return tuple(self._follow_up([], n_chains, n_changes))
 
     def finish(self) -> tuple[ValidatedKey, ...]:
-        """Return the keys of the subframes that are still open: no more pages come."""
+        """Return the keys of the subframes that are still open at the end of the pages."""
         return self._take(self._intake.flush())
 
     def process_all(self, pages: Iterable[InavPage]) -> OsnmaReport:
-        """Return the report of all pages of a stretch, which ends with them."""
+        """Return the report on a finite series of pages."""
         for page in pages:
             self.process(page)
         self.finish()
         return self.report()
 
     def filled_keys(self) -> tuple[ValidatedKey, ...]:
-        """Return the validated keys with those of lost subframes between them, which follow from later ones.
+        """Return the validated keys, and the keys of lost subframes between them, which follow from later keys.
 
-        A key that was withheld stays away, although it follows too, and so does one of a time without a usable chain.
+        Withheld keys and keys of times without a usable chain are not returned, although they follow from later keys,
+        too.
         """
         filled = dict(self._keys)
         for chain in self._register.chains:
@@ -154,9 +156,10 @@ class OsnmaReceiver:
         return self._tags.navigation()
 
     def forget(self, before: GalileoTime) -> None:
-        """Drop what was received before a time, so that a receiver can run for ever; what is signed stays.
+        """Drop received data from before a time, so that a receiver can run without limit; signed data is kept.
 
-        Keys of that time are not given again, and what waited for a root key since then waits no more.
+        Keys from before that time are not returned again, and subframes that waited for a root key since then are
+        dropped.
         """
         limit = before.gst_seconds
         self._keys = {time: key for time, key in self._keys.items() if time >= limit}
@@ -168,11 +171,11 @@ class OsnmaReceiver:
         self._problems.forget(before)
 
     def received(self) -> tuple[ReceivedOsnma, ...]:
-        """Return what was demodulated, in the order of time: keys that do not validate are in it, too."""
+        """Return the demodulated OSNMA in the order of time, including keys that do not validate."""
         return tuple(self._received[place] for place in sorted(self._received))
 
     def report(self) -> OsnmaReport:
-        """Return all that is known so far; call `finish` before if no more pages come."""
+        """Return the report on all pages so far; call `finish` first at the end of the pages."""
         keys = tuple(self._keys[time] for time in sorted(self._keys))
         intake = self._intake
         return OsnmaReport(
@@ -212,7 +215,7 @@ class OsnmaReceiver:
         return tuple(keys)
 
     def _follow_up(self, messages: list[_Message], n_chains: int, n_changes: int) -> list[ValidatedKey]:
-        """Take messages, after root keys may have changed how many chains there are and what they withdraw."""
+        """Process messages after root keys may have changed the number of chains and the withdrawals."""
         keys: list[ValidatedKey] = []
         if self._register.n_changes > n_changes:
             self._withdraw()
@@ -224,7 +227,7 @@ class OsnmaReceiver:
         return keys
 
     def _read(self, epoch: Epoch) -> _Message | None:
-        """Return the OSNMA of an epoch; remember its navigation words for the next one."""
+        """Return the OSNMA of an epoch, and store its navigation words for the next epoch."""
         before = dict(self._navigation)
         usable = []
         refusing = []
@@ -238,15 +241,16 @@ class OsnmaReceiver:
             if subframe.nma_header is not None:
                 header = NmaHeader(subframe.nma_header)
                 chain_ids[header.chain_id] += 1
-                # One satellite that says "don't use" is enough: a forger with a compromised chain would not say it.
+                # A single satellite with "don't use" is enough, because a forger with a compromised chain would not
+                # send it.
                 if header.status == DONT_USE:
                     refusing.append(subframe)
-        if not chain_ids:  # nobody's first page was received: nobody tells whether the key may be used
+        if not chain_ids:  # without any first page nothing says whether the key may be used
             return None
         return _Message(epoch.time, chain_ids.most_common(1)[0][0], tuple(refusing), tuple(usable), before)
 
     def _use(self, message: _Message) -> list[ValidatedKey]:
-        """Validate the key of a subframe and take its tags; what has no chain yet has to wait."""
+        """Validate the key of a subframe and process its tags; a subframe without a chain has to wait."""
         by_chain: dict[int, list[SatelliteSubframe]] = {}
         for subframe in message.satellites:
             by_chain.setdefault(self._chain_id(subframe, message.chain_id), []).append(subframe)
@@ -270,7 +274,7 @@ class OsnmaReceiver:
         return keys
 
     def _chain_id(self, subframe: SatelliteSubframe, named: int) -> int:
-        """Return the chain of a subframe's key; the header, which may be forged, only says where to look first."""
+        """Return the chain of a subframe's key; the header may be forged, so it only gives the first candidate."""
         if subframe.nma_header is not None:
             named = NmaHeader(subframe.nma_header).chain_id
         for chain in sorted(self._register.chains, key=lambda chain: chain.chain_id != named):
@@ -287,7 +291,7 @@ class OsnmaReceiver:
         valid: ValidatedKey | None,
         proven: Mapping[int, int | None] | None = None,
     ) -> list[ValidatedKey]:
-        """Take the tags of a subframe, with the status that is proven where the header is forged, and a new key."""
+        """Process the tags of a subframe and a new key; if the header is forged, the proven status is used."""
         for subframe in subframes:
             mack = parse_mack(subframe, chain.parameters)
             if mack is not None and subframe.content is Content.OSNMA:
@@ -303,11 +307,11 @@ class OsnmaReceiver:
     def _withhold(self, key: ValidatedKey, reason: str) -> None:
         time = key.time.gst_seconds
         self._withheld.setdefault(time, WithheldKey(time=key.time, chain_id=key.chain_id, data=key.data, reason=reason))
-        self._keys.pop(time, None)  # the key of the same subframe, when a recording is read twice
+        self._keys.pop(time, None)  # key of the same subframe if a recording is read twice
         self._problems.report_once(ProblemKind.STATUS, key.time, f"{reason}: keys are withheld")
 
     def _withdraw(self) -> None:
-        """Withhold the keys that a new signed status refuses, and those on whose headers it says the same."""
+        """Withhold the keys that a new signed status refuses, and drop the claims of unsigned headers."""
         self._claims.clear()
         for key in tuple(self._keys.values()):
             refusal = self._register.refusal_of(key)
@@ -315,7 +319,7 @@ class OsnmaReceiver:
                 self._withhold(key, refusal)
 
     def _release(self) -> list[ValidatedKey]:
-        """Return the keys that were withheld because of headers that tags have proven to be forged since."""
+        """Return the withheld keys whose headers tags have since proven to be forged."""
         keys = []
         for claim in tuple(self._claims):
             message = claim.message
@@ -335,7 +339,7 @@ class OsnmaReceiver:
     def _validate(
         self, message: _Message, subframes: Sequence[SatelliteSubframe], chains: Sequence[Chain]
     ) -> tuple[Chain, ValidatedKey | None]:
-        """Return the chain of a subframe's key and the key, or no key if none chains."""
+        """Return the chain of a subframe's key and the key; no key if none chains."""
         candidates: dict[Key, list[int]] = {}
         for subframe in subframes:
             key = _key_in(subframe, chains[0])
@@ -385,7 +389,7 @@ def _gaps(keys: Sequence[ValidatedKey]) -> tuple[KeyGap, ...]:
 
 
 def _key_in(subframe: SatelliteSubframe, chain: Chain) -> Key | None:
-    """Return the key where the chain's parameters put it, or None if one of its pages is missing."""
+    """Return the key at the bits that the chain's parameters give; None if any of its pages is missing."""
     parameters = chain.parameters
     bits = subframe.mack_bits(parameters.key_start_bit, parameters.key_bits)
     return None if bits is None else Key(time=subframe.time, data=bits.to_bytes(parameters.key_bytes, "big"))

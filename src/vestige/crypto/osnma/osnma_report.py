@@ -1,4 +1,4 @@
-"""Report on a stretch of OSNMA: what was verified, what was not, and why."""
+"""Report on a series of OSNMA pages: verified items, unverified items, and reasons."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class ProblemKind(Enum):
     KEY = "key"  # a key that does not chain to a verified root key
     MACSEQ = "MACSEQ"
     TAG = "tag"
-    STATUS = "status"  # the system, or a header that nobody signed, says: don't use
+    STATUS = "status"  # the system, or an unsigned header, says "don't use"
     DISAGREEMENT = "disagreement"  # satellites send different keys for one subframe
     PAGE = "page"
-    TIME = "time"  # the time in a navigation word is not that of the recording
+    TIME = "time"  # the time in a navigation word differs from that of the recording
     IGNORED = "ignored"  # valid, but not used, or not supported
 
 
@@ -34,7 +34,7 @@ FAILING = (ProblemKind.ROOT_KEY, ProblemKind.KEY)  # the root key or the chain d
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """One thing that is not as it should be."""
+    """A problem with received OSNMA."""
 
     kind: ProblemKind
     time: GalileoTime
@@ -45,18 +45,18 @@ class Problem:
 
 
 class ProblemLog:
-    """Collects problems in the order in which they are found."""
+    """Collect problems in the order of their detection."""
 
     def __init__(self) -> None:
         self._problems: list[Problem] = []
         self._once: set[tuple[ProblemKind, str]] = set()
 
     def report(self, kind: ProblemKind, time: GalileoTime, text: str) -> None:
-        """Take a problem."""
+        """Add a problem."""
         self._problems.append(Problem(kind=kind, time=time, text=text))
 
     def report_once(self, kind: ProblemKind, time: GalileoTime, text: str, details: str = "") -> None:
-        """Take a problem, unless one with this kind and text (details apart) is there."""
+        """Add a problem, unless the log has a problem of the same kind and text (apart from details)."""
         if (kind, text) not in self._once:
             self._once.add((kind, text))
             self.report(kind, time, text + details)
@@ -66,26 +66,26 @@ class ProblemLog:
         return tuple(self._problems)
 
     def forget(self, before: GalileoTime) -> None:
-        """Drop the problems of an earlier time; a problem is reported once only."""
+        """Drop the problems of an earlier time; a dropped problem is not reported again."""
         self._problems = [one for one in self._problems if one.time >= before]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RootCheck:
-    """A DSM-KROOT and what became of it."""
+    """A DSM-KROOT and the result of its verification."""
 
     dsm_id: int
     header: NmaHeader
-    kroot: DsmKroot | None  # None if its fields make no sense or are not supported
-    received_at: GalileoTime  # subframe that completed it
+    kroot: DsmKroot | None  # None if its fields are invalid or not supported
+    received_at: GalileoTime  # subframe that completed the DSM-KROOT
     root: RootKey | None  # the root key if signature and padding verify, else None
     on_known_chain: bool = False  # whether it lies on the chain of an earlier root key
-    reason: str = ""  # why it was not verified ("" if it was)
+    reason: str = ""  # why the verification failed; "" after a success
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WithheldKey:
-    """A key that chains to the root, but must not be used; `reason` says why."""
+    """A key that chains to the root but must not be used, with the reason."""
 
     time: GalileoTime
     chain_id: int
@@ -95,7 +95,7 @@ class WithheldKey:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeyGap:
-    """A stretch without keys: `n_missing` subframes between the keys of `after` and `before`."""
+    """A gap of `n_missing` subframes between the keys of `after` and `before`."""
 
     after: GalileoTime
     before: GalileoTime
@@ -104,14 +104,14 @@ class KeyGap:
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """Numbers of items that verify and that do not."""
+    """Numbers of items that verify and of items that do not verify."""
 
     ok: int = 0
     failed: int = 0
 
     @property
     def checked(self) -> int:
-        """All that were checked."""
+        """Number of checked items."""
         return self.ok + self.failed
 
     def __str__(self) -> str:
@@ -120,16 +120,16 @@ class Count:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagCounts:
-    """Figures of the MACSEQ fields and the tags."""
+    """Counts of the MACSEQ fields and the tags."""
 
     macseq: Count = field(default_factory=Count)
     # tags with a cut-off point other than 0, by kind of data
     by_adkd: Mapping[int, Count] = field(default_factory=dict)
     dummy: int = 0  # tags with cut-off point 0
-    no_data: int = 0  # not counted: the navigation data was not received, or may have changed while it was not
-    no_key: int = 0  # not counted: the key that comes later was not received
+    no_data: int = 0  # not counted: the navigation data was not received, or may have changed during a gap
+    no_key: int = 0  # not counted: the later key was not received
     unsupported: int = 0  # not counted: unknown kind of data
-    data_before: int = 0  # how many of `by_adkd` verify with the word before one that changed without a new IODnav
+    data_before: int = 0  # number of `by_adkd` that verify with the data before a change without a new IODnav
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,43 +139,43 @@ class AuthenticatedData:
     svid: int
     adkd: int  # 0 ephemeris, clock and status; 4 timing parameters
     iod_nav: int | None  # issue of data; None for timing parameters
-    first: GalileoTime  # subframe with a tag on it
+    first: GalileoTime  # first subframe with a verified tag for the data
     last: GalileoTime  # the same
     n_tags: int  # tags that verified
-    tag_bits: int  # their bits together
-    authenticated: bool  # whether these are enough bits
+    tag_bits: int  # total bits of these tags
+    authenticated: bool  # whether the bits are enough
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaReport:
-    """The result of a stretch of OSNMA."""
+    """The result of a series of OSNMA pages."""
 
-    first: GalileoTime | None  # start of the first page that was used; None without pages
-    last: GalileoTime | None  # the same of the last
+    first: GalileoTime | None  # start of the first used page; None without pages
+    last: GalileoTime | None  # start of the last used page
     n_pages: int  # given
-    n_crc_failures: int  # with a wrong checksum
-    n_alert_pages: int  # without word and OSNMA
-    pages: Mapping[PageStatus, int]  # what became of the others
-    n_missing_pages: int  # pages lost out of subframes of which others were received
-    subframes: Mapping[Content, int]  # subframes of satellites by what they hold
+    n_crc_failures: int  # pages with a wrong checksum
+    n_alert_pages: int  # pages without word and OSNMA
+    pages: Mapping[PageStatus, int]  # status of the other pages
+    n_missing_pages: int  # lost pages of subframes with at least one received page
+    subframes: Mapping[Content, int]  # number of subframes of satellites by content
     satellites: tuple[int, ...]  # all
-    osnma_satellites: tuple[int, ...]  # those that send OSNMA
-    time_stamps: Count  # navigation words that tell the time, by whether they agree with the recording
+    osnma_satellites: tuple[int, ...]  # satellites that send OSNMA
+    time_stamps: Count  # navigation words with a time, by agreement with the recording
     roots: tuple[RootCheck, ...]
     keys: tuple[ValidatedKey, ...]  # validated keys in time order
-    withheld: tuple[WithheldKey, ...]  # keys that chain, but come with the status "don't use", signed or not
+    withheld: tuple[WithheldKey, ...]  # keys that chain but have the status "don't use", signed or unsigned
     alerts: tuple[GalileoTime, ...]  # subframes in which an alert message was verified
-    chain_steps: Count  # keys after the first, by whether they chain to what was validated before
+    chain_steps: Count  # keys after the first, by whether they chain to earlier validated keys
     tags: TagCounts
-    navigation: tuple[AuthenticatedData, ...]  # that tags verified
+    navigation: tuple[AuthenticatedData, ...]  # navigation data that tags verified
     gaps: tuple[KeyGap, ...]
-    problems: tuple[Problem, ...]  # everything that is not as it should be, in the order it was found
-    n_without_root: int  # subframes of satellites with OSNMA for whose chain there is no verified root key
-    dsm_progress: str  # how much of the DSM-KROOTs was received
+    problems: tuple[Problem, ...]  # all problems in the order of their detection
+    n_without_root: int  # subframes of satellites with OSNMA whose chain has no verified root key
+    dsm_progress: str  # received part of the DSM-KROOTs
 
     @property
     def broadcast_keys(self) -> tuple[PublicKey, ...]:
-        """Public keys that a DSM-PKR brought, verified against the Merkle tree, and that root keys are signed with."""
+        """Public keys from a DSM-PKR that verify root keys, themselves verified against the Merkle tree."""
         return tuple(dict.fromkeys(root.public_key for root in self.verified_roots if root.public_key.message))
 
     @property
@@ -185,7 +185,7 @@ class OsnmaReport:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Reasons why the root key or the chain does not verify; empty if all is well."""
+        """Reasons why the root key or the chain does not verify; empty if both verify."""
         failures = [str(problem) for problem in self.problems if problem.kind in FAILING]
         if not self.verified_roots:
             ignored = (problem.text for problem in self.problems if problem.kind is ProblemKind.IGNORED)
@@ -199,7 +199,7 @@ class OsnmaReport:
     def raise_if_failed(self) -> None:
         """Check that the root key and the chain verify.
 
-        Raises `AuthenticationError` with the first reason, if they do not.
+        Raises `AuthenticationError` with the first reason if either does not verify.
         """
         failures = self.failures
         if failures:

@@ -1,4 +1,4 @@
-"""From pages to the subframes of all satellites, with an account of what came in and what was lost."""
+"""Assemble pages into the subframes of all satellites, and count received and lost pages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vestige.time import GalileoTime
 
 
 class PageIntake:
-    """Puts pages together to subframes and counts them."""
+    """Assemble pages into subframes, and count the pages."""
 
     def __init__(self, problems: ProblemLog) -> None:
         self._problems = problems
@@ -21,7 +21,7 @@ class PageIntake:
         self.counts: Counter[str] = Counter()  # "pages", "crc", "alert", "missing"
         self.statuses: Counter[PageStatus] = Counter()
         self.contents: Counter[Content] = Counter()
-        self.stamps = [0, 0]  # navigation words that tell the time of the recording, and another one
+        self.stamps = [0, 0]  # numbers of navigation words with the time of the recording, and with another time
         self.satellites: set[int] = set()
         self.osnma_satellites: set[int] = set()
         self.first: GalileoTime | None = None
@@ -48,7 +48,7 @@ class PageIntake:
         return self._counted(epochs)
 
     def flush(self) -> tuple[Epoch, ...]:
-        """Return the subframes that are still open, oldest first: no more pages come."""
+        """Return the subframes that are still open at the end of the pages, oldest first."""
         return self._counted(self._assembler.flush())
 
     def _counted(self, epochs: Iterable[Epoch]) -> tuple[Epoch, ...]:
@@ -71,5 +71,5 @@ class PageIntake:
         self.stamps[not same] += 1
         if not same:
             found = f"{'' if week is None else f'week {week} '}second {second}"
-            text = f"E{page.svid:02d} tells a time that is not the recording's"
+            text = f"E{page.svid:02d} sends a time that is not the recording's"
             self._problems.report_once(ProblemKind.TIME, page.time, text, f" (first: {found})")

@@ -1,8 +1,8 @@
-"""Whether a satellite's "don't use", which nobody signed, is true: the tags of the same subframe tell.
+"""Decide from the tags of the same subframe whether a satellite's unsigned "don't use" is true.
 
-A forged header may withhold keys, so each one would cost a subframe. But the status in the header is also in the
-message of every tag [OSNMA-ICD, 6.7], and the key of the next subframe verifies the tags. If a tag verifies with "test"
-or "operational", the satellite sent that status, and the header is forged. Then the key only came 30 s late.
+A forged header may withhold keys, so each forged header would cost a subframe. But every tag also covers the status in
+the header [OSNMA-ICD, 6.7], and the key of the next subframe verifies the tags. If a tag verifies with "test" or
+"operational", the satellite sent that status, and the header is forged. The key is then only 30 s late.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from vestige.errors import AuthenticationError, UnsupportedError
 
 
 def proven_status(subframe: SatelliteSubframe, navigation: Mapping[int, NavigationWords], chain: Chain) -> int | None:
-    """Return the NMA status other than "don't use" that a tag proves; 0 if none does, None if its key is to come.
+    """Return the NMA status other than "don't use" that a tag proves; 0 without proof, None before its key arrives.
 
-    `navigation` are the words by SVID that had been received before the subframe, `chain` that of the subframe's key.
+    `navigation` contains the words by SVID that were received before the subframe. `chain` is the chain of the
+    subframe's key.
     """
     try:
         key = chain.derive(subframe.time + KEY_DELAY_S).data

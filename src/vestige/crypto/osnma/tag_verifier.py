@@ -1,4 +1,4 @@
-"""Verifies tags and MACSEQ fields as their keys come in, and keeps account of the navigation data that they prove."""
+"""Verify tags and MACSEQ fields when their keys arrive, and record the navigation data that they prove."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from vestige.crypto.osnma.osnma_report import AuthenticatedData, Count, ProblemK
 from vestige.errors import UnsupportedError
 from vestige.time import GalileoTime
 
-MAX_RECOVERY_S = 86_400  # ours: keys lost longer ago are not computed to verify old tags
+MAX_RECOVERY_S = 86_400  # our limit: older lost keys are not computed to verify old tags
 
 
 @dataclass(slots=True)
 class _Message:
-    """A MACK message whose keys are still to come."""
+    """A MACK message whose keys have not yet arrived."""
 
     mack: Mack
     slots: tuple[Slot, ...]
@@ -29,7 +29,7 @@ class _Message:
 
 @dataclass(frozen=True, slots=True)
 class _Check:
-    """Something to do when a key is known: a tag with its data, or the MACSEQ field (tag None)."""
+    """A check that waits for a key: a tag with its data, or the MACSEQ field (tag None)."""
 
     message: _Message
     tag: Tag | None = None
@@ -37,7 +37,7 @@ class _Check:
 
 
 class TagVerifier:
-    """Waits for the keys of tags."""
+    """Verifier of tags, which wait for their keys."""
 
     def __init__(self, problems: ProblemLog) -> None:
         self._problems = problems
@@ -50,7 +50,7 @@ class TagVerifier:
         self._unsupported: set[str] = set()
 
     def add(self, mack: Mack, chain: Chain, navigation: Mapping[int, NavigationWords]) -> None:
-        """Take the tags of one satellite and subframe; `navigation` is what was received before the subframe."""
+        """Add the tags of one satellite and subframe; `navigation` has the words received before the subframe."""
         try:
             row = slots(chain.parameters, mack.time)
         except UnsupportedError as error:
@@ -72,7 +72,7 @@ class TagVerifier:
                 self._wait(chain, mack.time.gst_seconds + tag.key_delay_s, _Check(message, tag, data))
 
     def key_arrived(self, chain: Chain, time: GalileoTime) -> None:
-        """Do all checks whose key is known now; keys before `time` that were lost follow from the one of `time`."""
+        """Do all checks whose key is now known; lost keys before `time` follow from the key of `time`."""
         pending = self._pending.get(chain, {})
         now = time.gst_seconds
         for due in sorted(key_time for key_time in pending if now - MAX_RECOVERY_S <= key_time <= now):
@@ -81,7 +81,7 @@ class TagVerifier:
                 self._do(check, key, chain)
 
     def counts(self) -> TagCounts:
-        """Return the figures; checks whose key has not come are `no_key`."""
+        """Return the counts; checks whose key has not arrived count as `no_key`."""
         waiting = [check for times in self._pending.values() for checks in times.values() for check in checks]
         return TagCounts(
             macseq=Count(*self._macseq),
@@ -140,7 +140,7 @@ class TagVerifier:
             self._n_data_before += proven is not latest
             self._prove(message.mack, tag, proven, chain.parameters.tag_bits)
         elif latest.oldest_s < message.mack.time.gst_seconds - SUBFRAME_S * tag.cut_off:
-            # The data may have changed since it was last received: the tag is for what was missed.
+            # The data may have changed since its last reception, so the tag may cover missed data.
             self._not_counted["no data"] += 1
         else:
             self._count(tag, ok=False)

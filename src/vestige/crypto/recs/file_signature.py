@@ -1,14 +1,14 @@
-"""Signatures of assistance files: who made a RECS or BGD file.
+"""Signatures of assistance files, which prove the origin of a RECS or BGD file.
 
-A server puts `<file>_KN.pXXX` beside each file: KN is the number of its certificate (01, 02 …) and pXXX the curve
-(p256, p384, p521) [SASLIB]. The signature matters: after a key's disclosure anybody can make a RECS that decrypts to
-chips of his choice, so a RECS that was downloaded late is only as good as its signature.
+A server writes `<file>_KN.pXXX` beside each file: KN is the number of its certificate (01, 02 …) and pXXX the curve
+(p256, p384, p521) [SASLIB]. After a key's disclosure anybody can make a RECS that decrypts to chosen chips. So only the
+signature proves a RECS that was downloaded late.
 
 Assumptions, since neither the signed bytes nor the certificate chain are public:
 
 * ECDSA over the whole file, with the hash that FIPS 186-5 pairs with the curve (SHA-256, SHA-384, SHA-512).
-* The signature is the DER of X9.62, or r || s at the curve's length; both are read, DER is written.
-* The user vouches for the certificates: no chain, purpose or period of validity is looked at.
+* The signature is the DER of X9.62, or r || s at the curve's length. vestige reads both and writes DER.
+* The user vouches for the certificates: their chain, purpose and period of validity are not checked.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ class SignatureStatus(Enum):
 
     VERIFIED = "verified"
     NOT_SIGNED = "not signed"
-    NO_CERTIFICATE = "signed, not verified: no certificate or public key for it was given"
+    NO_CERTIFICATE = "signed, not verified: no certificate or public key for the signature was given"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignatureName:
-    """Name of a signature file: the signed file's name, the certificate's number, the curve (`p256` …)."""
+    """Name of a signature file: name of the signed file, number of the certificate, and curve (`p256` …)."""
 
     signed: str
     certificate: int
@@ -65,7 +65,7 @@ class SignatureName:
 
 
 def parse_signature_name(name: str) -> SignatureName | None:
-    """Return the fields of a signature's file name, or None if it is no such name."""
+    """Return the fields of a signature's file name; None if the name has another form."""
     match = _NAME.fullmatch(name)
     if match is None:
         return None
@@ -73,7 +73,7 @@ def parse_signature_name(name: str) -> SignatureName | None:
 
 
 def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
-    """Return the signatures in `folder`, sorted by name, for each signed file's name.
+    """Return the signatures in `folder`, sorted by name, by the name of the signed file.
 
     Raises `InputFileError` if the folder cannot be listed.
     """
@@ -87,12 +87,12 @@ def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
 def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
     """Return the public key in a PEM public key file or an X.509 certificate (PEM or DER).
 
-    Raises `InputFileError` if it is neither, or its key is not of P-256, P-384 or P-521.
+    Raises `InputFileError` if the file is neither, or its key is not on P-256, P-384 or P-521.
     """
     data = read_bytes(path, at_most=_LONGEST_CERTIFICATE)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", CryptographyDeprecationWarning)  # it is about fields that are not used here
+            warnings.simplefilter("ignore", CryptographyDeprecationWarning)  # concerns fields that are not used here
             if b"-----BEGIN PUBLIC KEY-----" in data:
                 key = load_pem_public_key(data)
             elif b"-----BEGIN" in data:
@@ -109,7 +109,7 @@ def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
 
 
 def sign(path: Path, private_key: ec.EllipticCurvePrivateKey, *, certificate: int = 1) -> Path:
-    """Sign the file `path` as a server does, write the signature beside it and return where.
+    """Sign the file `path` as a server does, write the signature beside the file, and return its path.
 
     `certificate` is KN, the number of the certificate, 0 … 99.
     """
@@ -121,7 +121,7 @@ def sign(path: Path, private_key: ec.EllipticCurvePrivateKey, *, certificate: in
 
 
 def verify_file(path: Path, public_keys: Sequence[ec.EllipticCurvePublicKey] = ()) -> SignatureStatus:
-    """Return what is known of the origin of the file `path`, from the signatures that stand beside it.
+    """Return the signature status of the file `path`, from the signatures beside the file.
 
     See `verify_data` for parameters and errors.
     """
@@ -134,7 +134,7 @@ def verify_data(
 ) -> SignatureStatus:
     """Return whether the signatures of a file prove the origin of its `data`.
 
-    One signature that verifies with one of the keys that the user trusts is enough. Messages name `path`.
+    A single signature that verifies with any key that the user trusts is enough. Messages name `path`.
 
     Raises `AuthenticationError` if there are signatures of a curve for which a key is given, and none of them verifies.
     Raises `InputFileError` if a signature cannot be read.
@@ -159,7 +159,7 @@ def verify_data(
 def _verifies(key: ec.EllipticCurvePublicKey, curve: str, signature: bytes, data: bytes) -> bool:
     algorithm, size = _CURVES[curve]
     forms = [signature]
-    if len(signature) == 2 * size:  # so it may be r || s; a DER signature may, rarely, have this length too
+    if len(signature) == 2 * size:  # r || s has this length; a DER signature rarely has it too
         r, s = (int.from_bytes(half, "big") for half in (signature[:size], signature[size:]))
         forms.append(encode_dss_signature(r, s))
     for form in forms:

@@ -1,17 +1,17 @@
-"""Broadcast group delays between E1 and E6: the BGD file, and what a value of it does to the range.
+"""Broadcast group delays between E1 and E6: the BGD file, and the effect of a value on the range.
 
-Each satellite's payload delays its carriers differently. With T_R the group delay of a carrier, larger meaning later,
-the open service defines [OS-ICD, 5.1.5]::
+Each satellite's payload delays its carriers differently. T_R is the group delay of a carrier; a larger T_R means a
+later carrier. The open service defines [OS-ICD, 5.1.5]::
 
     BGD(E1,E6)  = (T_R1 − T_R6) / (1 − γ),        γ = (f1/f6)² = (154/125)²
     T_R6 − T_R1 = (γ − 1) · BGD(E1,E6)                                            positive: E6 arrives later
 
 so that BGD and ionosphere scale alike: P6 − P1 = (γ − 1) · (I1 + c · BGD) + receiver hardware + multipath. The public
-reference receiver adds the value of the file as it stands instead, which is 1/0.518 times as much [SASLIB]. Which of
-the two the service means is not public: `GroupDelayConvention` is the switch, for simulator and processor alike.
+reference receiver instead adds the value of the file without the factor, which is 1/0.518 times as much [SASLIB]. The
+convention of the service is not public. `GroupDelayConvention` selects the convention for simulator and processor.
 
-The layout of the file is known only from a reader that others derived from examples [SASLIB], so all knowledge of it
-stands in this module::
+The layout of the file is known only from a reader that others derived from examples [SASLIB]. Only this module contains
+this layout::
 
     byte  length  content
     0     4       provider, ASCII
@@ -51,18 +51,18 @@ from vestige.records import GroupDelay
 from vestige.time import GalileoTime
 
 LSB_S = 2.0**-32  # [OS-ICD, 5.1.5], and [SASLIB] for the file
-BGD_INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
+BGD_INTERFACE_VERSION = 1  # the only known version [SASLIB]
 
 _HEADER = struct.Struct(">4s B H 3s 6s 20s 36s")
 _FILLING = b"\x12" * 36
-_SHORTEST_BYTES = 72 + 2 * 30  # the part that is known
+_SHORTEST_BYTES = 72 + 2 * 30  # known part of the file
 _TYPICAL_BYTES = 191
 MAX_GROUP_DELAY_FILE_BYTES = 1 << 16  # far more than any file of this layout
 _RAW = range(-512, 512)  # the field has 10 bits in the navigation message [OS-ICD, 5.1.5]
 
 
 class GroupDelayScale(Enum):
-    """By what a BGD value is multiplied to give the delay of E6 against E1: γ − 1 [OS-ICD, 5.1.5] or 1 [SASLIB]."""
+    """Factor from a BGD value to the delay of E6 against E1: γ − 1 [OS-ICD, 5.1.5] or 1 [SASLIB]."""
 
     OS_ICD = "os-icd"
     FILE_VALUE = "file-value"
@@ -80,7 +80,7 @@ class GroupDelayConvention:
     scale
         Factor between BGD and the delay of E6 against E1.
     sign
-        +1 if a larger BGD makes E6 later, −1 if earlier.
+        +1 if a larger BGD makes E6 later, −1 if it makes E6 earlier.
     """
 
     scale: GroupDelayScale = GroupDelayScale.OS_ICD
@@ -95,7 +95,7 @@ OS_ICD_CONVENTION = GroupDelayConvention()
 
 
 def inter_frequency_delay_s(bgd_s: float, convention: GroupDelayConvention = OS_ICD_CONVENTION) -> float:
-    """Return T_R6 − T_R1, by how much the satellite sends E6 later than E1, in s.
+    """Return T_R6 − T_R1, the delay of E6 after E1 at the satellite, in s.
 
     T_R6 − T_R1 = (γ − 1) · BGD(E1,E6) in the default convention [OS-ICD, 5.1.5].
     """
@@ -108,29 +108,29 @@ class GroupDelayFile:
 
     provider: str  # four letters or digits
     valid_from: GalileoTime  # time in the header, whole deciseconds
-    delays: tuple[GroupDelay, ...]  # values of the satellites in the mask, by rising SVID
-    validity: bytes = bytes(6)  # the six bytes of unknown meaning, kept so that they are not lost
+    delays: tuple[GroupDelay, ...]  # values of the satellites in the mask, in ascending order of SVID
+    validity: bytes = bytes(6)  # 6 bytes of unknown meaning, kept for writing
 
     @property
     def name(self) -> str:
-        """Name that we give such a file, after that of a unitary RECS; the service's pattern is not known."""
+        """Our name for the file, after the pattern of a unitary RECS; the service's pattern is unknown."""
         return f"{self.provider}{BGD_INTERFACE_VERSION:02d}_{format_time_code(self.valid_from)}.BGD"
 
 
 def read_group_delay_file(path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
     """Return the BGD file at `path`.
 
-    `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without it the week is 0 …
-    4095.
+    `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without `reference` the week
+    is 0 … 4095.
 
-    Raises `InputFileError` if it is not a file of the layout above, or a value is beyond the ± 119 ns that the field
-    can hold. Raises `UnsupportedError` if its interface version is not known.
+    Raises `InputFileError` if the file does not have the layout above, or a value is beyond the range ± 119 ns of the
+    field. Raises `UnsupportedError` if the interface version is unknown.
     """
     return parse_group_delay_file(read_bytes(path, at_most=MAX_GROUP_DELAY_FILE_BYTES), path, reference=reference)
 
 
 def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
-    """Return the BGD file that `data` is; `path` is only for error messages. See `read_group_delay_file`."""
+    """Return the BGD file from its content `data`; `path` is for error messages. See `read_group_delay_file`."""
     if len(data) < _SHORTEST_BYTES:
         raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_SHORTEST_BYTES} bytes")
     provider, interface, week, atow, validity, mask, filling = _HEADER.unpack_from(data)

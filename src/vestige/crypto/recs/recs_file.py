@@ -1,16 +1,16 @@
-"""RECS files as the assistance server publishes them, read and written bit for bit.
+"""Read and write RECS files bit for bit, as the assistance server publishes them.
 
-There are two kinds. An *aggregated* file holds the RECS of one satellite at equal intervals: a 25-byte header, then
-the bodies one after the other. A *unitary* file holds one RECS behind a 16-byte header. Everything is big endian, times
-count deciseconds. Which kind a file is follows from its content, whatever it is called; a name that has the form of
+There are two kinds. An *aggregated* file has the RECS of one satellite at equal intervals: a 25-byte header, then the
+bodies one after the other. A *unitary* file has a single RECS behind a 16-byte header. All numbers are big endian, and
+times count deciseconds. The kind of a file follows from its content, not from its name. A name in the form of
 `vestige.crypto.recs.recs_name` must agree with the header.
 
 Assumptions, since the service's interface document is not public [SASLIB]:
 
-* An aggregated body holds a RECS at tSTART + i · RTBA for every i with i · RTBA < tDur.
+* An aggregated body has a RECS at tSTART + i · RTBA for every i with i · RTBA < tDur.
 * WN is the full week in the aggregated header (16 bits) and the week modulo 4096 in the unitary one (12 bits).
-* The epoch of a RECS is the satellite time at which its first chip leaves the satellite; with RAND = 1 the header's
-  time already holds the random offset.
+* The epoch of a RECS is the satellite time at which its first chip leaves the satellite. With RAND = 1 the header's
+  time already includes the random offset.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from vestige.errors import InputFileError, UnsupportedError
 from vestige.records import EncryptedSegment
 from vestige.time import GalileoTime
 
-RECS_INTERFACE_VERSION = 1  # the only one that is known [SASLIB]
+RECS_INTERFACE_VERSION = 1  # the only known version [SASLIB]
 MAX_PERIOD_DS = (1 << 16) - 1  # RTBA has 16 bits [SASLIB]
 MAX_DURATION_DS = (1 << 24) - 1  # tDur has 24 bits [SASLIB]
 MAX_RECS_FILE_BYTES = 25 + 86_400 * max(length.n_bytes for length in LENGTHS)  # a day of the longest RECS, one a second
@@ -46,7 +46,7 @@ _AGGREGATED = struct.Struct(">8s B B H 3s 3s B B B B H B")
 # Provider, IntV, reserved (4 bits) with WN (12 bits), ATOW, SVID, KDI, RAND, FileVersion, HeaderLength [SASLIB].
 _UNITARY = struct.Struct(">4s B H 3s B B B B H")
 
-_PROVIDER = re.compile(rb"[A-Za-z0-9]+")  # it becomes part of a file name
+_PROVIDER = re.compile(rb"[A-Za-z0-9]+")  # the provider becomes part of a file name
 
 
 class RecsFileKind(Enum):
@@ -58,7 +58,7 @@ class RecsFileKind(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecsFile:
-    """A RECS file: every header field and the bodies.
+    """A RECS file, with every header field and the bodies.
 
     Attributes
     ----------
@@ -75,9 +75,9 @@ class RecsFile:
     body
         The bodies, one after the other.
     duration_ds, period_ds
-        tDur and RTBA in ds; 0 in a unitary file, which has neither.
+        tDur and RTBA in ds; 0 for a unitary file, which lacks both.
     reserved
-        Reserved bits, 8 in an aggregated and 4 in a unitary header; kept so that a file is written as it was read.
+        Reserved bits, 8 in an aggregated and 4 in a unitary header; kept so that a file is written unchanged.
     """
 
     kind: RecsFileKind
@@ -96,7 +96,7 @@ class RecsFile:
 
     @property
     def name(self) -> RecsName:
-        """The file's name; `str` of it is text. A fraction of a second of tDur does not fit in and is dropped."""
+        """The file's name; `str` gives the text. A fraction of a second of tDur does not fit and is dropped."""
         aggregated = self.kind is RecsFileKind.AGGREGATED
         return RecsName(
             start=self.start,
@@ -113,12 +113,12 @@ class RecsFile:
 
     @property
     def n_segments(self) -> int:
-        """Number of RECS: one, or as many as begin within tDur."""
+        """Number of RECS: 1 in a unitary file, else the number that begin within tDur."""
         return 1 if self.kind is RecsFileKind.UNITARY else -(-self.duration_ds // self.period_ds)
 
     @property
     def segments(self) -> tuple[EncryptedSegment, ...]:
-        """The RECS in the order of time, the week's end carried into the week."""
+        """The RECS in the order of time; times after the week's end are in the next week."""
         length, first = LENGTHS[self.n_chip_code], deciseconds_of_week(self.start)
         times = (time_of_deciseconds(self.start.week, first + i * self.period_ds) for i in range(self.n_segments))
         return tuple(
@@ -138,22 +138,22 @@ class RecsFile:
 def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
     """Return the RECS file at `path`, of either kind.
 
-    Raises `InputFileError` if it is not a RECS file, or is truncated, or contradicts itself or its name. Raises
-    `UnsupportedError` if its interface version is not known.
+    Raises `InputFileError` if the file is not a RECS file, is truncated, or contradicts itself or its name. Raises
+    `UnsupportedError` if its interface version is unknown.
 
     Parameters
     ----------
     path
         The file. If its name has the form of a RECS name, it must agree with the header.
     reference
-        A time within ± 2048 weeks (39 years) of the RECS, which resolves the 12-bit week of a unitary file. Without it
-        the file name does, and without a RECS name the week is taken as 0 … 4095, right until 2078.
+        A time within ± 2048 weeks (39 years) of the RECS, which resolves the 12-bit week of a unitary file. If None,
+        the file name resolves the week. Without a RECS name the week is taken as 0 … 4095, which is right until 2078.
     """
     return parse_recs_file(read_bytes(path, at_most=MAX_RECS_FILE_BYTES), path, reference=reference)
 
 
 def parse_recs_file(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
-    """Return the RECS file that `data`, the content of `path`, is. See `read_recs_file`."""
+    """Return the RECS file from `data`, the content of `path`. See `read_recs_file`."""
     name = parse_name(path.name)
     if len(data) < _AGGREGATED.size:
         raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_AGGREGATED.size} bytes")
@@ -170,7 +170,7 @@ def parse_recs_file(data: bytes, path: Path, *, reference: GalileoTime | None = 
 
 
 def has_recs_header(head: bytes) -> bool:
-    """Return whether a file that begins with `head` looks like a RECS file, whatever its name; 25 bytes are enough."""
+    """Return whether a file that begins with `head` looks like a RECS file; 25 bytes are enough."""
     if len(head) < _AGGREGATED.size:
         return False
     if head[4] == RECS_INTERFACE_VERSION:
@@ -208,9 +208,9 @@ def write_recs_file(file: RecsFile, folder: Path) -> Path:
 
 
 def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX") -> RecsFile:
-    """Return the file that holds `segments`: unitary for one, aggregated for several at equal intervals.
+    """Return the file with `segments`: unitary for a single RECS, aggregated for several at equal intervals.
 
-    Raises `ValueError` if they are not of one satellite, length, KDI and RAND, or not at equal intervals of whole
+    Raises `ValueError` if the segments differ in satellite, length, KDI or RAND, or are not at equal intervals of whole
     deciseconds.
     """
     first = segments[0]
@@ -234,7 +234,7 @@ def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX
 
 
 def resolve_week(week: int, reference: GalileoTime | None) -> int:
-    """Return the full week of a 12-bit one: the nearest to `reference`, or the week itself, 0 … 4095, without one."""
+    """Return the full week of a 12-bit week: the nearest to `reference`, or the week unchanged without it."""
     if reference is None:
         return week
     half = WEEK_MODULUS // 2
@@ -310,7 +310,7 @@ def _start(week: int, atow: bytes, path: Path) -> GalileoTime:
 
 
 def _fault(file: RecsFile) -> tuple[str, object, object] | None:
-    """Return where the first fault of a file is, what stands there and what should, for reader and writer alike."""
+    """Return the first fault of a file for reader and writer: field, found value, and expected value."""
     unitary = file.kind is RecsFileKind.UNITARY
     fields = (
         ("provider: length", len(file.provider), range(4, 5) if unitary else range(1, 9)),

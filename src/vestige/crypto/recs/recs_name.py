@@ -1,4 +1,4 @@
-"""Names of RECS files: what they say of their content, and the time code in them [SASLIB].
+"""Names of RECS files, with the fields and the time code in them [SASLIB].
 
 | file | pattern | example |
 |---|---|---|
@@ -37,14 +37,14 @@ _TIME_CODE = re.compile(r"(\d{2})(\d{3})(\d{2})(\d{2})(\d{3})", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecsName:
-    """Name of a RECS file, as its fields."""
+    """Fields of the name of a RECS file."""
 
     start: GalileoTime  # epoch of the (first) RECS, a whole number of deciseconds
     svid: int
     key_delay: int
     random_offset: int
-    provider: str = ""  # four characters; only unitary names have it, so an empty provider means an aggregated file
-    duration_s: int = 0  # only in aggregated names, as the next two
+    provider: str = ""  # four characters in unitary names; empty for an aggregated file
+    duration_s: int = 0  # only in aggregated names, like the next two fields
     period_ds: int = 0  # RTBA
     n_chip_code: int = 0
     interface_version: int = 1
@@ -64,9 +64,9 @@ class RecsName:
 
 
 def parse_name(name: str) -> RecsName | None:
-    """Return the fields of the file name, or None if it does not have the form of a RECS name (a renamed file).
+    """Return the fields of the file name; None if the name does not have the form of a RECS name (a renamed file).
 
-    Raises `InputFileError` if it has the form but its date does not exist.
+    Raises `InputFileError` if the name has the form but its date does not exist.
     """
     match = _UNITARY.fullmatch(name) or _AGGREGATED.fullmatch(name)
     if match is None:
@@ -86,7 +86,7 @@ def format_time_code(time: GalileoTime) -> str:
     """Return `YYDDDHHMMSSS` of a time: year, day of year, hour, minute, deciseconds of the minute, in GST."""
     exact = time_of_deciseconds(
         time.week, deciseconds_of_week(time)
-    )  # a float fraction may stand just below its decisecond
+    )  # a float fraction may lie just below its decisecond
     moment = exact.calendar
     return f"{moment:%y%j%H%M}{10 * moment.second + round(10 * exact.fraction):03d}"
 
@@ -109,7 +109,7 @@ def parse_time_code(text: str) -> GalileoTime:
 
 
 def deciseconds_of_week(time: GalileoTime) -> int:
-    """Return the time of week in deciseconds, which is how RECS files count; 6,048,000 just before a week's end.
+    """Return the time of week in deciseconds, as RECS files count; 6,048,000 just before a week's end.
 
     Raises `ValueError` if the time is not a whole number of deciseconds (to 1 ns).
     """

@@ -1,8 +1,8 @@
-"""Re-encrypted code sequences (RECS): from a file body and an OSNMA key to E6-C chips, and back.
+"""Re-encrypted code sequences (RECS): convert a file body and an OSNMA key to E6-C chips, and back.
 
-The server cuts the encrypted E6-C code that a satellite will transmit (the ECS), encrypts it once more under an OSNMA
-key that is still secret, and publishes the result, the RECS, up to a week ahead. The receiver records E6-C around the
-RECS's epoch, waits until the key is broadcast on E1-B, decrypts and correlates [WFO, Sec. II-A]::
+The server takes a part of the encrypted E6-C code that a satellite will transmit (the ECS), and encrypts it again under
+an OSNMA key that is still secret. The server publishes the result, the RECS, up to a week ahead. The receiver records
+E6-C around the RECS's epoch, waits until the key is broadcast on E1-B, decrypts and correlates [WFO, Sec. II-A]::
 
     GST_SF = (WN mod 4096) << 20 | TOW            32 bits, start of the 30 s subframe that transmits the key
     P      = GST_SF (4 bytes) || RAND (1 byte) || 11 zero bytes
@@ -11,8 +11,8 @@ RECS's epoch, waits until the key is broadcast on E1-B, decrypts and correlates 
     ECS    = AES-256-CBC-decrypt(K_R, IV, RECS)   no padding scheme: bodies are whole AES blocks
     chips  = ECS bits, most significant first; bit 0 is +1, bit 1 is -1
 
-The service's interface document is not public. These rules are those of the public reference receiver [SASLIB]; what
-remains uncertain of them is a named option: `CipherMode`, and the mapping of the key delay in `key_time`.
+The service's interface document is not public. These rules are those of the public reference receiver [SASLIB]. Two
+parts are uncertain: `CipherMode`, and the mapping of the key delay in `key_time`.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ AES_BLOCK_BYTES = 16  # AES
 class CipherMode(Enum):
     """Mode of operation of AES-256.
 
-    Assumption: CBC. The two public statements disagree (one names CTR, the running code does CBC); CBC is taken because
-    bodies are padded to whole AES blocks, which CTR would not need, and because that code is reported to have worked on
-    the signal in space. CTR would take the IV as its first counter block. The wrong mode gives noise, never a wrong
+    The assumed mode is CBC. The two public sources disagree: the text names CTR, the code uses CBC. Two facts support
+    CBC: bodies are padded to whole AES blocks, which CTR would not need, and the code is reported to have worked on the
+    signal in space. CTR would use the IV as its first counter block. The wrong mode gives noise, never a wrong
     correlation peak [SASLIB].
     """
 
@@ -52,19 +52,19 @@ class CipherMode(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentLength:
-    """One length that a RECS may have."""
+    """A possible length of a RECS."""
 
     code: int  # NChip field of the aggregated header
-    duration_ms: int  # E6-C primary code periods that it covers, 1 ms each
-    n_bytes: int  # length of the body: the chips, filled up to whole AES blocks
+    duration_ms: int  # number of E6-C primary code periods, 1 ms each
+    n_bytes: int  # length of the body: the chips, padded to whole AES blocks
 
     @property
     def n_chips(self) -> int:
-        """Chips to correlate. The filling behind them is not known to be on air, so it is never used."""
+        """Number of chips to correlate. The padding is not known to be on air, so it is never used."""
         return self.duration_ms * E6C.code_length
 
 
-# [SASLIB]; that the bodies are filled up to AES blocks is inferred, and exact for all five.
+# [SASLIB]; the padding of the bodies to AES blocks is inferred, and exact for all five lengths.
 LENGTHS = (
     SegmentLength(code=0, duration_ms=1, n_bytes=640),
     SegmentLength(code=1, duration_ms=2, n_bytes=1_280),
@@ -77,9 +77,9 @@ LENGTH_BY_BYTES = {length.n_bytes: length for length in LENGTHS}
 
 
 def key_time(transmit_time: GalileoTime, key_delay: int) -> GalileoTime:
-    """Return the start of the subframe that transmits the key of a RECS, which is the GST_SF of that key.
+    """Return the GST_SF of a RECS's key, which is the start of the subframe that transmits the key.
 
-    Assumption: KDI 0 is the key sent in the subframe in which the RECS begins, KDI 1 that of the next one [SASLIB].
+    By assumption KDI 0 is the key of the subframe in which the RECS begins, KDI 1 that of the next subframe [SASLIB].
     """
     if key_delay not in (0, 1):
         raise ValueError(f"key delay indicator {key_delay} is neither 0 nor 1")
@@ -94,7 +94,7 @@ def wrapping_key(key_data: bytes) -> bytes:
 def iv_preimage(gst_sf: GalileoTime, random_offset: int) -> bytes:
     """Return P, the 16 bytes whose hash gives the IV: GST_SF, RAND and eleven zero bytes [SASLIB].
 
-    `gst_sf` is the start of the subframe that transmits the key; not the epoch of the RECS.
+    `gst_sf` is the start of the subframe that transmits the key, not the epoch of the RECS.
     """
     if gst_sf != gst_sf.subframe:
         raise ValueError(f"{gst_sf} is not the start of a subframe")
@@ -110,7 +110,7 @@ def initialization_vector(gst_sf: GalileoTime, random_offset: int) -> bytes:
 def encrypt_body(
     ecs: bytes, key_data: bytes, gst_sf: GalileoTime, random_offset: int = 0, mode: CipherMode = CipherMode.CBC
 ) -> bytes:
-    """Return the RECS body of the packed code sequence `ecs`, which must be whole AES blocks; see `decrypt_body`."""
+    """Return the RECS body of the packed code sequence `ecs` of whole AES blocks; see `decrypt_body`."""
     return _through(_cipher(key_data, gst_sf, random_offset, mode).encryptor(), ecs)
 
 
@@ -119,8 +119,8 @@ def decrypt_body(
 ) -> bytes:
     """Return the packed code sequence (ECS) of a RECS body.
 
-    Nothing here tells whether the key was right: AES has no check value, and a wrong key gives random chips. A wrong IV
-    damages only the first 128 chips in CBC mode.
+    The function cannot detect a wrong key, because AES has no check value and a wrong key gives random chips. A wrong
+    IV damages only the first 128 chips in CBC mode.
 
     `gst_sf` is the start of the subframe that transmits the key.
     """
@@ -135,7 +135,7 @@ def pack_chips(chips: Int8[np.ndarray, " n_chips"]) -> bytes:
 
 
 def unpack_chips(packed: bytes, n_chips: int) -> Int8[np.ndarray, " n_chips"]:
-    """Return the first `n_chips` chips of ±1 that `packed` holds; the inverse of `pack_chips` [SASLIB]."""
+    """Return the first `n_chips` chips of ±1 in `packed`; the inverse of `pack_chips` [SASLIB]."""
     if not 0 <= n_chips <= 8 * len(packed):
         raise ValueError(f"{len(packed)} bytes do not hold {n_chips} chips")
     bits = np.unpackbits(np.frombuffer(packed, np.uint8), count=n_chips).view(np.int8)
@@ -150,10 +150,10 @@ def encrypt(
     random_offset: int = 0,
     mode: CipherMode = CipherMode.CBC,
 ) -> EncryptedSegment:
-    """Return the RECS that a server publishes for `chips`: the inverse of `decrypt`, zero bits as filling.
+    """Return the RECS that a server publishes for `chips`: the inverse of `decrypt`, with zero bits as padding.
 
-    `chips` are 1, 2, 4, 8 or 16 ms of E6-C, `key_data` the key of the subframe that `key_time` gives: the server knows
-    it before it is disclosed.
+    `chips` are 1, 2, 4, 8 or 16 ms of E6-C. `key_data` is the key of the subframe that `key_time` gives; the server
+    knows the key before its disclosure.
     """
     length = LENGTH_BY_CHIPS.get(chips.chips.size)
     if length is None:
@@ -172,11 +172,11 @@ def encrypt(
 
 
 def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = CipherMode.CBC) -> ChipSequence:
-    """Return the E6-C chips of a RECS, without the filling of its last AES block.
+    """Return the E6-C chips of a RECS, without the padding of its last AES block.
 
     `key` is the validated key of `segment.key_time`.
 
-    Raises `TypeError` if the key is not a validated one. Raises `ValueError` if the key is of another subframe, or the
+    Raises `TypeError` if the key is not a `ValidatedKey`. Raises `ValueError` if the key is of another subframe, or the
     segment contradicts itself.
     """
     if not is_validated(key):
@@ -203,7 +203,7 @@ def _cipher(key_data: bytes, gst_sf: GalileoTime, random_offset: int, mode: Ciph
 
 
 def _through(context: CipherContext, data: bytes) -> bytes:
-    # CTR would take any length; a RECS is whole blocks in either mode.
+    # CTR would accept any length; a RECS has whole blocks in either mode.
     if len(data) % AES_BLOCK_BYTES:
         raise ValueError(f"{len(data)} bytes are not whole AES blocks")
     return context.update(data) + context.finalize()

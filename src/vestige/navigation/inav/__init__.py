@@ -1,1 +1,1 @@
-"""The Galileo I/NAV message of E1-B, both ways: fields, words, pages, symbols. One table serves encoder and decoder."""
+"""Encode and decode the Galileo I/NAV message of E1-B with the same table: fields, words, pages, symbols."""

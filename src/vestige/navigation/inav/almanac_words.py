@@ -1,7 +1,7 @@
-"""The almanac: coarse orbits of three satellites in each set of words 7 to 10, both ways [OS-ICD, 5.1.10].
+"""Encode and decode the almanac: coarse orbits of three satellites a set in words 7 to 10 [OS-ICD, 5.1.10].
 
-A receiver uses it to know which satellites are up; positions are some kilometres off. Satellites whose orbit does not
-fit into the fields, such as the two in eccentric orbits, are not in the almanac.
+The almanac tells a receiver which satellites are in view; its positions have errors of some kilometres. Satellites
+whose orbit does not fit into the fields, such as the two in eccentric orbits, are not in the almanac.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from vestige.time import GalileoTime
 
 ALMANAC_WORDS = (7, 8, 9, 10)
 SATELLITES_PER_SET = 3
-ALMANAC_STEP_S = 600  # t0a is a multiple of it [OS-ICD, 4.3.5]
+ALMANAC_STEP_S = 600  # step of t0a [OS-ICD, 4.3.5]
 _WEEKS = 1 << WORD_LAYOUTS[7].by_name["almanac_week"].length
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlmanacEntry:
-    """Almanac of one satellite; SVID 0 is an empty place.
+    """Almanac of one satellite; SVID 0 is an empty entry.
 
     Attributes
     ----------
@@ -62,12 +62,12 @@ class AlmanacEntry:
 
     @classmethod
     def from_ephemeris(cls, ephemeris: Ephemeris, t0a: GalileoTime) -> AlmanacEntry | None:
-        """Return the almanac of a satellite, None if its orbit does not fit into the fields.
+        """Return the almanac of a satellite; None if the orbit does not fit into the fields.
 
         Parameters
         ----------
         ephemeris
-            Its orbit, clock and health.
+            Orbit, clock and health of the satellite.
         t0a
             Time to which the almanac refers, a multiple of 600 s.
         """
@@ -132,9 +132,9 @@ class AlmanacSet:
     t0a
         Time to which the entries refer, a multiple of 600 s.
     entries
-        One to three satellites; places behind the last one are sent empty.
+        Entries of one to three satellites; the remaining entries of the words are sent empty.
     gps_time
-        Offset between Galileo and GPS time in word 10, None if there is none.
+        Offset between Galileo and GPS time in word 10; None without an offset.
     """
 
     issue: int
@@ -172,14 +172,14 @@ class AlmanacSet:
 
     @classmethod
     def from_words(cls, words: Mapping[int, int], received: GalileoTime) -> AlmanacSet | None:
-        """Return the set in words 7 to 10, None if one is missing or they are of several issues.
+        """Return the set in words 7 to 10; None if a word is missing or the words are of several issues.
 
         Parameters
         ----------
         words
             Word type -> word of 128 bits.
         received
-            Time of reception, which tells the week of t0a: from two weeks before to one week after.
+            Time of reception, which resolves the week of t0a: from two weeks before to one week after.
         """
         if any(kind not in words for kind in ALMANAC_WORDS):
             return None
@@ -202,18 +202,18 @@ class AlmanacSet:
 def almanac_sets(
     ephemerides: Sequence[Ephemeris], t0a: GalileoTime, *, issue: int = 0, gps_time: GpsTimeOffset | None = None
 ) -> tuple[AlmanacSet, ...]:
-    """Return the almanac of a constellation, three satellites a set; those that do not fit are left out.
+    """Return the almanac of a constellation, three satellites a set; satellites that do not fit are left out.
 
     Parameters
     ----------
     ephemerides
-        One of each satellite.
+        One ephemeris of each satellite.
     t0a
         Time to which the almanac refers, a multiple of 600 s.
     issue
         IODa, 0 … 15.
     gps_time
-        Offset between Galileo and GPS time, None if there is none.
+        Offset between Galileo and GPS time; None without an offset.
     """
     found = (AlmanacEntry.from_ephemeris(ephemeris, t0a) for ephemeris in sorted(ephemerides, key=lambda one: one.svid))
     entries = tuple(entry for entry in found if entry is not None)

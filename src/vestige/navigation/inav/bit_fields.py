@@ -1,7 +1,7 @@
-"""Bit fields of a message: the rows of the tables that drive encoder and decoder.
+"""Bit fields of a message, the rows of the tables for encoder and decoder.
 
 A `BitLayout` lists the fields of a word or page in the order of transmission, as the tables of the interface document
-do. Bit 0 is the first bit sent, which is the most significant bit of the integer that holds the message.
+do. Bit 0 is the first bit sent, which is the most significant bit of the message as an integer.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ _TURN_RAD = 2 * math.pi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BitField:
-    """One field of a message.
+    """A field of a message.
 
     Attributes
     ----------
     name
-        Unique in its layout.
+        Name of the field, unique in its layout.
     start
         First bit, counted from 0.
     length
         Number of bits.
     signed
-        Whether the bits are a two's complement number.
+        Whether the field is a two's complement number.
     scale
         Value of the last bit in `unit`.
     unit
         Unit of the physical value, empty for a plain number.
     fill
-        Raw value that stands in the field if nobody gives one; satellites fill spare bits with a pattern.
+        Default raw value of the field; satellites fill spare bits with a pattern.
     """
 
     name: str
@@ -47,7 +47,7 @@ class BitField:
 
     @property
     def raw_range(self) -> tuple[int, int]:
-        """Smallest and largest raw integer that the field can hold."""
+        """Smallest and largest raw integer of the field."""
         return (-(1 << (self.length - 1)), (1 << (self.length - 1)) - 1) if self.signed else (0, (1 << self.length) - 1)
 
     @property
@@ -90,7 +90,7 @@ class BitField:
         """
         low, high = self.raw_range
         if math.isfinite(value):
-            raw = round(value) if self.scale == 1 else round(value / self.scale)  # 88 spare bits are no float
+            raw = round(value) if self.scale == 1 else round(value / self.scale)  # a float cannot hold 88 bits
             if self.cyclic:
                 raw = (raw - low) % (1 << self.length) + low
             if low <= raw <= high:
@@ -153,12 +153,12 @@ class BitLayout:
         return {name: self.read(bits, name) for name in self.by_name}
 
     def pack(self, raw: Mapping[str, int]) -> int:
-        """Return the message that holds these raw integers; the reverse of `unpack`.
+        """Return the message with the given raw integers; the reverse of `unpack`.
 
         Parameters
         ----------
         raw
-            Field name -> raw integer. A field that is missing takes its fill.
+            Field name -> raw integer. A missing field takes its fill.
 
         Raises
         ------

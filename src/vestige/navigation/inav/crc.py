@@ -26,7 +26,7 @@ def crc_24q(data: bytes) -> int:
     Parameters
     ----------
     data
-        Any number of bytes. Bits that are no whole bytes stand right-aligned, behind zeros.
+        Any number of bytes. If the bits are not whole bytes, they are right-aligned behind zeros.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""The ephemeris of a satellite in the I/NAV words 1 to 5, both ways [OS-ICD, 4.3.5].
+"""Encode and decode the ephemeris of a satellite in the I/NAV words 1 to 5 [OS-ICD, 4.3.5].
 
-A toe or toc in the message counts minutes of a week that the message does not name: it is the one nearest to
-transmission. Encoding an ephemeris that was decoded gives the same bits. Any other is rounded to the steps of the
-message: `as_broadcast` returns what a receiver then has.
+A toe or toc in the message counts minutes of a week that the message does not name. The week nearest to transmission is
+used. Encoding a decoded ephemeris gives the same bits. Other ephemerides are rounded to the steps of the message:
+`as_broadcast` returns the ephemeris that a receiver then decodes.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ _SAME: Mapping[str, int] = {
 
 
 def ephemeris_from_words(words: Mapping[int, int], received: GalileoTime) -> Ephemeris | None:
-    """Return the ephemeris in the navigation words 1 to 5 of one satellite, None if they are not all of one issue.
+    """Return the ephemeris in the words 1 to 5 of one satellite; None unless all words are of one issue.
 
     Parameters
     ----------
     words
         Word type -> word of 128 bits, its first bit the most significant.
     received
-        Time of reception, which tells the week of toe and toc.
+        Time of reception, which resolves the week of toe and toc.
     """
     if any(kind not in words for kind in (*EPHEMERIS_WORDS, STATUS_WORD)):
         return None
@@ -69,7 +69,7 @@ def ephemeris_words(ephemeris: Ephemeris) -> dict[int, int]:
     Parameters
     ----------
     ephemeris
-        Its toe and toc must be whole minutes: `as_broadcast` moves them there.
+        Ephemeris whose toe and toc are whole minutes, as `as_broadcast` returns it.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def ephemeris_words(ephemeris: Ephemeris) -> dict[int, int]:
     Raises
     ------
     VestigeError
-        If toe or toc is not a whole minute, or a value does not fit into its field; it names the satellite.
+        If toe or toc is not a whole minute, or a value does not fit into its field. The message names the satellite.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def status_word(
     ionosphere
         Coefficients of the ionosphere model.
     e5b_health, e5b_data_valid
-        Status of E5b; None for that of E1-B.
+        Status of E5b; None for the status of E1-B.
 
     Returns
     -------
@@ -141,14 +141,14 @@ def status_word(
 
 
 def as_broadcast(ephemeris: Ephemeris) -> Ephemeris:
-    """Return the ephemeris that a receiver decodes from the words of this one.
+    """Return the ephemeris that a receiver decodes from the words of an ephemeris.
 
-    The times of ephemeris and clock are moved to the whole minute before; then every field is rounded.
+    The times of ephemeris and clock are moved to the previous whole minute; then every field is rounded.
 
     Parameters
     ----------
     ephemeris
-        Any.
+        Any ephemeris.
 
     Raises
     ------
@@ -171,9 +171,9 @@ def as_broadcast(ephemeris: Ephemeris) -> Ephemeris:
 
 
 def sisa_m(index: int) -> float:
-    """Return the signal-in-space accuracy in m of its index, NaN for "no prediction" and spare values.
+    """Return the signal-in-space accuracy in m of an index; NaN for "no prediction" and spare values.
 
-    Steps of 1, 2, 4 and 16 cm up to 0.5, 1, 2 and 6 m [OS-ICD, SISA].
+    The steps are 1, 2, 4 and 16 cm up to 0.5, 1, 2 and 6 m [OS-ICD, SISA].
     """
     if not 0 <= index < _SISA_END:
         return NO_ACCURACY
@@ -182,7 +182,7 @@ def sisa_m(index: int) -> float:
 
 
 def sisa_index(accuracy_m: float) -> int:
-    """Return the smallest index whose accuracy is not better than that given; 255, "no prediction", for NaN.
+    """Return the smallest index whose accuracy value is at least that given; 255, "no prediction", for NaN.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def sisa_index(accuracy_m: float) -> int:
 
 
 def nearest_time(second: int, received: GalileoTime) -> GalileoTime:
-    """Return the time with this second of the week that is nearest to another time.
+    """Return the time with a given second of the week that is nearest to another time.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The ionosphere model in word 5: what a receiver needs for NeQuick-G [OS-ICD, 5.1.6]."""
+"""The ionosphere model in word 5, the input of NeQuick-G [OS-ICD, 5.1.6]."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class BroadcastIonosphere:
     ----------
     ai0_sfu, ai1_sfu_per_deg, ai2_sfu_per_deg2
         Coefficients of the effective ionisation level in solar flux units, over the modified dip latitude in degrees.
-        All zero: no coefficients are available, and NeQuick-G takes its default.
+        All zero means that no coefficients are available, and NeQuick-G takes its default.
     disturbed_regions
         Five flags, 0 … 31; the most significant bit belongs to region 1, the northernmost.
 
@@ -53,7 +53,7 @@ class BroadcastIonosphere:
         )
 
     def as_sent(self) -> BroadcastIonosphere:
-        """Return the values that word 5 carries: each rounded to the last bit of its field.
+        """Return the values that word 5 carries, each rounded to the last bit of its field.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class BroadcastIonosphere:
 
     @property
     def fields(self) -> dict[str, float]:
-        """Field of word 5 -> physical value."""
+        """Physical values by field of word 5."""
         return {field: getattr(self, name) for name, field in _FIELDS.items()}
 
 

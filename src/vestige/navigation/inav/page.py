@@ -1,4 +1,4 @@
-"""One page of Galileo I/NAV as it is broadcast on E1-B: 240 bits in 2 s.
+"""A page of Galileo I/NAV on E1-B: 240 bits in 2 s.
 
 A page has two halves of 120 bits, one second each [OS-ICD, 4.3.2]::
 
@@ -6,8 +6,8 @@ A page has two halves of 120 bits, one second each [OS-ICD, 4.3.2]::
     odd half:  even/odd 1 (= 1) | type 1 | data 16 | OSNMA 40 | SAR 22 | spare 2 | CRC 24 | SSP 8 | tail 6
 
 The 112 + 16 data bits are one navigation word of 128 bits. The 40 OSNMA bits of 15 pages make up one subframe's OSNMA
-message. The checksum covers everything between the tails except the SSP, so a page with a good checksum is worth
-reading, but it proves nothing about its origin: anybody can compute it.
+message. The checksum covers all bits between the tails except the SSP. A good checksum means a correct decoding, but
+proves nothing about the page's origin, because anybody can compute the checksum.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ OSNMA_BYTES = 5  # 8 bits of the HKROOT and 32 bits of the MACK message in a pag
 
 # Secondary synchronisation pattern by the second of the page's start modulo 6 [OS-ICD, 4.3.2]
 SSP_BY_SECOND = {1: 0x04, 3: 0x2B, 5: 0x2F}
-NO_SSP = 0xFD  # in place of the pattern, from satellites that do not send it
+NO_SSP = 0xFD  # value in place of the pattern, from satellites that do not send the pattern
 
 _DATA_1_BITS, _DATA_2_BITS = 112, 16  # bits of the word in the even and the odd half
 
@@ -42,7 +42,7 @@ def _page_layout() -> BitLayout:
         ("alert_2", 1, 0),
         ("data_2", _DATA_2_BITS, None),
         ("osnma", 8 * OSNMA_BYTES, 0),
-        ("sar", 22, 0b10_1010_1010_1010_1010_1010),  # filled with this pattern while there is no return link message
+        ("sar", 22, 0b10_1010_1010_1010_1010_1010),  # pattern without a return link message
         ("spare", 2, 0b01),
         ("crc", 24, 0),
         ("ssp", 8, NO_SSP),
@@ -100,12 +100,12 @@ def encode_page(
     ssp
         Secondary synchronisation pattern, 8 bits: see `page_ssp`.
     alert
-        Whether it is an alert page.
+        Whether the page is an alert page.
 
     Raises
     ------
     ValueError
-        If something has more bits than its field, or the OSNMA field does not have 5 bytes.
+        If a value has more bits than its field, or the OSNMA field does not have 5 bytes.
 
     Examples
     --------
@@ -153,8 +153,8 @@ class InavPage:
     """One I/NAV page of one satellite, as received on E1-B."""
 
     svid: int  # satellite, 1 … 36
-    time: GalileoTime  # start of the page in whole seconds, as the recording tells it
-    data: bytes  # 30 bytes: 240 bits, the even half first; its tail may be zero
+    time: GalileoTime  # start of the page in whole seconds, from the recording
+    data: bytes  # 30 bytes: 240 bits, the even half first; the tail may be zero
 
     def __post_init__(self) -> None:
         if not 1 <= self.svid <= MAX_SVID or len(self.data) != PAGE_BYTES:
@@ -166,18 +166,18 @@ class InavPage:
 
     @property
     def crc_ok(self) -> bool:
-        """Whether the halves are an even and an odd one and the checksum is right."""
+        """Whether the page has an even and an odd half and a right checksum."""
         halves_ok = self.field("even_odd_1") == 0 and self.field("even_odd_2") == 1
         return halves_ok and page_checksum(self.data) == self.field("crc")
 
     @property
     def is_alert(self) -> bool:
-        """Whether this is an alert page: it holds neither a navigation word nor OSNMA [OS-ICD, 4.3.2.3]."""
+        """Whether the page is an alert page, without navigation word and OSNMA [OS-ICD, 4.3.2.3]."""
         return bool(self.field("alert_1") or self.field("alert_2"))
 
     @property
     def word(self) -> int:
-        """The navigation word, 128 bits: its type is in the first 6."""
+        """The navigation word, 128 bits, with the word type in the first 6."""
         return self.field("data_1") << _DATA_2_BITS | self.field("data_2")
 
     @property

@@ -1,12 +1,12 @@
-"""Reduced clock and ephemeris data: a satellite's orbit and clock in the one word 16 [OS-ICD, reduced CED].
+"""Reduced clock and ephemeris data: a satellite's orbit and clock in word 16 [OS-ICD, reduced CED].
 
-A receiver that has just started computes a first fix from it, tens to hundreds of metres off, before words 1 to 4 are
-complete. The word holds six orbital elements and a clock without rates, about a nominal orbit::
+A receiver that has just started computes a first fix from word 16 before words 1 to 4 are complete. The error of this
+fix is tens to hundreds of metres. The word contains six orbital elements about a nominal orbit, and a clock::
 
     A = 29 600 km + ΔA,   e = √(ex² + ey²),   ω = atan2(ey, ex),   M0 = λ0 − ω,   i0 = 56° + Δi0
 
-They refer to the first page of the subframe that carries the word, and are made anew for each subframe. An orbit that
-is too eccentric for the fields has no such word.
+The elements refer to the first page of the subframe that carries the word, and are computed anew for each subframe. An
+orbit that is too eccentric for the fields has no word 16.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ REDUCED_CED_WORD = 16
 NOMINAL_AXIS_M = 29_600_000.0  # [OS-ICD, reduced CED]
 NOMINAL_INCLINATION_RAD = math.radians(56.0)  # [OS-ICD, reduced CED]
 
-_FIT_S = np.linspace(0.0, 600.0, 7)  # after the reference time; a receiver has the next word long before the end
+_FIT_S = np.linspace(0.0, 600.0, 7)  # s after the reference time; a receiver has the next word long before the end
 _STEPS = 4  # steps of Gauss–Newton; the elements start within 1e-5 of the solution
 _DIFFERENCE = 1e-6  # rad or plain number, for derivatives of the position: 30 m
 
@@ -54,11 +54,11 @@ class ReducedCed:
     Attributes
     ----------
     delta_a_m
-        Semi-major axis minus the nominal one, in m.
+        Semi-major axis minus the nominal axis, in m.
     ex, ey
         e cos ω and e sin ω.
     delta_i0_rad
-        Inclination minus the nominal one, in rad.
+        Inclination minus the nominal inclination, in rad.
     omega0_rad
         Longitude of the ascending node at the start of the week, in rad.
     lambda0_rad
@@ -86,19 +86,19 @@ class ReducedCed:
     def from_ephemeris(cls, ephemeris: Ephemeris, time: GalileoTime) -> Self | None:
         """Return the elements that follow an ephemeris best in the 10 min after the reference time.
 
-        The axis is rounded to its coarse steps of 256 m first; the other elements are fitted for it.
+        The axis is first rounded to its coarse steps of 256 m; the other elements are then fitted for this axis.
 
         Parameters
         ----------
         ephemeris
             The satellite's orbit and clock.
         time
-            Any time in the subframe that is to carry the word.
+            Any time in the subframe that will carry the word.
 
         Returns
         -------
         ReducedCed or None
-            None if the orbit or clock does not fit into the word.
+            The elements; None if the orbit or clock does not fit into the word.
         """
         start = reference_time(time)
         orbit = referred_to(ephemeris, start)
@@ -121,7 +121,7 @@ class ReducedCed:
 
     @property
     def word(self) -> int:
-        """Word 16, each field rounded to its step; `VestigeError` if one does not fit."""
+        """Word 16 with each field rounded to its step; a value that does not fit raises `VestigeError`."""
         return InavWord.from_values(
             REDUCED_CED_WORD, dict(zip((field.name for field in fields(self)), astuple(self), strict=True))
         ).encode()
@@ -132,7 +132,7 @@ class ReducedCed:
         Parameters
         ----------
         svid
-            Satellite, 1 … 36; the word does not tell.
+            Satellite, 1 … 36; the word does not name it.
         time
             Any time in the subframe that carried the word.
         """
@@ -165,7 +165,7 @@ class ReducedCed:
         return True
 
     def _fitted(self, orbit: Ephemeris, start: GalileoTime) -> Self:
-        """Return the elements, but for the axis, that are closest to the positions of an orbit."""
+        """Return the elements, apart from the axis, that are closest to the positions of an orbit."""
         names = ("ex", "ey", "delta_i0_rad", "omega0_rad", "lambda0_rad")
         wanted = satellite_state(orbit, start, _FIT_S).position_m
         found = self

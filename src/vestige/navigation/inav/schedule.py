@@ -1,8 +1,8 @@
 """Schedule of I/NAV: the word that a satellite sends in each page.
 
-The nominal sequence of E1-B takes 30 s, one subframe; some places alternate between the two halves of a minute [OS-ICD,
+The nominal sequence of E1-B takes 30 s, one subframe. Some pages alternate between the two halves of a minute [OS-ICD,
 I/NAV sub-frame layout]. Satellites without FEC2 send word 0 in place of the words 16 to 20. A satellite whose orbit
-does not fit into word 16 sends word 5 in its place. All three rules agree with signals recorded in 2023 and 2025.
+does not fit into word 16 sends word 5 instead. All three rules agree with signals recorded in 2023 and 2025.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from vestige.navigation.inav.word_table import PARITY_WORDS
 from vestige.time import GalileoTime
 
 _MINUTE_S = 60
-# Word of each page from the first one of a subframe on; the word of even, odd subframes of a minute where they differ
+# Word of each page of a subframe; the words of even and odd subframes of a minute where they differ
 _SEQUENCE: tuple[tuple[int, int], ...] = (
     (2, 2),
     (4, 4),
@@ -44,7 +44,7 @@ def scheduled_word(start: GalileoTime, *, fec2: bool = True, reduced_ced: bool =
     fec2
         Whether the satellite sends FEC2 and reduced CED.
     reduced_ced
-        Whether its orbit fits into the reduced CED.
+        Whether the satellite's orbit fits into the reduced CED.
 
     Raises
     ------

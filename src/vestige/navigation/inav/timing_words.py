@@ -10,18 +10,18 @@ from vestige.navigation.inav.words import InavWord
 from vestige.time import GST_EPOCH, LEAP_SECONDS, GalileoTime
 
 TIME_WORD, UTC_WORD = 0, 6
-_WEEKS = 4096  # word 0 sends the week modulo this [OS-ICD, 4.3.5]
-_UTC_WEEKS, _GGTO_WEEKS = 256, 64  # words 6 and 10 send theirs modulo these [OS-ICD, 4.3.5]
+_WEEKS = 4096  # modulus of the week in word 0 [OS-ICD, 4.3.5]
+_UTC_WEEKS, _GGTO_WEEKS = 256, 64  # moduli of the weeks in words 6 and 10 [OS-ICD, 4.3.5]
 _ANNOUNCED = timedelta(days=180)  # a leap second is announced half a year ahead [IERS Bulletin C]
 
 
 def time_word(start: GalileoTime) -> int:
-    """Return word 0, which fills the places without a word of their own and tells the time.
+    """Return word 0, which gives the time and fills pages without another word.
 
     Parameters
     ----------
     start
-        Start of the page that carries it, in whole seconds.
+        Start of the page that carries the word, in whole seconds.
 
     Examples
     --------
@@ -61,7 +61,7 @@ class UtcModel:
         Parameters
         ----------
         time
-            Any; the model refers to the start of its day.
+            Any time; the model refers to the start of its day.
         """
         now = time.utc
         before = [leap for day, leap in LEAP_SECONDS if day <= now]
@@ -81,7 +81,7 @@ class UtcModel:
         Parameters
         ----------
         start
-            Start of the page that carries it, in whole seconds.
+            Start of the page that carries the word, in whole seconds.
 
         Raises
         ------
@@ -110,7 +110,7 @@ class UtcModel:
         word
             The word.
         received
-            Time of reception, which tells the weeks: those within half of 256 weeks.
+            Time of reception, which resolves the weeks modulo 256 to the nearest.
         """
         decoded = InavWord.decode(word)
         day_s = (decoded.raw["leap_day"] - 1) * DAY_S
@@ -142,14 +142,14 @@ class GpsTimeOffset:
 
     @classmethod
     def from_word(cls, word: int, received: GalileoTime) -> GpsTimeOffset | None:
-        """Return the offset in a word 10 of 128 bits, None if the word says that there is none.
+        """Return the offset in a word 10 of 128 bits; None if the word has no offset.
 
         Parameters
         ----------
         word
             The word.
         received
-            Time of reception, which tells the week.
+            Time of reception, which resolves the week.
         """
         decoded = InavWord.decode(word)
         if all(decoded.raw[name] == raw for name, raw in NO_GPS_TIME.items()):
@@ -163,7 +163,7 @@ class GpsTimeOffset:
 
     @property
     def fields(self) -> dict[str, float]:
-        """Field of word 10 -> physical value."""
+        """Physical values by field of word 10."""
         return {
             "a0g_s": self.a0g_s,
             "a1g": self.a1g,

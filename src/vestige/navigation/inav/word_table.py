@@ -1,8 +1,8 @@
 """The fields of every I/NAV word, as the interface document lists them [OS-ICD, 4.3.5].
 
-This table is the only place that knows where a field is. Every word has 128 bits and begins with six bits of type.
-Names and units are those of `Ephemeris`; angles, in semicircles there, are in rad here. Spare and reserved bits carry
-the pattern that satellites send.
+Only this table contains the positions of the fields. Every word has 128 bits and begins with six bits of type. Names
+and units are those of `Ephemeris`, with angles in rad instead of semicircles. Spare and reserved bits carry the pattern
+that satellites send.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from vestige.navigation.inav.bit_fields import BitField, BitLayout
 
 WORD_BITS = 128  # [OS-ICD, 4.3.2.3]
 TYPE_BITS = 6
-EPHEMERIS_WORDS = (1, 2, 3, 4)  # these carry IODnav [OS-ICD, 4.3.5]
+EPHEMERIS_WORDS = (1, 2, 3, 4)  # words with IODnav [OS-ICD, 4.3.5]
 PARITY_WORDS = (17, 18, 19, 20)  # FEC2 [OS-ICD, 4.3.5]
 DUMMY_WORD = 63  # word type of a dummy page [OS-ICD, 4.3.5]
 
@@ -23,7 +23,7 @@ _PI = math.pi
 
 
 def _spare(name: str, length: int, *, first: int = 0) -> dict[str, Any]:
-    """Return a row of bits that alternate from `first` on."""
+    """Return a row of alternating bits from `first` on."""
     pattern = int("".join(str((first + k) % 2) for k in range(length)), 2)
     return {"name": name, "length": length, "fill": pattern}
 
@@ -93,7 +93,7 @@ def _parity(kind: int) -> BitLayout:
 WORD_LAYOUTS: Mapping[int, BitLayout] = {
     0: _layout(
         0,
-        {"name": "time_set", "length": 2, "fill": 0b10},  # 10: the time fields hold the time
+        {"name": "time_set", "length": 2, "fill": 0b10},  # 10: the time fields contain the time
         _spare("spare", 88),
         _WEEK,
         _TOW,
@@ -220,7 +220,7 @@ WORD_LAYOUTS: Mapping[int, BitLayout] = {
 
 
 def word_layout(kind: int) -> BitLayout:
-    """Return the fields of a word type; a type that the table does not know has its type and 122 bits of data.
+    """Return the fields of a word type; an unknown type has the fields type and 122 bits of data.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""One I/NAV word: 128 bits to named integers and physical values, and back.
+"""Convert an I/NAV word of 128 bits to named integers and physical values, and back.
 
-The table `WORD_LAYOUTS` says where each field is. Encoding what was decoded gives the same bits, because spare and
+The table `WORD_LAYOUTS` gives the bits of each field. Encoding a decoded word gives the same bits, because spare and
 reserved bits are fields too.
 """
 
@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from vestige.errors import VestigeError
 from vestige.navigation.inav.word_table import TYPE_BITS, WORD_BITS, WORD_LAYOUTS, word_layout
 
-_TIME_SET = 0b10  # time field of word 0 when week and time of week are there [OS-ICD, 4.3.5]
-_TIME_WORDS = {0: True, 5: True, 6: False}  # word type -> whether it has the week besides the time of week
+_TIME_SET = 0b10  # time field of word 0 with week and time of week [OS-ICD, 4.3.5]
+_TIME_WORDS = {0: True, 5: True, 6: False}  # word type -> whether the word has the week in addition to the time of week
 
 
 def word_bits(word: int, start: int, length: int) -> int:
-    """Return `length` bits of a 128-bit word from bit `start` on (bit 0 is the first one transmitted)."""
+    """Return `length` bits of a 128-bit word from bit `start` on (bit 0 is transmitted first)."""
     return (word >> (WORD_BITS - start - length)) & ((1 << length) - 1)
 
 
@@ -28,14 +28,14 @@ def word_type(word: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class InavWord:
-    """A word as its fields.
+    """The fields of a word.
 
     Attributes
     ----------
     kind
         Word type, 0 … 63.
     raw
-        Field name -> integer as transmitted, with its sign; the type included.
+        Field name -> signed integer as transmitted, including the type.
 
     Examples
     --------
@@ -55,12 +55,12 @@ class InavWord:
         Parameters
         ----------
         bits
-            The word, its first bit the most significant.
+            The word; the first bit is the most significant.
 
         Raises
         ------
         ValueError
-            If it has more than 128 bits.
+            If the word has more than 128 bits.
         """
         return cls(word_type(bits), word_layout(word_type(bits)).unpack(bits))
 
@@ -118,7 +118,7 @@ def time_in_word(word: int) -> tuple[int | None, int] | None:
     Returns
     -------
     tuple or None
-        None if this word does not tell the time. The week is None for word type 6, which has only the time of week.
+        None if the word has no time. The week is None for word type 6, which has only the time of week.
     """
     kind = word_type(word)
     if kind not in _TIME_WORDS:

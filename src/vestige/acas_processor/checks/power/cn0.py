@@ -1,10 +1,10 @@
-"""C/N0 of a satellite against what its elevation and the antenna promise.
+"""Compare the C/N0 of a satellite with the value expected from its elevation and the antenna.
 
     ΔC = C/N0 − expected,    |ΔC| ≤ K √(σ_estimator² + σ_model²),    K from P_fa, two-sided
 
-The estimator's spread is known (`sample_processor/cn0.py`); the model's (antenna pattern, satellite power, slow
-fading) is the larger part. Noise and meaconing lower it, an overpowered spoofer raises it; a matched-power one does
-neither.
+The standard deviation of the estimator is known (`sample_processor/cn0.py`). The standard deviation of the model
+(antenna pattern, satellite power, slow fading) is larger. Noise and meaconing lower the C/N0, an overpowered spoofer
+raises it. A matched-power spoofer leaves the C/N0 unchanged.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cn0Monitor(LevelMonitor):
-    """Whether the C/N0 of a satellite is what is expected of it."""
+    """Monitor that compares the C/N0 of a satellite with its expected value."""
 
     name: ClassVar = CheckName.E1_CN0
     sigma_estimator_db: float = 0.3
-    sigma_model_db: float = 1.5  # spread of the truth about the expectation
+    sigma_model_db: float = 1.5  # standard deviation of the true C/N0 about the expectation
     p_fa: float = 1e-6
 
     @property
@@ -55,6 +55,6 @@ class Cn0Monitor(LevelMonitor):
                 return "C/N0 on E1 is not known"
             if np.isnan(statistic[here]):
                 return reference.why_unknown(here)
-            return f"C/N0 is {statistic[here]:+.1f} dB from what is expected, more than {threshold[here]:.1f} dB"
+            return f"C/N0 is {statistic[here]:+.1f} dB from its expected value, more than {threshold[here]:.1f} dB"
 
         return series_of(self, statistic, threshold, explain)

@@ -1,4 +1,4 @@
-"""Regions of the (power, distortion) plane, computed by simulating the hypotheses, and the check that uses them.
+"""Decision regions of the (power, distortion) plane from simulated hypotheses, and the check that uses the regions.
 
 Theory of operation
 -------------------
@@ -9,12 +9,12 @@ Each hypothesis is a distribution of second signals [WESSON18]:
     spoofed     η and Δτ uniform, on all satellites
     jammed      J/N uniform in dB
 
-`simulate` draws (ΔP, D) under one of them, with the closed forms of `power_distortion`: no samples are needed.
-Histograms of many draws, smoothed, are the densities p(ΔP, D | H); the map takes in each cell the hypothesis of least
-expected cost. Alarms where there is only multipath or nothing cost `alarm_cost` times as much as misses: that is the
-knob between false alarms and detection.
+`simulate` draws (ΔP, D) under one hypothesis, with the closed forms of `power_distortion`. No samples are needed.
+Smoothed histograms of many draws are the densities p(ΔP, D | H). Each cell of the map has the hypothesis of least
+expected cost. A false alarm costs `alarm_cost` times as much as a miss. This factor trades false alarms against
+detection.
 
-A map belongs to one C/N0 of the tracked satellite, which the size of D follows. It is drawn once and kept.
+A map belongs to one C/N0 of the tracked satellite, because D grows with C/N0. Each map is drawn once and kept.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from vestige.streams import stream
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hypotheses:
-    """The receiver, and what may happen to it."""
+    """Parameters of the receiver and of the four hypotheses."""
 
     cn0_dbhz: float = 45.0  # C/N0 of the tracked satellite without interference
     sky_cn0_dbhz: float = 45.0  # mean C/N0 of all satellites in the band
@@ -78,7 +78,7 @@ class Hypotheses:
             offset = rng.uniform(-self.spoofer_offset_chips, self.spoofer_offset_chips, n)
         elif truth is SignalClass.JAMMED:
             jam = 10 ** (rng.uniform(*self.jam_to_noise_db, n) / 10)
-        everywhere = eta if truth is SignalClass.SPOOFED else zero  # a reflection is one satellite's own
+        everywhere = eta if truth is SignalClass.SPOOFED else zero  # a reflection concerns one satellite
         rise_db = power_rise_db(everywhere, jam, signals_to_noise=self.signals_to_noise)
         mean = zero
         if eta is not zero:
@@ -99,7 +99,7 @@ _SMOOTHING_CELLS = 1.0  # 1σ
 class DecisionMap:
     """Decision map of the power–distortion plane: the `SignalClass` of each cell."""
 
-    # edges of the cells; what lies beyond belongs to the outermost
+    # edges of the cells; values beyond the edges belong to the outermost cells
     power_edges_db: Float[np.ndarray, " k"]
     distortion_edges: Float[np.ndarray, " l"]
     classes: Int8[np.ndarray, "a b"]  # `SignalClass` of each cell
@@ -120,8 +120,8 @@ def simulated_decision_map(
 ) -> DecisionMap:
     """Return the map of least expected cost, all four hypotheses equally likely.
 
-    Calling clean or multipath an attack costs `alarm_cost`, every other error 1. The same seed gives the same map, from
-    so many draws for each hypothesis.
+    A false alarm (clean or multipath called an attack) costs `alarm_cost`, every other error 1. `draws` is the number
+    of draws for each hypothesis. The same seed gives the same map.
     """
     from scipy.ndimage import gaussian_filter  # noqa: PLC0415  (loads slowly, and few runs make a map)
 
@@ -143,7 +143,7 @@ def simulated_decision_map(
 
 
 def _counts(power_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n"]) -> Int64[np.ndarray, "a b"]:
-    """Return how many pairs are in each cell. The cells are regular, so no search in their edges is needed."""
+    """Return how many pairs are in each cell. Regular cells need no search in their edges."""
     cells, shape = np.zeros(power_db.size, np.int64), []
     for value, (first, last, step) in ((power_db, _POWER_DB), (distortion, _DISTORTION)):
         shape.append(round((last - first) / step))
@@ -152,10 +152,10 @@ def _counts(power_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n
 
 
 def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> Int[np.ndarray, "a b"]:
-    """Return the classes with those of cells in which nothing was drawn taken over from a neighbour.
+    """Return the classes; a cell in which nothing was drawn takes the class of a neighbour.
 
-    First from the neighbour of less power, then of less distortion: an attack beyond the range of the hypotheses is
-    what it would be at their end.
+    The neighbour of less power comes first, then that of less distortion. So an attack beyond the range of the
+    hypotheses gets the class at the end of that range.
     """
     classes, drawn = classes.copy(), drawn.copy()
     low, high = slice(None, -1), slice(1, None)
@@ -171,9 +171,10 @@ def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> 
 
 
 def confusion(decisions: DecisionMap, hypotheses: Hypotheses, *, seed: int, draws: int) -> Int64[np.ndarray, "4 4"]:
-    """Return how often each class (rows) is taken for each (columns), on draws that the map was not made from.
+    """Return the confusion matrix: how often a true class (rows) is classified as each class (columns).
 
-    The hypotheses are not necessarily those from which the map was made; `draws` are of each class.
+    The draws are new, not those of the map. The hypotheses may differ from those of the map. `draws` is the number of
+    draws of each class.
     """
     rows = []
     for truth in SignalClass:
@@ -185,7 +186,7 @@ def confusion(decisions: DecisionMap, hypotheses: Hypotheses, *, seed: int, draw
 
 
 class PowerAndDistortion(NamedTuple):
-    """ΔP of the band in dB, D in σ, and the C/N0 of the map that decides; NaN where not known."""
+    """ΔP of the band in dB, D in σ, and the C/N0 of the map in use; NaN where a value is unknown."""
 
     map_dbhz: Float[np.ndarray, "n m"]
     rise_db: Float[np.ndarray, "n m"]
@@ -194,18 +195,18 @@ class PowerAndDistortion(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerDistortionMonitor:
-    """Whether power and distortion of a satellite are those of an attack.
+    """Monitor that classifies power and distortion of a satellite: clean, multipath, spoofed or jammed.
 
     The statistic is the `SignalClass`, its threshold MULTIPATH: multipath is no alarm.
     """
 
     name: ClassVar = CheckName.POWER_DISTORTION
     unit: ClassVar = "class"
-    # what the map is made from; its C/N0 is replaced by the expected one, to the next of `cn0_step_db`
+    # hypotheses of the map; the expected C/N0, rounded to `cn0_step_db`, replaces their C/N0
     hypotheses: Hypotheses = field(default_factory=Hypotheses)
     alarm_cost: float = 10.0  # cost of a false alarm over that of a miss
     cn0_step_db: float = 3.0  # steps of C/N0 for which maps are made
-    # published rate of false alarms [WESSON18]; the tests hold that it is kept in clean and multipath
+    # published rate of false alarms [WESSON18]; the tests check it for clean and multipath
     p_fa: float = 0.006
 
     def map_for(self, expected_cn0_dbhz: float) -> DecisionMap:
@@ -216,7 +217,7 @@ class PowerDistortionMonitor:
     def probability_of_detection(
         self, eta_db: Float[np.ndarray, " k"], expected_cn0_dbhz: float, *, seed: int = 0, draws: int = 20_000
     ) -> Float[np.ndarray, " k"]:
-        """Return the rate at which a spoofer of each advantage η is called an attack, from as many draws each."""
+        """Return how often a spoofer of each advantage η is classified as an attack, from `draws` draws for each η."""
         decisions, rates = self.map_for(expected_cn0_dbhz), []
         for eta in eta_db.tolist():
             strength = replace(self.hypotheses, cn0_dbhz=expected_cn0_dbhz, spoofer_advantage_db=(eta, eta))
@@ -246,7 +247,7 @@ class PowerDistortionMonitor:
         return series_of(self, statistic, np.full(evidence.shape, float(SignalClass.MULTIPATH)), explain)
 
     def measured(self, evidence: Evidence) -> PowerAndDistortion:
-        """Return power and distortion of every epoch and satellite, and the C/N0 of the map that decides."""
+        """Return power and distortion of every epoch and satellite, and the C/N0 of the map in use."""
         e1 = evidence.measured.snapshots.e1
         expected_dbhz = evidence.references[Quantity.E1_CN0_DBHZ].value
         rise_db = evidence.observed[Quantity.E1_POWER_DB] - evidence.references[Quantity.E1_POWER_DB].value

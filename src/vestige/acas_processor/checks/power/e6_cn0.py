@@ -1,13 +1,13 @@
-"""C/N0 of E6 in one RECS against what is expected of the satellite [WFO, Sec. IV-B].
+"""Compare the C/N0 of E6 in one RECS with the expected C/N0 of the satellite [WFO, Sec. IV-B].
 
-Whoever brings a second encrypted signal, stronger or of the opposite phase, changes what one correlator holds. With
-s = √(2 C/N0 T) expected, the largest |c| of the bank in standard deviations of the noise per dimension is Rician, and
-for the s of a signal that can be found as good as normal about √(s² + 1):
+A second encrypted signal, stronger or of opposite phase, changes the magnitude of the correlators. The expected
+amplitude is s = √(2 C/N0 T). The largest |c| of the bank, in standard deviations of the noise per dimension, is Rician.
+For a detectable signal it is nearly normal about √(s² + 1):
 
     |c| − √(s² + 1),    | · | ≤ K √(1 + (s (10^(σ_model/20) − 1))²),    K from p_fa, two-sided
 
-σ_model holds fading by reflections, the position between two taps (−1.2 dB at the most, 15 m apart), antenna and
-satellite; it is the larger part, so the budget is an upper limit.
+σ_model covers fading by reflections, the position between two taps (at most −1.2 dB for taps 15 m apart), antenna and
+satellite. σ_model is the larger part, so the budget is an upper limit.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from vestige.theory.thresholds import correlator_amplitude
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6StrengthMonitor(Monitor):
-    """Whether the encrypted signal is as strong as expected."""
+    """Monitor that compares the strength of the encrypted signal with its expected value."""
 
     name: ClassVar = CheckName.E6_CN0
     unit: ClassVar = "sigma"
-    sigma_model_db: float = 1.5  # spread of the truth about the expectation, 1σ
+    sigma_model_db: float = 1.5  # 1σ of the true C/N0 about the expectation
     p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, an upper limit
 
     def statistic(
@@ -69,6 +69,6 @@ class E6StrengthMonitor(Monitor):
                 return "nothing was correlated on E6"
             if np.isnan(statistic[here]):
                 return reference.why_unknown(here)
-            return f"E6 is {statistic[here]:+.1f} sigma from the strength that is expected"
+            return f"E6 is {statistic[here]:+.1f} sigma from its expected strength"
 
         return series_of(self, statistic, threshold, explain)

@@ -1,18 +1,19 @@
-"""Whether E6 fades from RECS to RECS more than noise and multipath allow [WFO, Sec. VI-B, figures 12 and 13].
+"""Check whether E6 fades from RECS to RECS more than noise and multipath allow [WFO, Sec. VI-B, figures 12, 13].
 
 Theory of operation
 -------------------
-A second signal of amplitude a that turns against the true one adds to it in one RECS and takes from it in another, with
-the variance a²/2 relative to the power of the true one. The statistic is the scatter of the magnitude m of the
-detecting correlator about a straight line over the last N RECS against the noise, T of `monitoring/recs_windows.py`, as
-√(T/(N − 2)). m is in standard deviations of the noise per dimension, so with m̄ its mean the variance is
+The phase of a second signal of amplitude a turns against that of the true signal. The second signal therefore adds to
+the magnitude in some RECS and reduces it in others, with the variance a²/2 relative to the power of the true signal.
+The statistic is √(T/(N − 2)). T is the scatter of the magnitude m of the detecting correlator about a straight line
+over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). m is in standard deviations of the noise per
+dimension, and m̄ is its mean, so the variance is
 
     σ² = 1 + (ρ m̄)²
 
-and that of the reflections m̄² P/2. ρ is the change from RECS to RECS by the position of the signal between two
-correlators and by the gain of the antenna.
+and the variance of the reflections is m̄² P/2. ρ is the change from RECS to RECS by the position of the signal between
+two correlators and by the antenna gain.
 
-Phase and carrier of E1 are not needed, so the check runs with any interval between RECS.
+The check needs no carrier phase of E1, so it runs with any interval between RECS.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6FadingMonitor(Monitor):
-    """Whether the magnitude of E6 scatters more than noise and multipath do.
+    """Monitor of the E6 magnitude: it fails if the magnitude scatters more than noise and multipath allow.
 
     Attributes
     ----------
@@ -41,9 +42,9 @@ class E6FadingMonitor(Monitor):
     ray_power_db
         P, mean power of all reflections over the direct signal in dB, at 16° of elevation.
     ray_life_s
-        L, how long a reflection lasts, in s: 0 if each RECS has other reflections, infinite if nothing is known of it.
+        L, duration of a reflection in s: 0 if each RECS has other reflections, infinite if the duration is unknown.
     gain_sigma_db
-        ρ in dB: 1σ of all that changes the magnitude from RECS to RECS beside noise and reflections.
+        ρ in dB: 1σ of all changes of the magnitude from RECS to RECS apart from noise and reflections.
     p_fa
         False-alarm probability of one test of one satellite, an upper limit.
     """
@@ -57,7 +58,7 @@ class E6FadingMonitor(Monitor):
     p_fa: float = 1e-6
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block: at every RECS, of the last N RECS of each satellite."""
+        """Return the check over a block: each test is over the last N RECS of a satellite."""
         n = self.window
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
         relative = relative_ray_amplitude(evidence.elevation_rad)
@@ -84,6 +85,6 @@ class E6FadingMonitor(Monitor):
                 return "nothing was detected on E6"
             if np.isnan(statistic[here]):
                 return f"fewer than {n} RECS in a row since E1 tracks the satellite"
-            return f"the magnitude of E6 scatters {statistic[here]:.1f} times as widely as noise does"
+            return f"the magnitude of E6 scatters {statistic[here]:.1f} times as much as noise does"
 
         return series_of(self, statistic, threshold, explain)

@@ -1,27 +1,27 @@
 """Test for runs of missed E6 signals: step 1 of a level whose false alarms per day are set [WFO, Sec. IV-A].
 
 `e6_power.py` raises an alarm with every miss where E1 predicts a detection. Weak satellites are missed by chance
-several times a day. A level that is to raise fewer alarms has to see more than one miss. How many follows from C/N0.
+several times a day. A level with fewer alarms therefore needs several misses in a row. Their number follows from C/N0.
 
 Theory of operation
 -------------------
-E1's C/N0 predicts the probability q_k that RECS k of a satellite is missed without an attack, averaged over the fading
-by multipath of the power that the receiver is configured to expect (`theory/fading.py`). Misses of different RECS are
-independent, so a run of misses has the probability ∏ q_k. The check fails where
+E1's C/N0 predicts the probability q_k that RECS k of a satellite is missed without an attack. q_k is averaged over
+fading by multipath with the configured power (`theory/fading.py`). Misses of different RECS are independent, so a run
+of misses has the probability ∏ q_k. The check fails where
 
     ∏ q_k < p_fa,        over the misses since the last detection
 
-A test k can fail only if all misses of the shortest such run that ends with k happened. That run is fixed before its
-RECS arrive, and has a probability below p_fa. So no test fails more often than p_fa, whatever the satellites' C/N0 is.
-For a constant q this is "M of M RECS" with
+A test k can fail only if all RECS of the shortest such run that ends with k were missed. The length of this run is
+fixed before its RECS arrive, and the run has a probability below p_fa. So no test fails more often than p_fa at any
+C/N0. For a constant q this is "M of M RECS" with
 
     M = ⌈ln p_fa / ln q⌉
 
-At p_fa = 2·10⁻⁵, 16 ms and multipath of −15.8 dB: 1 RECS at 38 dBHz, 2 at 35, 4 at 33, 5 at 32. M of N RECS with N > M
-would need a larger M for the same p_fa, and so more time to detect a signal that is gone.
+At p_fa = 2·10⁻⁵, 16 ms and multipath of −15.8 dB, M is 1 RECS at 38 dBHz, 2 at 35, 4 at 33, and 5 at 32 dBHz. A rule "M
+of N RECS" with N > M would need a larger M for the same p_fa, and so more time to detect a missing signal.
 
-Multipath that stays the same from one RECS to the next breaks the independence. So do satellites that are weaker on E6
-than E1 predicts: the configured `e6_over_e1_db` must be right.
+Misses are not independent if multipath stays the same from one RECS to the next, or if satellites are weaker on E6 than
+E1 predicts. The configured `e6_over_e1_db` must therefore be right.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from vestige.acas_processor.monitoring.memory import MissMemory
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.theory.fading import faded_miss_probability
 
-_CN0_DECIMALS = 2  # as for the predicted probability of detection
-_LEAST = 1e-300  # a run of misses stays a number that JSON can hold
+_CN0_DECIMALS = 2  # same resolution as for the predicted probability of detection
+_LEAST = 1e-300  # smallest probability of a run of misses, so that JSON can store it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissPrediction:
-    """With what probability a RECS is missed without an attack, as far as the receiver can know."""
+    """Prediction of the probability that a RECS is missed without an attack, from the receiver's own knowledge."""
 
     min_pd: float = MIN_PD  # smallest predicted probability of detection with which a missing signal means anything
     detection_p_fa: float = 1e-7  # false-alarm probability of the detection in one correlator
@@ -55,12 +55,12 @@ class MissPrediction:
     e6_over_e1_db: float = 0.0  # expected C/N0 of E6 over that of E1
 
     def counting(self, measured: MeasurementBlock) -> Bool[np.ndarray, "n m"]:
-        """Return where a miss would mean something."""
+        """Return where a miss counts: where E1 predicts a detection probability of at least `min_pd`."""
         correlated = measured.availability == Availability.CORRELATED
         return correlated & (measured.predicted_pd >= self.min_pd)
 
     def probability(self, measured: MeasurementBlock, where: Bool[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
-        """Return the probability of a miss where it is asked for, averaged over fading; NaN elsewhere."""
+        """Return the probability of a miss where `where` is true, averaged over fading; NaN elsewhere."""
         found = np.full(where.shape, np.nan)
         expected_dbhz = np.asarray(measured.snapshots.e1.cn0_dbhz, np.float64) + self.e6_over_e1_db
         for length_s in np.unique(measured.banks.integration_s[where]).tolist():
@@ -72,10 +72,10 @@ class MissPrediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6MissesCheck(Monitor):
-    """Whether more RECS in a row are missed than happens by chance.
+    """Check whether more RECS in a row are missed than happens by chance.
 
-    The statistic is −log₁₀ of the probability of the misses in a row, 0 after a detection. It is not run where a miss
-    is too probable to mean anything yet.
+    The statistic is −log₁₀ of the probability of the misses in a row, 0 after a detection. The check is not run where a
+    miss is too probable without an attack.
     """
 
     name: ClassVar = CheckName.E6_POWER
@@ -117,7 +117,7 @@ class E6MissesCheck(Monitor):
         return self._runs(evidence)[1]
 
     def _runs(self, evidence: Evidence) -> tuple[Float[np.ndarray, "n m"], MissMemory]:
-        """Return −log₁₀ of the probability of each run of misses (NaN where none is), and the runs after the block.
+        """Return −log₁₀ of the probability of each run of misses (NaN without a run), and the runs after the block.
 
         The sum goes from RECS to RECS in order, so the cut into blocks changes no bit.
         """
@@ -140,7 +140,7 @@ class E6MissesCheck(Monitor):
 def expected_miss_rate(prediction: MissPrediction, measured: MeasurementBlock) -> float:
     """Return how often a test of `E6PowerCheck` fails without an attack: the mean over its tests in a block.
 
-    A test in which a miss would mean nothing never fails. The result is 0 without tests.
+    A test in which a miss does not count never fails. The result is 0 without tests.
     """
     counting = prediction.counting(measured)
     detected = (measured.detected.tap >= 0) & (measured.availability == Availability.CORRELATED)

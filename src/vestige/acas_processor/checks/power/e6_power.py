@@ -1,10 +1,10 @@
-"""Whether the encrypted signal is found where E1 predicts it: step 1 of every level [WFO, Sec. IV-A].
+"""Check whether the encrypted signal is found where E1 predicts it: step 1 of every level [WFO, Sec. IV-A].
 
-Significant E6 correlation power is looked for at the offset that E1 predicts, against the post-correlation noise of a
-code that is not in the signal, so that pushing up the power does not help an attacker.
+The check looks for significant E6 correlation power at the offset that E1 predicts. The reference is the
+post-correlation noise of a code that is not in the signal, so a higher power does not help an attacker.
 
-A missing E6 signal is an alarm, unless the C/N0 on E1 says that it would often be missed anyway: with a predicted
-probability of detection below `min_pd` nothing follows.
+A missing E6 signal is an alarm, unless the C/N0 on E1 predicts frequent misses. With a predicted probability of
+detection below `min_pd` the check is not run.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class E6PowerCheck:
 
     @property
     def p_fa(self) -> float:
-        """Upper limit of the false-alarm probability of one test: that of a miss at the smallest P_d that counts."""
+        """Upper limit of the false-alarm probability of one test: the probability of a miss at `min_pd`."""
         return 1 - self.min_pd
 
     def series(self, evidence: Evidence) -> CheckSeries:

@@ -1,12 +1,12 @@
-"""The E6 noise floor, measured with codes that are not in the signal, against its calibration [WFO, Sec. IV-A].
+"""Compare the E6 noise floor, measured with codes that are not in the signal, with its calibration [WFO, Sec. IV-A].
 
-The detection threshold follows this floor, so that raising it never makes a false detection but only misses. A floor
-that rises says why there was a miss: noise on E6, or the self-noise of a strong random code, which does not come from
-the sky. The mean over all wrong codes of N_c chips scatters by 4.343/√N_c dB:
+The detection threshold follows this floor, so a higher floor causes misses but no false detections. A rising floor
+explains a miss: noise on E6, or the self-noise of a strong random code from a spoofer. The mean over all wrong codes of
+N_c chips has the standard deviation 4.343/√N_c dB:
 
     ΔN = floor − nominal,    |ΔN| ≤ K √(σ_system² + (4.343 dB)²/N_c),    K from P_fa, two-sided
 
-Both are before the gain control: a gain that follows the noise would hide it.
+Both floors are before the gain control, because a gain that follows the noise would hide its rise.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from vestige.signals.definitions import E6C
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseFloorMonitor(LevelMonitor):
-    """Whether the noise floor of the correlators is what it was when the receiver was calibrated."""
+    """Monitor that compares the noise floor of the correlators with its value at the receiver's calibration."""
 
     name: ClassVar = CheckName.NOISE_FLOOR
     n_chips: int = round(16e-3 * E6C.chip_rate_hz)  # N_c, chips of the RECS
@@ -42,7 +42,7 @@ class NoiseFloorMonitor(LevelMonitor):
         return math.hypot(self.sigma_system_db, DB_PER_NEPER / math.sqrt(self.n_chips))
 
     def probability_of_detection(self, jam_to_noise_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the probability that added noise of J/N, in the band of the code, is seen."""
+        """Return the probability that the monitor detects added noise of J/N in the band of the code."""
         rise_db = 10 * np.log10(1 + 10 ** (jam_to_noise_db / 10))
         return LevelMonitor.probability_of_detection(self, rise_db)
 

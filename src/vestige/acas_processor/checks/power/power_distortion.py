@@ -1,21 +1,21 @@
-"""Power and distortion: clean, multipath, spoofed or jammed, from two numbers of one satellite [WESSON18].
+"""Compute power and distortion, which tell clean, multipath, spoofed and jammed signals apart [WESSON18].
 
 Theory of operation
 -------------------
-A second signal of power η, offset Δτ and phase Δθ beside the tracked one bends the correlation function, adds power:
+A second signal of power η, offset Δτ and phase Δθ bends the correlation function of the tracked signal and adds power:
 
     D  = |ξ(−τ_d) − ξ(+τ_d)|     symmetric difference of two taps about the prompt, in σ of the noise per dimension
-                                 without interference and with the gain of then
+                                 without interference, and with the gain at the time of measurement
     ΔP = 10 log₁₀[(1 + r (1 + η) + J/N)/(1 + r)],   r = Σ C/N0 / W      rise of the power in the band W
 
-with the amplitude s = √(2 C/N0 T) of the tracked signal, whose own share of D cancels:
+The tracked signal has the amplitude s = √(2 C/N0 T), and its own contribution to D cancels:
 
     no second signal    D² / v ~ χ²(2),   v = 2 (1 − R(2τ_d))      so  D ≤ √(−2 v ln P_fa)
     a second signal     D Rician about s √η |R(τ_d + Δτ) − R(τ_d − Δτ)|
 
-The gain control holds the total power, so D as the taps have it is divided by 10^(ΔP/20): a jammer makes P large and D
-small. Multipath makes D without P, a spoofer both. `simulated_decision_map` divides the (ΔP, D) plane into
-regions.
+The gain control keeps the total power constant, so D from the taps is divided by 10^(ΔP/20). A jammer therefore makes
+ΔP large and D small. Multipath makes D large and leaves ΔP small. A spoofer makes both large. `simulated_decision_map`
+divides the (ΔP, D) plane into regions.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from vestige.signals.pulse import BPSK, Pulse, autocorrelation
 
 
 def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float:
-    """Return v = 2 (1 − R(2τ_d)), the variance per dimension of ξ(−τ_d) − ξ(τ_d), in that of one tap.
+    """Return v = 2 (1 − R(2τ_d)), the variance per dimension of ξ(−τ_d) − ξ(τ_d) over that of one tap.
 
-    `half_spacing_chips` is τ_d, `pulse` that of the replica.
+    `half_spacing_chips` is τ_d, `pulse` is the pulse of the replica.
     """
     return 2 * (1 - float(autocorrelation(pulse, np.array([2 * half_spacing_chips]))[0]))
 
@@ -37,7 +37,7 @@ def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float
 def mean_distortion(
     offset_chips: Float[np.ndarray, "*n"], half_spacing_chips: float, pulse: Pulse = BPSK
 ) -> Float[np.ndarray, "*n"]:
-    """Return |R(τ_d + Δτ) − R(τ_d − Δτ)|, what a second signal of the tracked one's amplitude makes of D/s."""
+    """Return |R(τ_d + Δτ) − R(τ_d − Δτ)|, the D/s of a second signal with the amplitude of the tracked signal."""
     early = autocorrelation(pulse, np.ravel(half_spacing_chips + offset_chips))
     late = autocorrelation(pulse, np.ravel(half_spacing_chips - offset_chips))
     return np.reshape(np.abs(early - late), np.shape(offset_chips))
@@ -48,6 +48,7 @@ def power_rise_db(
 ) -> Float[np.ndarray, "*n"]:
     """Return ΔP in dB.
 
-    η is that of each second signal relative to its satellite, all satellites alike; all arguments are linear.
+    η is the power of each second signal relative to its satellite, the same for all satellites. All arguments are
+    linear.
     """
     return 10 * np.log10((1 + signals_to_noise * (1 + eta) + jam_to_noise) / (1 + signals_to_noise))

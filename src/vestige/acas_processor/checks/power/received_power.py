@@ -1,13 +1,15 @@
-"""Received power of a band, or the gain that its AGC sets against it [AKOS12].
+"""Check the received power of a band, or the gain that its AGC sets [AKOS12].
 
-The power before the gain control, averaged over W T independent samples, scatters by 4.343/√(W T) dB: 0.03 dB in 2 MHz
-and 10 ms. Temperature and gain drift scatter more, and set the threshold:
+The power before the gain control, averaged over W T independent samples, has the standard deviation 4.343/√(W T) dB:
+0.03 dB for 2 MHz and 10 ms. Temperature and gain drift are larger, and set the threshold:
 
     ΔP = P − P_nominal,    |ΔP| ≤ K √(σ_system² + (4.343 dB)²/(W T)),    K from P_fa, two-sided
 
-A gain control holds the power behind it, so a receiver that tells only the gain tells the power: ΔP = −Δgain.
+A gain control keeps the power behind it constant, so a receiver that reports only the gain also reports the power: ΔP =
+−Δgain.
 
-A spoofer adds η times the satellites' power, which lies below the noise: the rise is large only in a narrow band.
+A spoofer adds η times the satellites' power, which lies below the noise. The rise is therefore large only in a narrow
+band.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ DB_PER_NEPER = 10 / math.log(10)  # 4.343: dB of a small relative change of a po
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedPowerMonitor(LevelMonitor):
-    """Whether the power of a band is what it was when the receiver was calibrated."""
+    """Monitor that compares the power of a band with its value at the receiver's calibration."""
 
     band: Band
     sigma_system_db: float = 0.3  # drift of gain and temperature, 1σ
@@ -48,7 +50,7 @@ class ReceivedPowerMonitor(LevelMonitor):
         return math.hypot(self.sigma_system_db, DB_PER_NEPER / math.sqrt(self.bandwidth_hz * self.averaging_s))
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block; a saturated front end fails it, whatever power it reads."""
+        """Return the check over a block; the check fails if the front end is saturated, whatever its power is."""
         quantity = Quantity.E1_POWER_DB if self.band is Band.E1 else Quantity.E6_POWER_DB
         reference = evidence.references[quantity]
         front_end = evidence.measured.snapshots.front_end.get(self.band)

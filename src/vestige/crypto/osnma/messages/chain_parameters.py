@@ -1,7 +1,7 @@
-"""Parameters of a TESLA chain: hash and MAC functions, key and tag sizes. The signed DSM-KROOT tells all of them.
+"""Parameters of a TESLA chain from the signed DSM-KROOT: hash and MAC functions, key and tag sizes.
 
-The codes are tables, as in [OSNMA-ICD, DSM-KROOT]. A code that is not in its table is reserved: `UnsupportedError`
-names it. SHA3-256 and CMAC-AES are in the tables, but no signal or test vector has used them yet.
+The codes are tables, as in [OSNMA-ICD, DSM-KROOT]. A code that is not in its table is reserved, and raises an
+`UnsupportedError`. SHA3-256 and CMAC-AES are in the tables, but no signal or test vector has used them yet.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vestige.crypto.osnma.messages.subframe import MACK_BITS, MACK_TOTAL_BITS
 from vestige.errors import UnsupportedError
 
 ALPHA_BYTES = 6  # random pattern of the chain [OSNMA-ICD, DSM-KROOT]
-TAG_INFO_BITS = 16  # PRN_D 8, ADKD 4, COP 4; in the first tag's place MACSEQ 12, COP 4 [OSNMA-ICD, MACK]
+TAG_INFO_BITS = 16  # PRN_D 8, ADKD 4, COP 4; for the first tag MACSEQ 12, COP 4 [OSNMA-ICD, MACK]
 
 
 def _hmac_sha256(key: bytes, message: bytes) -> bytes:
@@ -57,7 +57,7 @@ class ChainParameters:
     mac_function: int = 0  # MF
     key_size: int = 4  # KS
     tag_size: int = 9  # TS
-    mac_lookup: int = 34  # MACLT: which tag slot authenticates what (see `mac_lookup`)
+    mac_lookup: int = 34  # MACLT, number of the row in the MAC look-up table (see `mac_lookup`)
     alpha: bytes  # random pattern of the chain, 6 bytes
 
     def __post_init__(self) -> None:
@@ -93,7 +93,7 @@ class ChainParameters:
 
     @property
     def n_tags(self) -> int:
-        """Tags in one MACK message, n_t [OSNMA-ICD, MACK]."""
+        """Number of tags in one MACK message, n_t [OSNMA-ICD, MACK]."""
         return (MACK_TOTAL_BITS - self.key_bits) // (self.tag_bits + TAG_INFO_BITS)
 
     @property

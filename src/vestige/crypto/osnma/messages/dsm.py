@@ -1,12 +1,13 @@
-"""Digital signature messages (DSM): the slow part of OSNMA that carries the signed root key, or a new public key.
+"""Digital signature messages (DSM), the slow part of OSNMA, with a signed root key or a new public key.
 
-The HKROOT message of every subframe is `NMA header 8 | DSM header 8 | DSM block 104`. A DSM is 7 to 16 blocks long; the
-satellites send different blocks at the same time, so a receiver that sees many of them has a DSM within a minute.
+The HKROOT message of every subframe is `NMA header 8 | DSM header 8 | DSM block 104`. A DSM is 7 to 16 blocks long. The
+satellites send different blocks at the same time, so a receiver with many satellites in view completes a DSM within a
+minute.
 
-A DSM-KROOT is `NB 4 | PKID 4 | CIDKR 2 | reserved 2 | HF 2 | MF 2 | KS 4 | TS 4 | MACLT 8 | reserved 4 | WN 12 |
-TOWH 8 | alpha 48 | KROOT | signature | padding` [OSNMA-ICD, DSM-KROOT]. The signature has 512 bits (P-256) or 1056
-(P-521). What is signed is the NMA header and everything from CIDKR to KROOT. Parsing proves nothing: only
-`root_key.verify_root_key` makes a usable key.
+A DSM-KROOT is `NB 4 | PKID 4 | CIDKR 2 | reserved 2 | HF 2 | MF 2 | KS 4 | TS 4 | MACLT 8 | reserved 4 | WN 12 | TOWH 8
+| alpha 48 | KROOT | signature | padding` [OSNMA-ICD, DSM-KROOT]. The signature has 512 bits (P-256) or 1056 (P-521). It
+covers the NMA header and all fields from CIDKR to KROOT. Parsing proves nothing: only `root_key.verify_root_key` makes
+a usable key.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ FIRST_PKR_ID = 12  # DSM id 0…11 is a DSM-KROOT, 12…15 a DSM-PKR [OSNMA-ICD,
 KROOT_BLOCKS: Mapping[int, int] = {code: code + 6 for code in range(1, 9)}  # NB [OSNMA-ICD, DSM-KROOT]
 PKR_BLOCKS: Mapping[int, int] = {5: 11, 7: 13, 8: 14, 9: 15, 10: 16}  # NB [OSNMA-ICD, DSM-PKR]
 
-_HEAD_BYTES = 13  # everything before KROOT, alpha included
+_HEAD_BYTES = 13  # fields before KROOT, including alpha
 _WEEKS = 4096  # weeks are counted modulo this [OSNMA-ICD, DSM-KROOT]
 
 NMA_STATUS: Mapping[int, str] = {0: "reserved", 1: "test", 2: "operational", 3: "don't use"}  # [OSNMA-ICD, 3.1.1]
@@ -51,22 +52,22 @@ class NmaHeader:
 
     @property
     def chain_id(self) -> int:
-        """CID: the chain of the keys and tags that are sent."""
+        """CID, number of the chain of the transmitted keys and tags."""
         return self.value >> 4 & 3
 
     @property
     def key_status(self) -> int:
-        """CPKS: whether the chain or the public key is about to change."""
+        """CPKS, the status of chain and public key, such as a coming change."""
         return self.value >> 1 & 7
 
     @property
     def usable(self) -> bool:
-        """Whether keys and tags may be used; only that of a signed header counts."""
+        """Whether keys and tags may be used; only a signed header counts."""
         return self.status in (TEST, OPERATIONAL) and self.key_status != ALERT
 
     @property
     def withdraws(self) -> bool:
-        """Whether chains may not be used any more: all of them, or all but the one that it names."""
+        """Whether the header withdraws chains: all chains, or all except the chain that it names."""
         return not self.usable or self.key_status in (CHAIN_REVOKED, KEY_REVOKED)
 
     def __str__(self) -> str:
@@ -79,24 +80,24 @@ class DsmKroot:
     """A DSM-KROOT as received: the root key of a chain, with the parameters of the chain and a signature."""
 
     n_blocks: int
-    public_key_id: int  # PKID: which public key verifies the signature
-    chain_id: int  # CIDKR: the chain that the root key belongs to
+    public_key_id: int  # PKID of the public key that verifies the signature
+    chain_id: int  # CIDKR, chain of the root key
     parameters: ChainParameters
     root_week: int  # WN_K modulo 4096
-    root_hour: int  # TOWH_K: the root key is the key of 30 s before this hour
+    root_hour: int  # TOWH_K, hour of the week; the time of the root key is 30 s before this hour
     root_key: bytes
     signature: bytes
     padding: bytes
-    reserved: tuple[int, int] = (1, 0)  # the 2 + 4 reserved bits, which are signed too
+    reserved: tuple[int, int] = (1, 0)  # 2 + 4 reserved bits, which are signed too
 
     def root_time(self, near: GalileoTime) -> GalileoTime:
-        """Return the subframe of the root key, in the 4096-week cycle that puts it nearest to `near`."""
+        """Return the subframe of the root key, in the 4096-week cycle nearest to `near`."""
         week = near.week + (self.root_week - near.week + _WEEKS // 2) % _WEEKS - _WEEKS // 2
         seconds = max(week, 0) * SECONDS_PER_WEEK + self.root_hour * 3600 - SUBFRAME_S
         return GalileoTime.from_gst_seconds(max(seconds, 0))
 
     def serialise(self) -> bytes:
-        """Return the message as it is broadcast, 13 bytes a block."""
+        """Return the broadcast message, 13 bytes a block."""
         head = (self.n_blocks - 6) << 4 | self.public_key_id
         return bytes([head]) + self._signed_part() + self.signature + self.padding
 
@@ -105,7 +106,7 @@ class DsmKroot:
         return bytes([header.value]) + self._signed_part()
 
     def expected_padding(self, header: NmaHeader) -> bytes:
-        """Return the padding that belongs to message and signature [OSNMA-ICD, DSM-KROOT]."""
+        """Return the padding that follows from message and signature [OSNMA-ICD, DSM-KROOT]."""
         return hashlib.sha256(self.signed_message(header) + self.signature).digest()[: len(self.padding)]
 
     def _signed_part(self) -> bytes:
@@ -129,7 +130,7 @@ def kroot_blocks(first_byte: int) -> int:
 
 
 def pkr_blocks(first_byte: int) -> int:
-    """Return the same of a DSM-PKR."""
+    """Return the number of blocks of the DSM-PKR whose first byte is `first_byte`."""
     return _blocks("DSM-PKR", PKR_BLOCKS, first_byte)
 
 
@@ -141,7 +142,7 @@ def _blocks(message: str, table: Mapping[int, int], first_byte: int) -> int:
 
 
 def parse_kroot(message: bytes) -> DsmKroot:
-    """Return the fields of a DSM-KROOT. Nothing is verified but that it can be one.
+    """Return the fields of a DSM-KROOT; only its format is checked.
 
     Raises `AuthenticationError` if the fields contradict each other. Raises `UnsupportedError` if a field has a
     reserved value.
@@ -184,9 +185,9 @@ def parse_kroot(message: bytes) -> DsmKroot:
 
 
 def _signature_bytes(room: int) -> int:
-    """Return the length of the signature that stands in the bytes after KROOT.
+    """Return the length of the signature in the bytes after KROOT.
 
-    The message has no field for it: it has as many blocks as KROOT and signature need, 7 to 9 with P-256 and 13 or 14
-    with P-521, so a signature of P-521 is there if there is room for one.
+    The message has no field for this length. The message has as many blocks as KROOT and signature need: 7 to 9 with
+    P-256, 13 or 14 with P-521. So the signature is of P-521 if its length fits.
     """
     return (P521 if room >= P521.signature_bytes else P256).signature_bytes

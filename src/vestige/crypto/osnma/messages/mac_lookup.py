@@ -1,10 +1,10 @@
-"""The MAC look-up table: what each tag of a MACK message authenticates [OSNMA-ICD, Annex C].
+"""The MAC look-up table, which says what data each tag of a MACK message authenticates [OSNMA-ICD, Annex C].
 
-The number MACLT of the signed DSM-KROOT picks a row. A row has two sequences of slots, for the subframe that starts at
-a full minute and for the one at half a minute. A slot says which data (ADKD) a tag is for and whose: `S` the satellite
-itself, `E` any Galileo satellite, `FLX` whatever the tag says, in which case MACSEQ protects what it says.
+The number MACLT of the signed DSM-KROOT selects a row. A row has two sequences of slots, for subframes that start at a
+full minute and at half a minute. A slot gives the kind of data (ADKD) of a tag, and its satellite: `S` the sending
+satellite, `E` any Galileo satellite. In a flexible slot (`FLX`) the tag itself gives both, protected by MACSEQ.
 
-Rows 33 and 34 are verified on real data, the others only copied from the table.
+Rows 33 and 34 are verified on real data; the other rows are only copied from the table.
 """
 
 from __future__ import annotations
@@ -35,18 +35,18 @@ _SEQUENCES: Mapping[int, tuple[str, str]] = {  # MACLT -> (GST mod 60 = 0, GST m
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """One slot of a sequence."""
+    """A slot of a sequence."""
 
     adkd: int | None  # kind of data; None in a flexible slot
     own: bool  # whether the tag must be for the satellite that sends it
 
     @property
     def flexible(self) -> bool:
-        """Whether the tag itself says what it is for."""
+        """Whether the tag itself gives its data and satellite."""
         return self.adkd is None
 
     def allows(self, *, adkd: int, own: bool) -> bool:
-        """Whether a tag for this kind of data, of the sending satellite itself or of another, may stand here."""
+        """Whether the slot allows a tag for a kind of data of the sending satellite (`own`) or of another satellite."""
         return self.flexible or (adkd == self.adkd and own >= self.own)
 
 
@@ -61,7 +61,7 @@ MAC_LOOKUP: Mapping[int, tuple[tuple[Slot, ...], tuple[Slot, ...]]] = {
 
 
 def slots(parameters: ChainParameters, time: GalileoTime) -> tuple[Slot, ...]:
-    """Return the slots of the tags in a subframe, the one of the first tag included.
+    """Return the slots of the tags in a subframe, including the slot of the first tag.
 
     Raises `UnsupportedError` if the table has no such row, or the row does not fit the number of tags.
     """

@@ -1,13 +1,13 @@
-"""The navigation data that OSNMA tags authenticate, cut out of the words that a satellite sent.
+"""Extract the navigation data that OSNMA tags authenticate from the words of a satellite.
 
-A tag that is sent in subframe s covers data that was sent up to the end of subframe s-1. ADKD 0 and 12 cover ephemeris,
-clock and status (words 1 to 5, 549 bits), ADKD 4 the timing parameters (words 6 and 10, 141 bits) [OSNMA-ICD, ADKD].
+A tag in subframe s covers data that was sent up to the end of subframe s-1. ADKD 0 and 12 cover ephemeris, clock and
+status (words 1 to 5, 549 bits), ADKD 4 the timing parameters (words 6 and 10, 141 bits) [OSNMA-ICD, ADKD].
 
-The rule here: the latest words 1 to 5 (or 6 and 10) received by the end of subframe s-1, words 1 to 4 with one IODnav,
-of a satellite that was still received in subframe s-1. Without such data a tag is not counted. Word 5 and the timing
-words carry no IOD, so after lost pages the latest ones may be outdated: the tag's cut-off point tells (see `tags`). For
-the same reason nothing tells a tag of old data from one of new data when such a word changes: in the subframe after the
-change both are candidates, the new data first.
+This module uses the latest words 1 to 5 (or 6 and 10) received by the end of subframe s-1, if the satellite was still
+received in subframe s-1. Words 1 to 4 must have the same IODnav. Without such data a tag is not counted. Word 5 and the
+timing words carry no IOD, so the latest received words may be outdated after lost pages; the tag's cut-off point shows
+this (see `tags`). When such a word changes, a tag of old data cannot be told from a tag of new data. In the subframe
+after the change both are candidates, the new data first.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ _PIECES = {word: (start, end) for fields in NAVIGATION_FIELDS.values() for word,
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationData:
-    """One satellite's data that a tag covers."""
+    """Data of one satellite that a tag covers."""
 
     svid: int
     iod_nav: int | None  # issue of data of words 1 to 4; None for timing parameters
     bits: int
     n_bits: int
-    oldest_s: int  # time at which the piece that is longest ago was last received, in GST seconds
+    oldest_s: int  # earliest of the last times of reception of the pieces, in GST seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ class NavigationWords:
 
     # word type -> (word, time of reception in GST seconds)
     words: Mapping[int, tuple[int, int]] = field(default_factory=dict)
-    # words without IODnav whose data changed in the last subframe: word type -> the word before, as in `words`
+    # words without IODnav whose data changed in the last subframe: word type -> the previous word, as in `words`
     replaced: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     subframe_s: int = -1  # start of the last subframe with a page of this satellite, in GST seconds
 
@@ -73,13 +73,13 @@ class NavigationWords:
         return NavigationWords(words={**self.words, **received}, replaced=replaced, subframe_s=start)
 
     def candidates(self, svid: int, adkd: int, subframe: GalileoTime) -> tuple[NavigationData, ...]:
-        """Return the data that a tag may cover: that of `data`, and that of before if a word without IODnav changed."""
+        """Return the data that a tag may cover: the latest, and the previous if a word without IODnav changed."""
         before = replace(self, words={**self.words, **self.replaced})
         found = (words.data(svid, adkd, subframe) for words in (self, before))
         return tuple({data.bits: data for data in found if data is not None}.values())
 
     def data(self, svid: int, adkd: int, subframe: GalileoTime) -> NavigationData | None:
-        """Return the latest data that a tag may cover, or None if it was not received or is of two issues."""
+        """Return the latest data that a tag may cover; None if the data was not received or is of two issues."""
         fields = NAVIGATION_FIELDS[ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd]
         if self.subframe_s != subframe.gst_seconds - SUBFRAME_S or any(word not in self.words for word, _, _ in fields):
             return None

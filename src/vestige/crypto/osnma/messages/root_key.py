@@ -1,4 +1,4 @@
-"""The root key of a chain: the point where trust in a public key becomes trust in TESLA keys."""
+"""The root key of a chain, which extends the trust in a public key to TESLA keys."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RootKey:
-    """A root key whose signature, padding and time verify: making one checks it, a pickled one is checked again.
+    """A verified root key: its construction checks signature, padding and time, also after pickling.
 
-    Raises `AuthenticationError` if signature, padding or time do not verify. Raises `TypeError` if a part is not of
-    exactly its type: a subclass could verify anything.
+    Raises `AuthenticationError` if signature, padding or time do not verify. Raises `TypeError` if a part is not
+    exactly of its type, because a subclass could verify anything.
     """
 
     kroot: DsmKroot
-    header: NmaHeader  # the NMA header that is signed with it
+    header: NmaHeader  # NMA header that is signed together with the root key
     time: GalileoTime  # subframe of the root key: 30 s before the hour that the DSM-KROOT names
-    public_key: PublicKey  # the key that verified it
-    # subframe in which it was received, as whoever received it says: from then on its status counts
+    public_key: PublicKey  # key that verified the root key
+    # subframe of its reception according to the receiver; its status counts from then on
     received_at: GalileoTime
 
     def __post_init__(self) -> None:
@@ -32,7 +32,7 @@ class RootKey:
         for part, kind in zip(parts, (DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime), strict=True):
             if type(part) is not kind:
                 raise TypeError(f"a RootKey has a {kind.__name__}, not a {type(part).__name__}")
-        # What is verified is a copy, which nobody else has: the message may hold a bytearray, which can change.
+        # A private copy is verified, because the message may contain a bytearray, which can change.
         object.__setattr__(self, "kroot", parse_kroot(self.kroot.serialise()))
         self.public_key.verify(self.kroot.signed_message(self.header), self.kroot.signature)
         found, expected = self.kroot.padding, self.kroot.expected_padding(self.header)
@@ -50,7 +50,7 @@ class RootKey:
     def received(self, time: GalileoTime) -> RootKey:
         """Return the same root key as received in the subframe of `time`.
 
-        Nobody signs the time of reception, so nothing is verified again.
+        The time of reception is not signed, so no check is repeated.
         """
         again = object.__new__(RootKey)
         for field in fields(self):
@@ -60,7 +60,7 @@ class RootKey:
 
     @property
     def chain_id(self) -> int:
-        """CIDKR."""
+        """CIDKR, number of the chain."""
         return self.kroot.chain_id
 
     @property
@@ -75,21 +75,21 @@ class RootKey:
 
 
 def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[PublicKey], near: GalileoTime) -> RootKey:
-    """Return the root key, because its signature and its padding verify [OSNMA-ICD, 6.3].
+    """Return the root key after verification of its signature and padding [OSNMA-ICD, 6.3].
 
-    Raises `AuthenticationError` if signature or padding are wrong. Raises `VestigeError` if the key that signed it is
-    not among those given.
+    Raises `AuthenticationError` if signature or padding are wrong. Raises `VestigeError` if the signing public key is
+    not among the given keys.
 
     Parameters
     ----------
     kroot
         The DSM-KROOT.
     header
-        The NMA header that was broadcast with it.
+        The NMA header that was broadcast with the DSM-KROOT.
     public_keys
-        The keys that may have signed it; the one with its PKID is used.
+        The keys that may have signed the DSM-KROOT; the key with its PKID is used.
     near
-        A time within 2048 weeks of the root key, which counts weeks modulo 4096: the time of reception.
+        A time within 2048 weeks of the root key, such as the time of reception; it resolves the week modulo 4096.
     """
     candidates = [key for key in public_keys if key.pkid in (None, kroot.public_key_id)]
     if not candidates:

@@ -1,8 +1,8 @@
-"""From I/NAV pages to the OSNMA message of one satellite and one subframe.
+"""Assemble the OSNMA message of one satellite and subframe from I/NAV pages.
 
 Every 30 s subframe has 15 pages, and each page carries 8 bits of the HKROOT and 32 bits of the MACK message [OSNMA-ICD,
-2]: 120 and 480 bits a subframe. Pages get lost, so a subframe knows which of its 15 fields it has; a part of the MACK
-can still be read when its own pages are there.
+2]: 120 and 480 bits a subframe. Pages get lost, so a subframe records which of its 15 fields were received. A part of
+the MACK can still be read if its own pages were received.
 
 The assembler keeps a subframe open until a page arrives that is clearly later, so pages may come in any order of
 satellites and a little out of order in time.
@@ -36,11 +36,11 @@ class Content(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteSubframe:
-    """The 15 pages of one satellite and one subframe, as far as they were received."""
+    """The received pages of one satellite and one subframe, of 15 pages."""
 
     svid: int
     time: GalileoTime  # start of the subframe (GST_SF)
-    # 15 OSNMA fields of 5 bytes; None where the page is lost or a dummy page, zero where the satellite sent none
+    # 15 OSNMA fields of 5 bytes; None for a lost or dummy page, zero where the satellite sent no OSNMA
     osnma: tuple[bytes | None, ...]
     words: tuple[int | None, ...]  # 15 navigation words of 128 bits; None where the page is lost
 
@@ -60,20 +60,20 @@ class SatelliteSubframe:
 
     @property
     def sent(self) -> tuple[bytes | None, ...]:
-        """The 15 OSNMA fields; None where none was received, or none was sent.
+        """The 15 OSNMA fields; None for a field that was not received or not sent.
 
-        OSNMA may start or stop within a subframe. A zero field was not sent: its bits are no key bits.
+        OSNMA may start or stop within a subframe. A zero field counts as not sent, because its bits are not key bits.
         """
         return tuple(field if field is not None and any(field) else None for field in self.osnma)
 
     @property
     def sends_osnma(self) -> bool:
-        """Whether the fields that were received hold OSNMA: something else than zeros."""
+        """Whether the received fields contain OSNMA, that is, not only zeros."""
         return any(field is not None for field in self.sent)
 
     @property
     def nma_header(self) -> int | None:
-        """The NMA header (8 bits), or None if the first page is lost or holds no OSNMA."""
+        """The NMA header (8 bits), or None if the first page is lost or contains no OSNMA."""
         first = self.osnma[0]
         return first[0] if first is not None and any(first) else None
 
@@ -84,9 +84,9 @@ class SatelliteSubframe:
 
     @property
     def hkroot_if_sent(self) -> bytes | None:
-        """The HKROOT message of a subframe whose last field is zero; None of any other.
+        """The HKROOT message of a subframe whose last field is zero; None for any other subframe.
 
-        The last page may hold nothing but padding of the MACK message, so a zero one may have been sent.
+        The last page may contain only padding of the MACK message, so a zero field may have been sent.
         """
         last = self.osnma[-1]
         return None if last is None or any(last) else _hkroot((*self.sent[:-1], last))
@@ -115,16 +115,16 @@ class PageStatus(Enum):
 
     TAKEN = "taken"
     DUPLICATE = "duplicate"  # the same page of the same satellite came before
-    CONTRADICTION = "contradiction"  # another page of the same satellite and time came before; the first one stays
-    OFF_GRID = "off grid"  # does not start at an odd second
-    LATE = "late"  # its subframe is closed
+    CONTRADICTION = "contradiction"  # a different page of the same satellite and time came before, and is kept
+    OFF_GRID = "off grid"  # the page does not start at an odd second
+    LATE = "late"  # the subframe of the page is closed
 
 
 class SubframeAssembler:
-    """Collects pages into subframes.
+    """Collect pages into subframes.
 
     A subframe is closed when a page arrives that starts `_GRACE_S` after its end. A page that is `_RESTART_S` older
-    than the newest one does not come late: the recording starts again there.
+    than the newest page is not late: the recording starts again there.
     """
 
     def __init__(self) -> None:
@@ -132,7 +132,7 @@ class SubframeAssembler:
         self._newest: int | None = None
 
     def add(self, page: InavPage) -> tuple[PageStatus, list[Epoch]]:
-        """Return what became of the page, and the subframes that it closed, oldest first."""
+        """Return the status of the page, and the subframes that it closed, oldest first."""
         second = page.time.gst_seconds
         index, rest = divmod(second % SUBFRAME_S - FIRST_PAGE_OFFSET_S, PAGE_S)
         if rest or page.time.fraction:
@@ -156,7 +156,7 @@ class SubframeAssembler:
         return PageStatus.TAKEN, closed
 
     def flush(self) -> list[Epoch]:
-        """Return all open subframes, oldest first: no more pages come."""
+        """Return all open subframes, oldest first, at the end of the pages."""
         epochs = [_epoch(start, self._open[start]) for start in sorted(self._open)]
         self._open.clear()
         self._newest = None

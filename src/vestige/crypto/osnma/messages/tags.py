@@ -1,12 +1,12 @@
-"""Tags and MACSEQ: the part of OSNMA that authenticates navigation data.
+"""Tags and MACSEQ, the part of OSNMA that authenticates navigation data.
 
 A MACK message holds `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key | padding`. Tags and
-MACSEQ are made with a key that is disclosed later: one subframe later, or eleven for the slow MAC (ADKD 12). A tag
-covers ::
+MACSEQ are made with a key that is disclosed later: one subframe later, or eleven subframes for the slow MAC (ADKD 12).
+A tag covers ::
 
     [PRN_D 8, not in tag0] | PRN_A 8 | GST_SF 32 | CTR 8 | NMAS 2 | data | zeros to a full byte       [OSNMA-ICD, 6.7]
 
-and MACSEQ covers the information fields of the flexible slots: PRN_A 8 | GST_SF 32 | the 16 bits of each of them. The
+and MACSEQ covers the information fields of the flexible slots: PRN_A 8 | GST_SF 32 | 16 bits of each flexible slot. The
 cut-off point COP counts the subframes over which the data of a tag has not changed; 0 marks a dummy tag.
 """
 
@@ -26,7 +26,7 @@ from vestige.time import GalileoTime
 MACSEQ_BITS = 12
 KEY_DELAY_S = SUBFRAME_S  # key of the next subframe [OSNMA-ICD, 6.7]
 SLOW_KEY_DELAY_S = 11 * SUBFRAME_S  # ADKD 12: ten subframes more [OSNMA-ICD, 6.7]
-MIN_TAG_BITS = 40  # together, before data counts as authenticated [OSNMA-RG, equivalent tag length]
+MIN_TAG_BITS = 40  # total of tag bits from which data counts as authenticated [OSNMA-RG, equivalent tag length]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ class Tag:
 
     counter: int  # CTR: 1 for tag0
     value: int  # l_t bits
-    info: int  # the 16 bits PRN_D, ADKD, COP as they were sent; those of tag0 are not sent, and follow
+    info: int  # 16 bits PRN_D, ADKD, COP as sent; those of tag0 are not sent, but follow from the slot
 
     @property
     def svid(self) -> int:
@@ -54,7 +54,7 @@ class Tag:
 
     @property
     def supported(self) -> bool:
-        """Whether the kind of data is known."""
+        """Whether vestige supports the kind of data."""
         return self.adkd == ADKD_SLOW or self.adkd in NAVIGATION_FIELDS
 
     @property
@@ -69,13 +69,13 @@ class Mack:
 
     svid: int  # PRN_A: the satellite that sent it
     time: GalileoTime  # start of its subframe
-    nma_status: int  # NMAS of its NMA header; the tags cover it
+    nma_status: int  # NMAS of its NMA header, which the tags cover
     macseq: int  # 12 bits
     tags: tuple[Tag, ...]
 
 
 def parse_mack(subframe: SatelliteSubframe, parameters: ChainParameters) -> Mack | None:
-    """Return tags and MACSEQ of a subframe, or None if one of its pages is lost."""
+    """Return tags and MACSEQ of a subframe, or None if any of its pages is lost."""
     header = subframe.nma_header
     length = parameters.tag_bits
     step = length + TAG_INFO_BITS
@@ -90,12 +90,12 @@ def parse_mack(subframe: SatelliteSubframe, parameters: ChainParameters) -> Mack
 
 
 def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> bool:
-    """Return whether MACSEQ verifies; the parameters are those of `make_macseq`."""
+    """Return whether MACSEQ verifies; `make_macseq` describes the parameters."""
     return make_macseq(mack, slots, key, parameters) == mack.macseq
 
 
 def make_macseq(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> int:
-    """Return the MACSEQ field, 12 bits, that belongs to the information fields of the flexible slots [OSNMA-ICD, 6.6].
+    """Return the MACSEQ field, 12 bits, of the information fields of the flexible slots [OSNMA-ICD, 6.6].
 
     `slots` is the message's row of the MAC look-up table, `key` the chain's key of the next subframe.
     """
@@ -105,9 +105,9 @@ def make_macseq(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: Chain
 
 
 def make_tag(mack: Mack, tag: Tag, data: NavigationData, key: bytes, parameters: ChainParameters) -> int:
-    """Return the tag that belongs to the data.
+    """Return the tag of navigation data.
 
-    `key` is the chain's key of `tag.key_delay_s` later.
+    `key` is the chain's key that is disclosed `tag.key_delay_s` later.
     """
     head = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + bytes([tag.counter])
     if tag.counter > 1:

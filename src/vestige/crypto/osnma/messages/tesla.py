@@ -1,17 +1,17 @@
-"""TESLA: a chain of keys in which each key is the hash of the next one, so that old keys prove new ones.
+"""TESLA: a chain of keys in which each key is the hash of the next key, so that old keys prove new keys.
 
-The operator draws the last key of a chain and hashes it down to the first, the root key, which is signed. He discloses
-them in the other direction, one every 30 s::
+The operator draws the last key of a chain and hashes it down to the first key, the root key, which is signed. The
+operator discloses the keys in the reverse order, one every 30 s::
 
     K_m = first l_k bits of hash( K_(m+1) | GST_SF,m | alpha )                                 [OSNMA-ICD, 6.4]
 
-GST_SF,m is the start of the subframe in which K_m is sent, week modulo 4096 in 12 bits and second in 20. Whoever has a
-true key can check every later one by hashing it down, and compute every earlier one himself; a key that was never
-disclosed cannot be guessed.
+GST_SF,m is the start of the subframe in which K_m is sent, with the week modulo 4096 in 12 bits and the second in 20
+bits. A receiver with a true key can check every later key by hashing it down, and compute every earlier key. An
+undisclosed key cannot be guessed.
 
-Trust is a type here: a `Key` is bytes that somebody sent, a `ValidatedKey` one that leads to a signed root key. Only
-`validate` makes a `ValidatedKey`; a pickled one holds its chain's root key, and reading it validates it again. A chain
-remembers what it has validated, so a run of N keys costs about N hashes.
+Types express trust: a `Key` is received bytes, a `ValidatedKey` is a key that leads to a signed root key. Only
+`validate` makes a `ValidatedKey`. A pickled `ValidatedKey` contains its chain's root key, and unpickling validates the
+key again. A chain stores its validated keys, so a run of N keys costs about N hashes.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from vestige.validated_key import ValidatedKey
 
 MAX_STEPS = (
     8 * SECONDS_PER_WEEK // SUBFRAME_S
-)  # ours: 0.2 s of hashing for one key; root keys are renewed every hour or so
+)  # our limit: 0.2 s of hashing for one key; root keys are renewed about every hour
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
-    """A key as somebody sent it; it proves nothing."""
+    """A received key, which proves nothing."""
 
     time: GalileoTime  # start of the subframe in which it was sent
     data: bytes
 
 
 def gst_sf(gst_seconds: int) -> bytes:
-    """Return the 32 bits of a subframe's start: week modulo 4096 in 12 bits, second of the week in 20."""
+    """Return the 32 bits of a subframe's start: week modulo 4096 in 12 bits, second of the week in 20 bits."""
     week, second = divmod(gst_seconds, SECONDS_PER_WEEK)
     return (week % 4096 << 20 | second).to_bytes(4, "big")
 
@@ -49,7 +49,7 @@ def gst_sf(gst_seconds: int) -> bytes:
 def one_way(key: bytes, time: GalileoTime, parameters: ChainParameters) -> bytes:
     """Return the key before `key` in the chain.
 
-    `time` is the subframe of the key that is returned, 30 s before that of `key`.
+    `time` is the subframe of the returned key, 30 s before that of `key`.
     """
     return _hash_down(key, time.gst_seconds + SUBFRAME_S, time.gst_seconds, parameters)
 
@@ -63,12 +63,12 @@ def _hash_down(key: bytes, start: int, stop: int, parameters: ChainParameters) -
 
 
 class Chain:
-    """A TESLA chain that hangs on a signed root key, with the keys that were validated so far.
+    """A TESLA chain with a signed root key, and its keys that were validated so far.
 
-    Raises `TypeError` if it is no `RootKey`: making one verifies its signature.
+    Raises `TypeError` if `root` is not a `RootKey`, whose construction verifies the signature.
     """
 
-    __slots__ = ("_known", "_root", "_times")  # nothing else can be set, so `check` cannot be replaced
+    __slots__ = ("_known", "_root", "_times")  # no other attribute can be set, so `check` cannot be replaced
 
     def __init__(self, root: RootKey) -> None:
         if type(root) is not RootKey:
@@ -97,13 +97,14 @@ class Chain:
         return self.root.parameters
 
     def check(self, key: Key) -> None:
-        """Check that a key belongs to the chain at its time, and remember it.
+        """Check that a key belongs to the chain at its time, and store it.
 
-        A key after all known ones is hashed down to the newest of them; an earlier one, even one from before the root
-        key, must be what the next known one gives.
+        A key after all known keys is hashed down to the newest known key. An earlier key, even from before the root
+        key, must follow from the next known key.
 
-        Raises `AuthenticationError` if it does not, or is not the kind of key that could. Raises `TypeError` if its
-        time is no `GalileoTime` of whole numbers, or its data no `bytes`: something that can change later.
+        Raises `AuthenticationError` if the key does not chain, or its time or length is wrong. Raises `TypeError` if
+        the time is not a `GalileoTime` of whole numbers, or the data is not `bytes`, because other types may change
+        later.
         """
         _check_types(key)
         time = key.time.gst_seconds
@@ -116,7 +117,7 @@ class Chain:
         at = bisect_right(self._times, time)
         if at and self._times[at - 1] == time:
             at -= 1
-        if at < len(self._times):  # a validated key of this time or later: the key follows from it
+        if at < len(self._times):  # the key follows from a validated key of this time or later
             found, expected = key.data, self._derived(time, self._times[at])
             reason = f"the key of {GalileoTime.from_gst_seconds(self._times[at])}"
         else:
@@ -133,7 +134,7 @@ class Chain:
             insort(self._times, time)
 
     def accepts(self, key: Key) -> bool:
-        """Return whether `check` has nothing against a key."""
+        """Return whether `check` passes a key."""
         try:
             self.check(key)
         except AuthenticationError:
@@ -145,7 +146,7 @@ class Chain:
         return self._known.get(key.time.gst_seconds) == key.data
 
     def derive(self, time: GalileoTime) -> Key:
-        """Return the key of a subframe whose own key was not received; it follows from the next later one.
+        """Return the key of a subframe whose own key was not received, from the next later key.
 
         Raises `AuthenticationError` if no later key was validated.
         """
@@ -170,7 +171,7 @@ class Chain:
 
 
 def _check_types(key: Key) -> None:
-    """Raise a TypeError unless a key consists of what cannot change: subclasses can, and so can a bytearray."""
+    """Raise a TypeError unless a key consists of immutable types; subclasses and bytearrays can change."""
     if type(key) is not Key:
         raise TypeError(f"a Key is validated along a Chain, not a {type(key).__name__}")
     if type(key.data) is not bytes or type(key.time) is not GalileoTime:
@@ -182,7 +183,7 @@ def _check_types(key: Key) -> None:
 
 
 class _KeyOfChain(ValidatedKey):
-    """The one kind of validated key: making it checks it."""
+    """The only kind of validated key; its construction checks the key."""
 
     __slots__ = ("_chain", "_data", "_time")
     _chain: Chain
@@ -237,27 +238,26 @@ class _KeyOfChain(ValidatedKey):
 
 
 def validate(key: Key, chain: Chain) -> ValidatedKey:
-    """Return a key for use, because it leads to the chain's signed root key.
+    """Return a key for use after validation against the chain's signed root key.
 
-    The chain remembers the key.
+    The chain stores the key.
 
-    Raises `AuthenticationError` if it does not chain. Raises `TypeError` if key, chain, or the key's time or data is
-    something that can change later.
+    Raises `AuthenticationError` if the key does not chain. Raises `TypeError` if key, chain, or the key's time or data
+    has a type that can change later.
     """
     return _KeyOfChain(key, chain)
 
 
 def fill_gaps(keys: tuple[ValidatedKey, ...], chain: Chain) -> tuple[ValidatedKey, ...]:
-    """Return the keys with those of lost subframes between them derived from later ones, in time order.
+    """Return the keys in time order, with the keys of lost subframes between them derived from later keys.
 
-    A derived key has the disclosure time of its own subframe: then the signal gave it away, whoever received it.
-
-    Keys of other chains are passed on.
+    A derived key has the disclosure time of its own subframe, because the signal disclosed the key then. Keys of other
+    chains are returned unchanged.
     """
     times = {key.time.gst_seconds for key in keys if chain.knows(Key(time=key.time, data=key.data))}
     if not times:
         return keys
     missing = [time for time in range(min(times), max(times), SUBFRAME_S) if time not in times]
-    # From the newest to the oldest: each is then one step from a key that the chain remembers.
+    # In the order from the newest to the oldest each key is one step from a stored key.
     derived = [validate(chain.derive(GalileoTime.from_gst_seconds(time)), chain) for time in reversed(missing)]
     return tuple(sorted((*keys, *derived), key=lambda key: key.time))

@@ -1,1 +1,1 @@
-"""The operator's side of OSNMA: signs root keys, discloses TESLA keys and makes tags, for skies that are simulated."""
+"""The OSNMA operator of simulated skies, which signs root keys, discloses TESLA keys and makes tags."""

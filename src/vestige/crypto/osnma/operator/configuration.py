@@ -22,25 +22,25 @@ class OperatorConfiguration:
     Parameters
     ----------
     seed
-        Any bytes, from which all secrets follow that are not given.
+        Any bytes; all secrets that are not given follow from them.
     start
         Start of the first subframe, a multiple of 30 s.
     n_subframes
-        Number of subframes that are broadcast, 1 or more.
+        Number of broadcast subframes, 1 or more.
     pkid
-        PKID 1 … 15 of the key that signs at the start. Each renewal and each revocation takes the next one.
+        PKID 1 … 15 of the key that signs at the start. Each renewal and each revocation uses the next PKID.
     own_key
-        Private key on P-256 for that PKID; None: it follows from the seed.
+        Private key on P-256 for that PKID; None: the key follows from the seed.
     tree
-        Merkle tree with all private keys that the operator has; None: it is made, with keys that follow from the seed.
+        Merkle tree with all private keys of the operator; None: a tree with keys that follow from the seed.
     chain_id
-        CID 0 … 3 of the first chain. The chains that follow have the next numbers, modulo 4.
+        CID 0 … 3 of the first chain. Later chains have the next numbers, modulo 4.
     hash_function, mac_function, key_size, tag_size, mac_lookup
         Codes of the DSM-KROOT, as in `ChainParameters`. A tag size of 9 stands for 40 bits.
     alpha
-        Random pattern of the first chain, 6 bytes; None: it follows from the seed.
+        Random pattern of the first chain, 6 bytes; None: the pattern follows from the seed.
     nma_status
-        NMAS while nothing is wrong: 1 test, 2 operational.
+        NMAS in nominal operation: 1 test, 2 operational.
     events
         Events of the broadcast, in any order.
     notice

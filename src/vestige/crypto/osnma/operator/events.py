@@ -1,6 +1,6 @@
-"""Events of an OSNMA operator that change its chain, keys or service, as a table that a scenario can hold.
+"""Events of an OSNMA operator that change its chain, keys or service, for the table of a scenario.
 
-The steps are those of [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the official test vectors send them:
+The steps follow [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the official test vectors send them:
 
 | event | from `announced` on | from `in_force` on | from `ended` on |
 |---|---|---|---|
@@ -49,20 +49,21 @@ class OsnmaEventKind(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaEvent:
-    """One event; all its times are starts of subframes.
+    """An event of the operator; all its times are starts of subframes.
 
     Parameters
     ----------
     kind
         Kind of the event.
     announced
-        From then on the event is on air (step 1).
+        Time from which the event is on air (step 1).
     in_force
-        From then on the new chain or key is in force (step 2); None if that does not happen, or the kind has no step 2.
+        Time from which the new chain or key is in force (step 2); None if this does not happen, or the kind has no step
+        2.
     ended
-        From then on the status is nominal again, or OSNMA is silent after an alert; None if that does not happen.
+        Time from which the status is nominal again, or OSNMA is silent after an alert; None if this does not happen.
     svids
-        Silence only: the satellites without OSNMA. None stands for all.
+        Satellites without OSNMA, for the kind silence only; None for all.
 
     Raises
     ------
@@ -105,21 +106,21 @@ class OsnmaEvent:
 
     @property
     def times(self) -> tuple[GalileoTime, ...]:
-        """The times that are given, in the order of the steps."""
+        """The given times, in the order of the steps."""
         return tuple(time for time in (self.announced, self.in_force, self.ended) if time is not None)
 
     @property
     def complete(self) -> bool:
-        """Whether the status is nominal again when it is over, so that another event can follow."""
+        """Whether the status is nominal again after the event, so that another event can follow."""
         if self.kind is OsnmaEventKind.ALERT:
             return False
         return (self.ended if self.kind.has_end else self.in_force) is not None
 
 
 def overlap(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, OsnmaEvent] | None:
-    """Return an event that is not over when the next one begins, and that next one; None if there is no such pair.
+    """Return a pair of events of which the second begins before the first is over; None if there is no such pair.
 
-    Only events that change the status count, which are all but silence.
+    Only events that change the status count: all kinds except silence.
     """
     for before, after in pairwise(_in_order(events)):
         if not before.complete or after.announced < before.times[-1]:
@@ -128,12 +129,12 @@ def overlap(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, OsnmaEvent] | Non
 
 
 def status_events(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, ...]:
-    """Return the events that change the status, in the order of time: all but silence.
+    """Return the events that change the status (all kinds except silence) in the order of time.
 
     Raises
     ------
     VestigeError
-        If one begins before the one before it is over.
+        If an event begins before the previous event is over.
     """
     ordered = _in_order(events)
     if (pair := overlap(ordered)) is not None:
@@ -151,18 +152,18 @@ def _in_order(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, ...]:
 
 
 def key_withheld(events: Iterable[OsnmaEvent], svids: Iterable[int], time: GalileoTime) -> bool:
-    """Return whether a receiver must not use the TESLA key that is disclosed in the subframe of `time`, or never can.
+    """Return whether a receiver must not, or cannot ever, use the TESLA key of the subframe of `time`.
 
-    A receiver uses no key of a revoked chain and none while the status is "don't use". After "don't use" it waits for a
-    root key of a later hour, and after an alert for ever. A key that is not sent during a silence follows from the keys
-    after the silence.
+    A receiver uses no key of a revoked chain, and no key while the status is "don't use". After "don't use" the
+    receiver waits for a root key of a later hour. After an alert the receiver uses no key any more. A key that is not
+    sent during a silence follows from the keys after the silence.
 
     Parameters
     ----------
     events
         Events of the broadcast.
     svids
-        All satellites that the receiver can have in view.
+        All satellites that may be in view of the receiver.
     time
         Start of a subframe.
     """
@@ -170,7 +171,7 @@ def key_withheld(events: Iterable[OsnmaEvent], svids: Iterable[int], time: Galil
 
 
 def _withholds(event: OsnmaEvent, svids: frozenset[int], time: GalileoTime) -> bool:
-    """Return whether an event that has begun keeps a key away."""
+    """Return whether an event that has begun withholds a key."""
     match event.kind:
         case OsnmaEventKind.CHAIN_REVOCATION | OsnmaEventKind.KEY_REVOCATION:
             return event.in_force is None or time < event.in_force
@@ -186,7 +187,7 @@ def _withholds(event: OsnmaEvent, svids: frozenset[int], time: GalileoTime) -> b
 
 
 def silent_svids(events: Iterable[OsnmaEvent], svids: Iterable[int], time: GalileoTime) -> frozenset[int]:
-    """Return those of the satellites that send no OSNMA in the subframe of `time` because of a silence."""
+    """Return the satellites that send no OSNMA in the subframe of `time` because of a silence."""
     silent: set[int] = set()
     for event in events:
         on_air = event.announced <= time and (event.ended is None or time < event.ended)

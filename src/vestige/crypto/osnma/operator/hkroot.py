@@ -1,9 +1,9 @@
-"""The HKROOT message of one satellite and subframe, and which DSM block it carries.
+"""The HKROOT message of one satellite and subframe, and the choice of its DSM block.
 
-The satellites send different blocks of a DSM at the same time, so a receiver with many satellites completes it soon.
-The block index is the number of the subframe plus an offset of the satellite, modulo the number of blocks. The offset
-is the SVID, as in the official test vectors. Several DSMs take turns. Each stays for as many subframes as it has
-blocks, so a receiver with a single satellite gets all blocks of all of them, too.
+The satellites send different blocks of a DSM at the same time, so a receiver with many satellites soon completes the
+DSM. The block index is the number of the subframe plus an offset of the satellite, modulo the number of blocks. The
+offset is the SVID, as in the official test vectors. Several DSMs take turns. Each stays for as many subframes as it has
+blocks, so a receiver with a single satellite also gets all blocks of all DSMs.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignedMessage:
-    """A digital signature message (DSM) under its number."""
+    """A digital signature message (DSM) with its number."""
 
     dsm_id: int  # 0 … 11 DSM-KROOT, 12 … 15 DSM-PKR
     data: bytes  # all blocks of 13 bytes
@@ -49,7 +49,7 @@ def hkroot_message(header: NmaHeader, message: SignedMessage, block: int) -> byt
 
 
 def message_in_turn(messages: Sequence[SignedMessage], number: int) -> SignedMessage:
-    """Return the DSM that is on air, of several that take turns.
+    """Return the DSM on air, of several DSMs that take turns.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def message_in_turn(messages: Sequence[SignedMessage], number: int) -> SignedMes
 
 
 def block_index(svid: int, time: GalileoTime, n_blocks: int) -> int:
-    """Return which block of a DSM a satellite sends in the subframe of `time`.
+    """Return the index of the DSM block that a satellite sends in the subframe of `time`.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """The operator's public keys: 15 key pairs and an alert notice, which are the 16 leaves of one Merkle tree.
 
-Public key PKID p is leaf p - 1, as in the trees that the service has published. The last leaf is the alert notice. Only
-a notice that is a leaf of the tree can be verified when it is broadcast [OSNMA-ICD, 6.2].
+Public key PKID p is leaf p - 1, as in the trees that the service has published. The last leaf is the alert notice. A
+broadcast notice can be verified only if it is a leaf of the tree [OSNMA-ICD, 6.2].
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class KeyTree:
     """The key pairs of an operator and the Merkle tree over their public keys."""
 
     private_keys: Mapping[int, ec.EllipticCurvePrivateKey]  # by PKID 1 … 15, all on P-256
-    nodes: Mapping[tuple[int, int], bytes]  # as `MerkleTree.nodes`, all 31
+    nodes: Mapping[tuple[int, int], bytes]  # all 31 nodes, as in `MerkleTree.nodes`
 
     def private_key(self, pkid: int) -> ec.EllipticCurvePrivateKey:
         """Return a private key.
@@ -45,7 +45,7 @@ class KeyTree:
         return self.private_keys[pkid]
 
     def claim(self, pkid: int) -> ClaimedPublicKey:
-        """Return a public key as it is published."""
+        """Return a public key in its published form."""
         point = compressed_point(self.private_key(pkid).public_key())
         return ClaimedPublicKey(pkid=pkid, leaf=pkid - 1, point=point)
 
@@ -54,7 +54,7 @@ class KeyTree:
         return verify_public_key(self.claim(pkid), self.published(()))
 
     def published(self, pkids: Iterable[int]) -> MerkleTree:
-        """Return the tree as the service publishes it: all its nodes, and the public keys with these numbers."""
+        """Return the tree in its published form: all its nodes, and the public keys with the given numbers."""
         return MerkleTree(nodes=dict(self.nodes), public_keys=tuple(self.claim(pkid) for pkid in pkids))
 
     def siblings(self, leaf: int) -> tuple[bytes, ...]:
@@ -68,7 +68,7 @@ def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCur
     Parameters
     ----------
     seed
-        The secret that the key pairs follow from.
+        Secret from which the key pairs follow.
     notice
         The alert notice, at most 39 bytes.
     own_key
@@ -103,7 +103,7 @@ def pkid_in_tree(public_key: ec.EllipticCurvePublicKey, tree: MerkleTree) -> int
     Raises
     ------
     AuthenticationError
-        If the key is no leaf of the tree, or does not lead to its root.
+        If the key is not a leaf of the tree, or does not lead to its root.
     """
     point = compressed_point(public_key)
     for pkid in range(1, MAX_PKID + 1):
@@ -119,7 +119,7 @@ def read_private_key(path: Path) -> ec.EllipticCurvePrivateKey:
     Raises
     ------
     InputFileError
-        If the file is no PEM private key.
+        If the file is not a PEM private key.
     UnsupportedError
         If the key is not on P-256.
     """

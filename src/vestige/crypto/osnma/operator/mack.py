@@ -1,6 +1,6 @@
-"""The MACK message of one satellite and subframe: tags, MACSEQ, and the key that the subframe discloses.
+"""Make the MACK message of one satellite and subframe: tags, MACSEQ, and the disclosed key.
 
-`encode_mack` is the reverse of `messages.tags.parse_mack`: it makes of what was read the bits that were received.
+`encode_mack` is the reverse of `messages.tags.parse_mack`: it returns the received bits from the parsed message.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ MACK_BYTES = MACK_TOTAL_BITS // 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagContent:
-    """Content of one tag: the data that it is to authenticate."""
+    """Content of one tag: the data for it to authenticate."""
 
     svid: int  # PRN_D
     adkd: int
     cut_off: int  # COP 1 … 15; 0 for a dummy tag
-    data: NavigationData  # the data that a tag authenticates, or that the noise of a dummy tag is made from
+    data: NavigationData  # data that a tag authenticates, or source of the noise of a dummy tag
 
 
 def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:
@@ -36,9 +36,9 @@ def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:
     mack
         Tags and MACSEQ.
     key
-        The key that is disclosed in this subframe.
+        Key that this subframe discloses.
     parameters
-        Parameters of its chain.
+        Parameters of the key's chain.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:
         )
     bits = 0
     for tag in mack.tags:
-        # The first tag is always ADKD 0 of the satellite itself. In place of that it has MACSEQ.
+        # The first tag is always ADKD 0 of the sending satellite, so MACSEQ replaces its information field.
         info = mack.macseq << 4 | tag.cut_off if tag.counter == 1 else tag.info
         bits = (bits << parameters.tag_bits | tag.value) << TAG_INFO_BITS | info
     bits = bits << parameters.key_bits | int.from_bytes(key, "big")
@@ -72,7 +72,7 @@ def authenticate(
     Parameters
     ----------
     svid
-        The satellite that sends them, PRN_A.
+        Satellite that sends the tags, PRN_A.
     time
         Start of the subframe.
     nma_status
@@ -80,9 +80,9 @@ def authenticate(
     contents
         Purpose of each tag, in the order of the slots.
     key_of
-        Gives the key that is on air in the subframe that starts at a time.
+        Function that returns the key on air in the subframe that starts at a time.
     parameters
-        Parameters of the chain that is on air.
+        Parameters of the chain on air.
 
     Raises
     ------

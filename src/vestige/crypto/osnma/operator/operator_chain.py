@@ -1,4 +1,4 @@
-"""A TESLA chain as its operator knows it: all keys, also those that are still secret."""
+"""A TESLA chain of its operator, with all keys, including keys that are still secret."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from vestige.crypto.osnma.operator.signed_messages import sign_kroot, unsigned_k
 from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 
-_FIXED_BYTES = 7  # bytes of a DSM-KROOT, before alpha: nobody can choose others to avoid a zero
+_FIXED_BYTES = 7  # bytes of a DSM-KROOT before alpha, which cannot be changed to avoid a zero
 _MAX_DRAWS = 32
 _HOURS_SEEN = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorChain:
-    """All keys of a chain from its first root key on, 30 s apart, without a gap."""
+    """All keys of a chain from its first root key on, 30 s apart and without gaps."""
 
     chain_id: int  # CID 0 … 3
     parameters: ChainParameters
-    keys: tuple[Key, ...]  # in time order; the first one is the first root key
+    keys: tuple[Key, ...]  # in time order; the first key is the first root key
 
     def key_at(self, time: GalileoTime) -> Key:
         """Return the key that is disclosed in the subframe of `time`.
 
-        Raises `VestigeError` if the chain has none for it.
+        Raises `VestigeError` if the chain has no key for that subframe.
         """
         index, rest = divmod(time.gst_seconds - self.keys[0].time.gst_seconds, SUBFRAME_S)
         if rest or not 0 <= index < len(self.keys):
@@ -42,18 +42,18 @@ class OperatorChain:
     def signed_root(
         self, time: GalileoTime, header: NmaHeader, pkid: int, private_key: ec.EllipticCurvePrivateKey
     ) -> DsmKroot:
-        """Return the DSM-KROOT that is broadcast at a time, with the newest root key.
+        """Return the DSM-KROOT for a time, with the newest root key.
 
         Parameters
         ----------
         time
             Any time from the chain's first hour on.
         header
-            The NMA header that is broadcast with it.
+            NMA header that is broadcast with the DSM-KROOT.
         pkid
-            PKID of the public key that verifies it.
+            PKID of the public key that verifies the DSM-KROOT.
         private_key
-            The private key that belongs to that public key.
+            Private key of that public key.
         """
         root = self.key_at(root_key_time(time))
         kroot = unsigned_kroot(root, self.parameters, chain_id=self.chain_id, pkid=pkid)
@@ -63,7 +63,7 @@ class OperatorChain:
 def root_key_time(time: GalileoTime) -> GalileoTime:
     """Return the subframe of the newest root key at a time: 30 s before the last full hour.
 
-    That key has been disclosed, so the root key gives nothing away.
+    That key has been disclosed, so the root key reveals no secret.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def root_key_time(time: GalileoTime) -> GalileoTime:
 
 
 def chain_keys(last: Key, first: GalileoTime, parameters: ChainParameters) -> tuple[Key, ...]:
-    """Return the keys from the subframe `first` to `last` in time order: each is the hash of the next [OSNMA-ICD, 6.4].
+    """Return the keys from subframe `first` to `last` in time order; each is the hash of the next [OSNMA-ICD, 6.4].
 
     Parameters
     ----------
@@ -98,11 +98,11 @@ def draw_keys(seed: bytes, start: GalileoTime, n_keys: int, parameters: ChainPar
     Parameters
     ----------
     seed
-        The secret that the last key follows from.
+        Secret from which the last key follows.
     start
         A time in the first subframe whose key is needed.
     n_keys
-        Number of keys that are needed from there on, 30 s apart; 1 or more.
+        Number of needed keys from that subframe on, 30 s apart; 1 or more.
     parameters
         Parameters of the chain.
     """
@@ -123,23 +123,22 @@ def draw_chain(
     *,
     redraw: bool = True,
 ) -> OperatorChain:
-    """Return a chain whose DSM-KROOTs have no zero byte where that can be avoided.
+    """Return a chain whose DSM-KROOTs have no zero byte where possible.
 
-    Some receivers take a page for lost whose HKROOT byte is zero. So other random patterns alpha are
-    drawn from the seed in place of that of `parameters`, until root key, signature and padding have no zero byte in the
-    first four hours. After 32 patterns, the one with the fewest zero bytes is taken.
+    Some receivers treat a page with a zero HKROOT byte as lost. So random patterns alpha are drawn from the seed in
+    place of that of `parameters`, until root key, signature and padding have no zero byte in the first four hours.
+    After 32 patterns, the pattern with the fewest zero bytes is used.
 
     Parameters
     ----------
     seed, start, n_keys, parameters
-        The same as for `draw_keys`.
+        Arguments of `draw_keys`.
     chain_id
         CID 0 … 3.
     header, pkid, private_key
-        Header, key identifier and key with which the DSM-KROOTs are signed at first, as for
-        `OperatorChain.signed_root`.
+        Header, key identifier and key of the first signatures, as for `OperatorChain.signed_root`.
     redraw
-        False: keep alpha as it is.
+        Whether alpha may be replaced; False keeps the alpha of `parameters`.
     """
     best: tuple[int, OperatorChain] | None = None
     for draw in range(_MAX_DRAWS if redraw else 1):

@@ -1,11 +1,12 @@
-"""The OSNMA operator: navigation words in, the OSNMA bits of every satellite and subframe out.
+"""The OSNMA operator, which makes the OSNMA bits of every satellite and subframe from navigation words.
 
 The operator signs root keys with a P-256 key that is a leaf of its Merkle tree, and broadcasts them in blocks over the
-satellites (`hkroot`). It makes tags for the words of the subframe before (`tag_plan`, `mack`) with keys that it
-discloses later, and carries out a table of events (`timeline`). A receiver that is given the Merkle tree treats the
-signal like the real one.
+satellites (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`) with keys
+that it discloses later, and carries out a table of events (`timeline`). A receiver with this Merkle tree treats the
+signal like the real signal.
 
-The key of a tag is the key that is on air when it is due. Around a change of chains this is a key of the next chain.
+The key of a tag is the key on air at the time of its disclosure. Around a change of chains this is a key of the next
+chain.
 """
 
 from __future__ import annotations
@@ -39,11 +40,11 @@ from vestige.validated_key import ValidatedKey
 
 _N_KROOT_IDS = FIRST_PKR_ID - 1  # DSM ids 1 … 11: with 0 the DSM header of block 0 would be a zero byte
 _N_PKR_IDS = 16 - FIRST_PKR_ID
-NO_OSNMA = (bytes(5),) * PAGES_A_SUBFRAME  # what a satellite without OSNMA sends [OSNMA-ICD, 2]
+NO_OSNMA = (bytes(5),) * PAGES_A_SUBFRAME  # fields of a satellite without OSNMA [OSNMA-ICD, 2]
 
 
 class OsnmaOperator:
-    """Makes the OSNMA fields of a simulated sky.
+    """Operator that makes the OSNMA fields of a simulated sky.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ class OsnmaOperator:
     Raises
     ------
     VestigeError
-        If events overlap, or a key that they need does not exist.
+        If events overlap, or need a key that does not exist.
 
     Examples
     --------
@@ -76,12 +77,12 @@ class OsnmaOperator:
 
     @property
     def merkle_tree(self) -> MerkleTree:
-        """The Merkle tree as the operator publishes it, with all public keys that sign while it broadcasts."""
+        """The published Merkle tree, with all public keys that sign during the broadcast."""
         return self.keys.published(sorted({root.pkid for phase in self._phases for root in phase.roots}))
 
     @property
     def public_keys(self) -> tuple[PublicKey, ...]:
-        """The public keys of `merkle_tree`, each verified against it; the first one is in force at the start."""
+        """The verified public keys of `merkle_tree`; the first key is in force at the start."""
         return tuple(self.keys.public_key(claim.pkid) for claim in self.merkle_tree.public_keys if claim.pkid)
 
     def header_at(self, time: GalileoTime) -> NmaHeader:
@@ -97,7 +98,7 @@ class OsnmaOperator:
 
     @cached_property
     def _verified(self) -> dict[int, Chain]:
-        """Each chain by its number, on its verified root key."""
+        """Each chain with its verified root key, by number."""
         return {
             number: Chain(
                 verify_root_key(
@@ -122,14 +123,14 @@ class OsnmaOperator:
         return tuple(validated)
 
     def validated_keys(self) -> tuple[ValidatedKey, ...]:
-        """Return the keys of all subframes that are broadcast, each validated down to its signed root key.
+        """Return the keys of all broadcast subframes, each validated down to its signed root key.
 
-        RECS that are encrypted with them open with the keys that a receiver takes from this signal.
+        A receiver can decrypt RECS that were encrypted with these keys with the keys from this signal.
         """
         return self._validated
 
     def subframe(self, time: GalileoTime, words: Mapping[int, Mapping[int, int]]) -> dict[int, tuple[bytes, ...]]:
-        """Return the OSNMA fields of all satellites in one subframe; subframes are asked for in the order of time.
+        """Return the OSNMA fields of all satellites in one subframe; calls must be in the order of time.
 
         Parameters
         ----------
@@ -148,7 +149,7 @@ class OsnmaOperator:
         Raises
         ------
         VestigeError
-            If the time is not that of the next subframe, or a word is not of its type.
+            If the time is not that of the next subframe, or a word does not have its type.
         """
         if time >= self._end:
             raise VestigeError(f"OSNMA operator: the broadcast ends at {self._end}; found a subframe of {time}")
@@ -169,14 +170,14 @@ class OsnmaOperator:
         return fields
 
     def write_files(self, folder: Path) -> None:
-        """Write what receivers trust: `public_key.pem`, `public_key.xml` and `merkle_tree.xml`.
+        """Write the files that receivers trust: `public_key.pem`, `public_key.xml` and `merkle_tree.xml`.
 
-        The public key is the one in force at the start. The tree holds those of later events, too.
+        The public key is the key in force at the start. The tree contains the keys of later events, too.
 
         Parameters
         ----------
         folder
-            A folder that exists.
+            An existing folder.
 
         Raises
         ------
@@ -213,7 +214,7 @@ class OsnmaOperator:
 
     @property
     def _first_use(self) -> dict[int, tuple[OperatorPhase, RootSource]]:
-        """By chain, the phase in which its root key is on air first, and what signs it."""
+        """First phase with the root key of each chain on air, and the source of that root key."""
         found: dict[int, tuple[OperatorPhase, RootSource]] = {}
         for phase in self._phases:
             for root in phase.roots:
@@ -237,7 +238,7 @@ class OsnmaOperator:
         return self.chains[root.chain].signed_root(time, self._header(phase), root.pkid, private_key)
 
     def _sign_all(self) -> dict[tuple[OperatorPhase, GalileoTime], Sequence[SignedMessage]]:
-        """Return the DSMs of each phase and hour; a new content has a new DSM id."""
+        """Return the DSMs of each phase and hour; new content has a new DSM id."""
         ids: dict[bytes, int] = {}
         signed: dict[tuple[OperatorPhase, GalileoTime], Sequence[SignedMessage]] = {}
         for number in range(self.configuration.n_subframes):
@@ -264,6 +265,6 @@ class OsnmaOperator:
 
 
 def _next_id(used: Iterable[int], kroot: bool) -> int:
-    """Return the DSM id of a new DSM-KROOT or DSM-PKR; the ids take turns."""
+    """Return the DSM id of a new DSM-KROOT or DSM-PKR; ids are reused in turn."""
     n_used = sum((number < FIRST_PKR_ID) == kroot for number in used)
     return 1 + n_used % _N_KROOT_IDS if kroot else FIRST_PKR_ID + n_used % _N_PKR_IDS

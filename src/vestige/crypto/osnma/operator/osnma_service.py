@@ -1,4 +1,4 @@
-"""OSNMA settings of a scenario: events, and keys of the user's. All else follows from the seed."""
+"""OSNMA settings of a scenario: events and user keys. The other secrets follow from the seed."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorKey:
-    """A private key of the user's for the operator, as plain values that worker processes can share.
+    """The user's private key for the operator, as plain values that worker processes can share.
 
     Attributes
     ----------
     pkid
-        PKID 1 … 15 of its public key.
+        PKID 1 … 15 of the public key.
     pem
         The private key as PEM without a password.
     nodes
-        All nodes of the Merkle tree that it belongs to, as the items of `MerkleTree.nodes`; empty: the operator makes a
-        tree with this key in it.
+        All nodes of the key's Merkle tree, as the items of `MerkleTree.nodes`; empty: the operator makes a tree with
+        this key.
     """
 
     pkid: int = 1
@@ -42,19 +42,19 @@ class OperatorKey:
 
     @classmethod
     def of(cls, private_key: ec.EllipticCurvePrivateKey, tree: MerkleTree | None = None) -> OperatorKey:
-        """Return a private key, and the tree if there is one.
+        """Return an `OperatorKey` from a private key and an optional tree.
 
         Parameters
         ----------
         private_key
-            On P-256.
+            Private key on P-256.
         tree
-            A tree that holds its public key.
+            Tree that contains its public key.
 
         Raises
         ------
         AuthenticationError
-            If the public key is no leaf of the tree, or does not lead to its root.
+            If the public key is not a leaf of the tree, or does not lead to its root.
         """
         pem = private_key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
         if tree is None:
@@ -71,7 +71,7 @@ class OperatorKey:
 
     @property
     def tree(self) -> KeyTree | None:
-        """The tree of the user's with this key alone; None if the operator makes one."""
+        """The user's tree with only this private key; None if the operator makes a tree."""
         return KeyTree(private_keys={self.pkid: self.private_key}, nodes=dict(self.nodes)) if self.nodes else None
 
 
@@ -84,7 +84,7 @@ class OsnmaService:
     events
         Events of the broadcast.
     key
-        A private key of the user's; None: all keys follow from the seed.
+        The user's private key; None: all keys follow from the seed.
 
     Examples
     --------
@@ -96,7 +96,7 @@ class OsnmaService:
     key: OperatorKey | None = None
 
     def operator(self, seed: bytes, start: GalileoTime, n_subframes: int) -> OsnmaOperator:
-        """Return the operator as it is when it begins; arguments as in `OperatorConfiguration`.
+        """Return the operator at its start; `OperatorConfiguration` describes the arguments.
 
         Raises `VestigeError` if events overlap, or need a key that does not exist.
         """
@@ -114,7 +114,7 @@ class OsnmaService:
         )
 
     def withholds(self, svids: Iterable[int], time: GalileoTime) -> bool:
-        """Return whether receivers must do without the key of a subframe, see `key_withheld`."""
+        """Return whether receivers must not use the key of a subframe; see `key_withheld`."""
         return key_withheld(self.events, svids, time)
 
 

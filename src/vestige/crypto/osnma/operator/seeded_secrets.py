@@ -1,4 +1,4 @@
-"""Secrets of an operator that all follow from one seed, so that a run can be repeated bit for bit."""
+"""Secrets of an operator, all from one seed, so that a run can be repeated bit for bit."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ _MAX_BYTES = 32
 
 
 def draw_bytes(seed: bytes, name: str, n_bytes: int) -> bytes:
-    """Return bytes that follow from a seed and from the name of what they are for.
+    """Return bytes that follow from a seed and from the name of their purpose.
 
     Parameters
     ----------
     seed
-        Any bytes; a secret if what is drawn is to be one.
+        Any bytes; the result is secret only if the seed is secret.
     name
-        Purpose of the bytes; other names give independent bytes.
+        Purpose of the bytes; different names give independent bytes.
     n_bytes
         Number of bytes, 0 … 32.
 
     Raises
     ------
     ValueError
-        If more than 32 bytes are asked for.
+        If more than 32 bytes are requested.
 
     Examples
     --------
@@ -42,12 +42,12 @@ def draw_bytes(seed: bytes, name: str, n_bytes: int) -> bytes:
 
 
 def draw_private_key(seed: bytes, name: str) -> ec.EllipticCurvePrivateKey:
-    """Return a private key on P-256 that follows from a seed and from the name of what it is for.
+    """Return a private key on P-256 that follows from a seed and from the name of its purpose.
 
     Parameters
     ----------
     seed
-        Any bytes; they are the secret.
+        Any secret bytes.
     name
         Purpose of the key.
 

@@ -1,10 +1,11 @@
-"""The digital signature messages (DSM) that an operator makes: signed root keys, public keys and alert notices.
+"""Make the digital signature messages (DSM) of an operator: signed root keys, public keys and alert notices.
 
 A DSM-KROOT is signed for the NMA header that is broadcast with it. The signature is deterministic, so the same seed
 gives the same bits [RFC6979].
 
 A DSM-PKR is `NB 4 | leaf 4 | siblings 4 x 256 | type 4 | PKID 4 | point | padding` [OSNMA-ICD, DSM-PKR]. Its padding is
-the start of SHA-256 of the root of the Merkle tree and the leaf's content. An alert notice fills it up to its end.
+the start of SHA-256 of the root of the Merkle tree and the leaf's content. An alert notice fills the DSM-PKR up to its
+end.
 """
 
 from __future__ import annotations
@@ -33,18 +34,18 @@ NOTICE_BYTES = PKR_BLOCKS[_ALERT_NB] * DSM_BLOCK_BYTES - _HEAD_BYTES - 1
 
 
 def unsigned_kroot(root: Key, parameters: ChainParameters, *, chain_id: int, pkid: int) -> DsmKroot:
-    """Return the DSM-KROOT of a root key, still without signature and padding.
+    """Return the DSM-KROOT of a root key, without signature and padding.
 
     Parameters
     ----------
     root
         The root key; its time is 30 s before a full hour [OSNMA-ICD, DSM-KROOT].
     parameters
-        Parameters of its chain.
+        Parameters of the key's chain.
     chain_id
         CIDKR 0 … 3.
     pkid
-        PKID 0 … 15 of the public key that is to verify the signature.
+        PKID 0 … 15 of the public key for the verification of the signature.
 
     Raises
     ------
@@ -68,16 +69,16 @@ def unsigned_kroot(root: Key, parameters: ChainParameters, *, chain_id: int, pki
 
 
 def sign_kroot(kroot: DsmKroot, header: NmaHeader, private_key: ec.EllipticCurvePrivateKey) -> DsmKroot:
-    """Return the DSM-KROOT with signature and padding for its header, in as many blocks as it needs [OSNMA-ICD, 6.3].
+    """Return the DSM-KROOT with signature and padding for its header, in the required blocks [OSNMA-ICD, 6.3].
 
     Parameters
     ----------
     kroot
         The message; its own signature and padding are replaced.
     header
-        The NMA header that is broadcast with it: it is signed, too.
+        NMA header that is broadcast with the DSM-KROOT; the signature covers the header, too.
     private_key
-        On P-256 or P-521.
+        Private key on P-256 or P-521.
     """
     scheme = scheme_of_curve(private_key.curve)
     assert scheme is not None  # noqa: S101  (ours)
@@ -101,7 +102,7 @@ def public_key_dsm(point: bytes, pkid: int, leaf: int, siblings: Sequence[bytes]
     pkid
         PKID 0 … 15.
     leaf
-        Its leaf in the tree, 0 … 15.
+        Index of its leaf in the tree, 0 … 15.
     siblings
         The four nodes from the leaf to the root, 32 bytes each, the lowest first.
     root
@@ -120,15 +121,15 @@ def alert_dsm(notice: bytes, leaf: int, siblings: Sequence[bytes]) -> bytes:
     Parameters
     ----------
     notice
-        The notice, at most `NOTICE_BYTES` bytes; it is filled with spaces.
+        The notice, at most `NOTICE_BYTES` bytes; spaces are added up to that length.
     leaf, siblings
-        The same as for `public_key_dsm`.
+        Arguments of `public_key_dsm`.
     """
     return bytes([_ALERT_NB << 4 | leaf]) + b"".join(siblings) + _alert_content(notice)
 
 
 def alert_leaf(notice: bytes) -> bytes:
-    """Return the leaf of the tree that belongs to an alert notice, 32 bytes.
+    """Return the leaf of an alert notice in the tree, 32 bytes.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Plan of the tags of a MACK message: MAC look-up table, neighbours, and how long the data has not changed."""
+"""Plan the tags of a MACK message: MAC look-up table, neighbours, and cut-off points."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MAX_CUT_OFF = 15  # COP has 4 bits [OSNMA-ICD, MACK]
 
 @dataclass(slots=True)
 class NavigationHistory:
-    """The navigation words on air, and for how many subframes what tags cover has not changed.
+    """The navigation words on air, and the number of subframes since the last change of the data that tags cover.
 
     Subframes are added in the order of time.
     """
@@ -32,14 +32,14 @@ class NavigationHistory:
     _unchanged: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)  # (SVID, ADKD) -> (bits, count)
 
     def add(self, time: GalileoTime, words: Mapping[int, Mapping[int, int]]) -> None:
-        """Take the words that the satellites send in a subframe.
+        """Add the words that the satellites send in a subframe.
 
         Parameters
         ----------
         time
             Start of the subframe.
         words
-            Words of 128 bits by SVID and word type. Those that are not sent in every subframe may be missing.
+            Words of 128 bits by SVID and word type. Words that are not sent in every subframe may be missing.
         """
         start = time.gst_seconds
         for svid, sent in words.items():
@@ -54,11 +54,11 @@ class NavigationHistory:
                     self._unchanged[svid, adkd] = data.bits, count + 1 if same else 1
 
     def data(self, svid: int, adkd: int, time: GalileoTime) -> NavigationData | None:
-        """Return what a tag of the subframe of `time` covers; None if it was not sent completely, or not until then."""
+        """Return the data that a tag of the subframe of `time` covers; None if it is incomplete or not yet sent."""
         return self._words.get(svid, NavigationWords()).data(svid, adkd, time)
 
     def cut_off(self, svid: int, adkd: int) -> int:
-        """Return COP: for how many subframes the newest data has not changed, 15 at most; 0 if there is none."""
+        """Return COP, the number of subframes since the last change of the data (at most 15); 0 without data."""
         kind = ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd
         return min(self._unchanged.get((svid, kind), (0, 0))[1], MAX_CUT_OFF)
 
@@ -70,10 +70,10 @@ class NavigationHistory:
 def plan_tags(
     svid: int, time: GalileoTime, history: NavigationHistory, parameters: ChainParameters
 ) -> tuple[TagContent, ...]:
-    """Return what the tags of one satellite and subframe are for [OSNMA-ICD, Annex C].
+    """Return the contents of the tags of one satellite and subframe [OSNMA-ICD, Annex C].
 
-    Slots for any satellite and flexible slots are for neighbours, which take turns; the flexible ones carry ADKD 0, as
-    on air. Without neighbours they are for the satellite itself. A tag whose data was not sent is a dummy.
+    Neighbours take turns in slots for any satellite and in flexible slots. Flexible slots carry ADKD 0, as on air.
+    Without neighbours these slots are for the sending satellite. A tag whose data was not sent is a dummy.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def plan_tags(
     time
         Start of the subframe.
     history
-        Words that were sent up to the subframe before.
+        Words that were sent up to the previous subframe.
     parameters
         Parameters of the chain on air.
 
@@ -93,7 +93,7 @@ def plan_tags(
     """
     ring = _neighbours(svid, history.authenticable(time))
     minute, rest = divmod(time.gst_seconds, 60)
-    # Neighbours are counted on through both subframes of a minute, and every minute starts with the next one.
+    # The count of neighbours continues through both subframes of a minute; every minute starts with the next neighbour.
     turn = minute + (sum(not slot.own for slot in slots(parameters, time + -rest)) if rest else 0)
     contents = []
     for slot in slots(parameters, time):
@@ -105,7 +105,7 @@ def plan_tags(
 
 
 def _neighbours(svid: int, svids: Sequence[int]) -> tuple[int, ...]:
-    """Return the other satellites, those with a higher SVID first."""
+    """Return the other satellites, starting with the next higher SVID."""
     return tuple(other for other in svids if other > svid) + tuple(other for other in svids if other < svid)
 
 

@@ -1,7 +1,8 @@
 """Timeline of an OSNMA operator: status, chain and DSMs on air in each subframe.
 
-An `OperatorPhase` lasts from one step of an event to the next. It holds the content of the NMA header, the chain whose
-keys are sent, and the root keys, public keys or notices that are broadcast. Only `phases` turns events into steps.
+An `OperatorPhase` lasts from one step of an event to the next. A phase contains the content of the NMA header, the
+chain of the transmitted keys, and the broadcast root keys, public keys or notices. Only `phases` turns events into
+steps.
 """
 
 from __future__ import annotations
@@ -21,19 +22,19 @@ NOMINAL, END_OF_CHAIN, NEW_PUBLIC_KEY = 1, 2, 4  # CPKS [OSNMA-ICD, 3.1.3]
 class RootSource:
     """Source of a broadcast root key: its chain, and the public key that signs it."""
 
-    chain: int  # 0 for the first chain, 1 for the next one, …
+    chain: int  # 0 for the first chain, 1 for the next chain, …
     pkid: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorPhase:
-    """Phase of an OSNMA operator: the OSNMA on air from a time on."""
+    """Phase of an OSNMA operator: the OSNMA on air from a given time on."""
 
     since: GalileoTime
     nma_status: int  # NMAS
     key_status: int  # CPKS
-    chain: int  # whose keys and tags are sent: 0 for the first chain, 1 for the next one, …
-    roots: tuple[RootSource, ...]  # the DSM-KROOTs that are broadcast
+    chain: int  # chain of the transmitted keys and tags: 0 for the first chain, 1 for the next chain, …
+    roots: tuple[RootSource, ...]  # sources of the broadcast DSM-KROOTs
     new_pkid: int | None = None  # the public key that is broadcast
     alert: bool = False  # whether the alert notice is broadcast
     silent: bool = False  # whether there is no OSNMA at all
@@ -47,7 +48,7 @@ def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[Osnm
     start
         Start of the first subframe.
     nma_status
-        NMAS while nothing is wrong: test or operational.
+        NMAS in nominal operation: test or operational.
     pkid
         PKID of the key that signs at the start.
     events
@@ -73,7 +74,7 @@ def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[Osnm
 
 
 def phase_at(all_phases: Sequence[OperatorPhase], time: GalileoTime) -> OperatorPhase:
-    """Return the phase of a subframe; before the first one, the first."""
+    """Return the phase of a subframe; the first phase also for earlier subframes."""
     return all_phases[max(bisect_right([phase.since for phase in all_phases], time) - 1, 0)]
 
 

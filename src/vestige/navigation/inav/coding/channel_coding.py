@@ -1,9 +1,9 @@
-"""From the bits of an I/NAV page to the symbols on E1-B, and back [OS-ICD, 4.1.4].
+"""Convert the bits of an I/NAV page to the symbols on E1-B, and back [OS-ICD, 4.1.4].
 
-A page is two halves of 120 bits. Each half passes the convolutional code of rate 1/2 and constraint length 7 (171 and
-133 octal, the second output inverted) and a block interleaver of 30 columns and 8 rows, and follows ten
-synchronisation symbols: 250 symbols in 1 s. The six tail bits bring the encoder back to state 0, so each half is
-decoded for itself.
+A page has two halves of 120 bits. Each half passes the convolutional code of rate 1/2 and constraint length 7 (171 and
+133 octal, the second output inverted) and a block interleaver of 30 columns and 8 rows. Ten synchronisation symbols
+precede each half, so a half takes 250 symbols in 1 s. The six tail bits return the encoder to state 0, so each half is
+decoded by itself.
 
 Soft symbols are positive for a 0 and negative for a 1, as E1-B is modulated. The scale of soft symbols does not matter.
 """
@@ -24,11 +24,11 @@ PAGE_SYMBOLS = 2 * HALF_SYMBOLS
 
 _GENERATORS = (0o171, 0o133)  # the most significant bit is the tap of the newest bit [OS-ICD, 4.1.4.1]
 _MEMORY = 6
-_ROWS = 8  # rows of the interleaver: written column by column, read row by row [OS-ICD, 4.1.4.2]
+_ROWS = 8  # rows of the interleaver, which is written column by column and read row by row [OS-ICD, 4.1.4.2]
 
 
 def _register_signs() -> Float[np.ndarray, "128 2"]:
-    """Return the two symbols as ±1 of each content of the register, newest bit first; the second one is inverted."""
+    """Return the two symbols (±1) of each content of the register, newest bit first; the second is inverted."""
     register = np.arange(1 << (_MEMORY + 1))
     parity = [np.bitwise_count(register & generator) & 1 for generator in _GENERATORS]
     symbols = np.stack((parity[0], 1 - parity[1]), axis=1)
@@ -111,7 +111,7 @@ def page_symbols(data: bytes) -> UInt8[np.ndarray, " 500"]:
 
 
 def decoded_halves(soft: Float[np.ndarray, "n 240"]) -> UInt8[np.ndarray, "n 120"]:
-    """Return the most likely bits of half-pages, each one for itself, by the Viterbi algorithm.
+    """Return the most likely bits of each half-page by the Viterbi algorithm.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def decoded_halves(soft: Float[np.ndarray, "n 240"]) -> UInt8[np.ndarray, "n 120
     Returns
     -------
     array
-        0 or 1, the six tail bits included, which are always 0.
+        0 or 1, including the six tail bits, which are always 0.
 
     Raises
     ------
@@ -137,14 +137,14 @@ def decoded_halves(soft: Float[np.ndarray, "n 240"]) -> UInt8[np.ndarray, "n 120
 
 
 def page_from_symbols(soft: Float[np.ndarray, " 500"]) -> bytes:
-    """Return the 30 bytes of the page in 500 soft symbols; its checksum tells whether it was decoded well.
+    """Return the 30 bytes of the page in 500 soft symbols; the page's checksum shows whether the decoding succeeded.
 
-    The synchronisation pattern tells the sign, which a tracking loop with an ambiguity of half a cycle does not know.
+    The synchronisation pattern gives the sign, because the tracking loop has an ambiguity of half a cycle.
 
     Parameters
     ----------
     soft
-        From the first synchronisation symbol of the even half on; positive for a 0 or for a 1.
+        Symbols from the first synchronisation symbol of the even half on; positive for a 0 or for a 1.
 
     Raises
     ------

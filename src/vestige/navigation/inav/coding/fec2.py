@@ -1,15 +1,14 @@
 """FEC2: the Reed–Solomon parity of words 1 to 4 in words 17 to 20 [OS-ICD, FEC2].
 
-Any four of the eight words give the clock and ephemeris data, so a receiver need not wait for those that it lost. The
-code is over GF(256) with the polynomial 0x11D and the roots α¹ … α⁶⁰, shortened to 118 octets of which 58 hold
-information::
+Any four of the eight words give the clock and ephemeris data, so a receiver need not wait for lost words. The code is
+over GF(256) with the polynomial 0x11D and the roots α¹ … α⁶⁰, shortened to 118 octets with 58 octets of information::
 
     octet 0       type of word 1 (6 bits), 2 least significant bits of IODnav
     octet 1       8 most significant bits of IODnav
     14 octets     bits 16 … 127 of each of the words 1, 2, 3 and 4
     15 octets     of parity in each of the words 17, 18, 19 and 20
 
-The first octet belongs to the lowest degree of the polynomial; `reedsolo` puts the highest one first.
+The first octet belongs to the lowest degree of the polynomial; `reedsolo` has the highest degree first.
 """
 
 from __future__ import annotations
@@ -34,12 +33,12 @@ def _codec() -> reedsolo.RSCodec:
 
 
 def parity_words(words: Mapping[int, int]) -> dict[int, int]:
-    """Return the words 17 to 20 that belong to words 1 to 4.
+    """Return the parity words 17 to 20 of words 1 to 4.
 
     Parameters
     ----------
     words
-        Word type -> word of 128 bits; words 1 to 4 of one IODnav. Other words are not looked at.
+        Word type -> word of 128 bits; words 1 to 4 of one IODnav. Other words are ignored.
 
     Returns
     -------
@@ -49,7 +48,7 @@ def parity_words(words: Mapping[int, int]) -> dict[int, int]:
     Raises
     ------
     ValueError
-        If one of the words 1 to 4 is missing, or they are of several issues.
+        If any of the words 1 to 4 is missing, or the words are of several issues.
     """
     issue = _issue(words)
     if issue is None or any(kind not in words for kind in EPHEMERIS_WORDS):
@@ -71,13 +70,13 @@ def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
     Parameters
     ----------
     words
-        Word type -> word of 128 bits, each with a good checksum. Other words are not looked at.
+        Word type -> word of 128 bits, each with a good checksum. Other words are ignored.
 
     Returns
     -------
     dict or None
-        Word type 1 … 4 -> word of 128 bits, those that were given unchanged. None if there are too few words, or they
-        are seen to be of several issues. A parity word has only two bits of IODnav: words that are hours apart must
+        Word type 1 … 4 -> word of 128 bits; given words are unchanged. None if there are too few words, or the words
+        are detectably of several issues. A parity word has only two bits of IODnav, so words that are hours apart must
         not be mixed.
 
     Examples
@@ -92,7 +91,7 @@ def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
 
 @lru_cache(maxsize=256)  # satellites repeat their words, and a receiver asks again with every page
 def _restored(received: tuple[tuple[int, int], ...]) -> Mapping[int, int] | None:
-    """Return words 1 to 4 from the words 1 to 4 and 17 to 20 that were received, as `restored_words` does."""
+    """Return words 1 to 4 from the received words 1 to 4 and 17 to 20, as `restored_words` does."""
     known = dict(received)
     low_bits = {WORD_LAYOUTS[kind].read(known[kind], "iod_nav_low") for kind in PARITY_WORDS if kind in known}
     issue = _issue(known)
@@ -126,7 +125,7 @@ def _restored(received: tuple[tuple[int, int], ...]) -> Mapping[int, int] | None
 
 
 def _issue(words: Mapping[int, int]) -> int | None:
-    """Return the IODnav of the words 1 to 4 that are there; None if there is none, or several."""
+    """Return the IODnav of the given words 1 to 4; None without words, or if the words have several."""
     issues = {WORD_LAYOUTS[kind].read(words[kind], "iod_nav") for kind in EPHEMERIS_WORDS if kind in words}
     return issues.pop() if len(issues) == 1 else None
 
@@ -138,7 +137,7 @@ def _information(words: Mapping[int, int], issue: int) -> bytes:
 
 
 def _octets(words: Mapping[int, int], kind: int, n: int) -> list[int | None]:
-    """Return the n octets that a word has in the codeword, None if the word is missing."""
+    """Return the n octets of a word in the codeword; None for a missing word."""
     if kind not in words:
         return [None] * n
     body = list((words[kind] & ((1 << _BODY_BITS) - 1)).to_bytes(_OCTETS, "big"))

@@ -1,11 +1,11 @@
 """The compiled inner loop of the Viterbi decoder of the rate-1/2 code with 64 states (K = 7).
 
-The decoder is written out here because no library that is kept up decodes soft symbols of this code fast enough for a
-receiver of eight satellites, which needs eight half-pages a second: `scikit-commpy` takes 0.1 s for one, in Python,
-and the compiled packages on PyPI take hard bits only or were given up in 2020. This one takes 14 µs. `scikit-commpy`
-judges it in the tests.
+No maintained library decodes soft symbols of this code fast enough for a receiver of eight satellites, which needs
+eight half-pages a second. `scikit-commpy` takes 0.1 s for a half-page, in Python. The compiled packages on PyPI take
+hard bits only, or have not been maintained since 2020. This decoder takes 14 µs, and the tests compare it with
+`scikit-commpy`.
 
-The state holds the last six bits, the newest one in front. A new bit b leads from state s to (b << 5) | (s >> 1), so
+The state contains the last six bits, the newest bit first. A new bit b leads from state s to (b << 5) | (s >> 1), so
 state t is reached from 2t mod 64 and from 2t mod 64 + 1, both with the bit t >> 5.
 """
 
@@ -29,7 +29,7 @@ def decode_terminated(soft, signs, bits):
     soft
         float32 [block, 2 · n], two symbols a bit, positive for a 0.
     signs
-        float32 [128, 2], the symbols as ±1 of a 7-bit register: new bit, then the six before.
+        float32 [128, 2], the symbols (±1) of a 7-bit register: the new bit, then the six previous bits.
     bits
         uint8 [block, n], filled with the path of largest correlation.
     """
