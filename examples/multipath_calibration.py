@@ -113,9 +113,7 @@ def main() -> None:
         writer.writerow(Outcome._fields)
         writer.writerows(rows)
     draw(found, options.folder / "calibration.png")
-    print(
-        f"{options.folder / 'calibration.png'}: many channels miss 52. The count does not tell the paper's channel."
-    )
+    print(f"{options.folder / 'calibration.png'}: many channels miss 52. The count does not tell the paper's channel.")
 
 
 def draw(found: dict[tuple[int, float], list[Outcome]], path: Path) -> None:

@@ -2,8 +2,8 @@
 Correlate IQ samples yourself
 =============================
 
-Use this example to check vestige's correlator, or to start a receiver of your own. The script makes E1 and E6 samples of
-five satellites, and finds a satellite in E6 with three lines of numpy.
+Use this example to check vestige's correlator, or to start a receiver of your own. The script makes E1 and E6 samples
+of five satellites, and finds a satellite in E6 with three lines of numpy.
 """
 
 # %%
