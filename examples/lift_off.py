@@ -23,24 +23,39 @@ from vestige.scenario.load import load_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# from s, to s, what the attacker does, what follows from it
+# start in s, end in s, action of the attacker, its effect
 STORY = (
-    (0, 300, "comes from the right, weak", "Too weak to be a peak. The paper's harsh conditions hide it."),
-    (300, 580, "comes nearer", "It bends the range a little, and beats with the true signal: the phase swings."),
+    (
+        0,
+        300,
+        "comes from the right, weak",
+        "The signal is too weak to be a peak. The paper's harsh conditions hide it.",
+    ),
+    (
+        300,
+        580,
+        "comes nearer",
+        "The signal bends the range a little, and beats with the true signal: the phase swings.",
+    ),
     (
         580,
         650,
         "is on top, and turns",
-        "Two signals in one correlator add or cancel, by their phase. Here that changes slowly.",
+        "Two signals in a correlator add or cancel, depending on their phase. Here the phase changes slowly.",
     ),
     (
         650,
         850,
         "raises its power and leaves",
-        "Within a chip there is one peak, and it is the spoofer's. Both detectors follow.",
+        "Within a chip there is a single peak, and it is the spoofer's. Both detectors follow it.",
     ),
-    (850, 1050, "is about a chip late", "The peaks part. The early detector takes the first one as soon as it is one."),
-    (1050, 1500, "stays 71 m late", "The true signal is the earlier one, whatever its power: so the early detector."),
+    (
+        850,
+        1050,
+        "is about a chip late",
+        "The peaks part. The early detector takes the first peak as soon as there is one.",
+    ),
+    (1050, 1500, "stays 71 m late", "The true signal is earlier, so the early detector takes it at any power."),
 )
 
 
@@ -78,7 +93,7 @@ def main(folder: Path) -> None:
 
 
 def _spoofing_signal(results: xarray.Dataset, inside: np.ndarray) -> str:
-    """Return where the spoofing signal is at the beginning and at the end of a stretch, in words."""
+    """Return delay and power of the spoofing signal at the beginning and at the end of a stretch, in words."""
     power_db = results["truth_spoofer_power_db"].values[inside, 0, 0]
     later_m = results["truth_spoofer_offset_m"].values[inside, 0, 0]
     if not np.isfinite(power_db).all():
@@ -89,7 +104,7 @@ def _spoofing_signal(results: xarray.Dataset, inside: np.ndarray) -> str:
 def _concludes(
     results: xarray.Dataset, belongs: xarray.DataArray, detector: str, inside: np.ndarray, limit_m: float
 ) -> str:
-    """Return what a detector had in a stretch, and how often that is an alarm."""
+    """Return the median range of a detector in a stretch, and the share of alarms, in words."""
     offset_m = results["range_offset_m"].sel(detector=detector).values[inside, 0]
     signal = belongs.sel(detector=detector).values[inside]
     alarms = np.isnan(offset_m) | (np.abs(offset_m) > limit_m)

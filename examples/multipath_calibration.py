@@ -1,12 +1,12 @@
-"""What a count of missed RECS says about the reflections that the paper's harsh channel had, and what it does not.
+"""Find the channels that miss as many RECS as the paper's harsh channel; the count does not determine the reflections.
 
     python examples/multipath_calibration.py [FOLDER] [--epochs 100000]
 
-The paper [WFO, Sec. VI-A] gives one number, 52 of 100,000 missed, and not power, delay and number of its reflections.
+The paper [WFO, Sec. VI-A] gives a single number, 52 of 100,000 missed, but not power, delay and number of reflections.
 This script runs `scenarios/harsh.toml` as correlators over many channels. For each number of reflections and each mean
-excess delay it finds the power at which 52 are missed, and then compares what else the paper tells: the cluster near
-−22.5 m and the standard deviation of the range offset. It writes FOLDER/calibration.csv and FOLDER/calibration.png
-(build/calibration).
+excess delay the script finds the power at which 52 are missed. It then compares the other results of the paper: the
+cluster near −22.5 m and the standard deviation of the range offset. The script writes FOLDER/calibration.csv and
+FOLDER/calibration.png (build/calibration).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ CHUNK = 10_000
 
 
 class Outcome(NamedTuple):
-    """What a channel does to the RECS, counts per 100,000."""
+    """Results of a channel; misses and offsets in the cluster are counts per 100,000 RECS."""
 
     n_rays: int
     mean_excess_m: float
@@ -48,7 +48,7 @@ class Outcome(NamedTuple):
 
 
 def outcome(n_rays: int, excess_m: float, power_db: float, epochs: int) -> Outcome:
-    """Return what the early detector makes of a channel."""
+    """Return the results of the early detector with a channel."""
     channel = (
         f"receiver.multipath.{key}" for key in (f"n_rays={n_rays}", f"mean_excess_m={excess_m}", f"power_db={power_db}")
     )
@@ -75,7 +75,7 @@ def outcome(n_rays: int, excess_m: float, power_db: float, epochs: int) -> Outco
 
 
 def calibrated(found: list[Outcome]) -> Outcome | None:
-    """Return the channel of one number of reflections and one delay that misses as many as the paper."""
+    """Return the channel that misses as many RECS as the paper, from channels that differ in power only."""
     misses = np.array([one.misses for one in found])
     if not misses.min() < PAPER_MISSES < misses.max():
         return None
@@ -113,9 +113,7 @@ def main() -> None:
         writer.writerow(Outcome._fields)
         writer.writerows(rows)
     draw(found, options.folder / "calibration.png")
-    print(
-        f"{options.folder / 'calibration.png'}: many channels miss 52. The count does not tell which one the paper had."
-    )
+    print(f"{options.folder / 'calibration.png'}: many channels miss 52. The count does not tell the paper's channel.")
 
 
 def draw(found: dict[tuple[int, float], list[Outcome]], path: Path) -> None:

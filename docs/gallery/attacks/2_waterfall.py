@@ -2,11 +2,11 @@
 Correlators against time
 ========================
 
-Use this figure to see a second signal come and go. It is the waterfall of the paper, as a landscape and as a map.
+Use this figure to see a second signal come and go. The waterfall of the paper is drawn as a landscape and as a map.
 """
 
 # %%
-# The lift-off attack once more: the spoofing signal leaves the true one at 800 s.
+# In the lift-off attack the spoofing signal moves away from the true signal at 800 s.
 import vestige as vs
 from vestige import plots
 from vestige.campaign.execution.direct import direct_results

@@ -2,8 +2,8 @@
 A meaconer moves the position to its antenna
 ============================================
 
-Use this example to see what a meaconer does to a whole sky. Whoever follows it finds itself at the meaconer's antenna,
-and its clock is late by the meaconer's delay.
+Use this example to see the effect of a meaconer on a whole sky. A receiver that follows the meaconer computes the
+position of the meaconer's antenna, and its clock is late by the meaconer's delay.
 """
 
 # %%
@@ -25,7 +25,7 @@ settings = ["epochs=180", "recs.every=10", ATTACK]
 results = direct_results(ScenarioPlan(scenario=vs.load_scenario(sky, settings)))
 
 # %%
-# The error of the fix from all satellites. Level 2 sees the second signals: see :doc:`/threats`.
+# The figure shows the error of the fix from all satellites. Level 2 detects the second signals: see :doc:`/threats`.
 error = results["fix_error_m"].sel(fix="all")
 figure, axes = plt.subplots(2, 1, sharex=True, layout="constrained")
 for axis in ("east", "north", "up"):

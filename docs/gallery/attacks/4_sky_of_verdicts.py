@@ -3,7 +3,7 @@ A sky of verdicts
 =================
 
 Use this example to read verdicts in a script. Two of eight satellites are pulled away; the sky plot shows the verdict
-of each.
+of each satellite.
 """
 
 # %%
@@ -28,7 +28,7 @@ for svid, verdict in sorted(last.items()):
     print(f"E{svid:02d} {verdict.status.name:14s} {verdict.reason}")
 
 # %%
-# Where the satellites are comes from the results of the same campaign.
+# The results of the same campaign give the directions of the satellites.
 results = direct_results(ScenarioPlan(scenario=scenario), judge=False).isel(epoch=-1)
 colours = {"AUTHENTIC": "tab:green", "SPOOFED": "tab:red", "SUSPECT": "tab:orange"}
 figure, axes = plt.subplots(subplot_kw={"projection": "polar"}, figsize=(5, 4.4), layout="constrained")

@@ -2,7 +2,7 @@
 A row of the threat table
 =========================
 
-Use this example to measure one attack against each mitigation level in a script. ``vestige threats --only A3 --quick``
+Use this example to measure an attack against each mitigation level in a script. ``vestige threats --only A3 --quick``
 does the same.
 """
 

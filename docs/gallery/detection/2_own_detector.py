@@ -3,8 +3,8 @@ A detector of your own
 ======================
 
 Use this example to try an idea for a detector before you run a campaign with it. A detector is a class with the method
-``detect``: it gets the magnitudes of all correlators of many epochs, and returns the index of the one that it takes for
-the signal. :doc:`/extend` says how a scenario names it.
+``detect``. This method gets the magnitudes of all correlators of many epochs, and returns the index of the correlator
+that counts as the signal. :doc:`/extend` says how a scenario names the class.
 """
 
 # %%
@@ -22,7 +22,7 @@ from vestige.scenario.shipped import shipped_scenarios
 
 @dataclass(frozen=True, kw_only=True)
 class RelativePeak:
-    """The earliest peak above the threshold and above a third of the highest correlator."""
+    """Detect the earliest peak above the threshold and above a third of the highest correlator."""
 
     spacing: int = 1
 
@@ -36,20 +36,20 @@ class RelativePeak:
 
 
 # %%
-# The correlators of 20,000 epochs in a street, where reflections are as strong as the direct signal, in standard
-# deviations of the noise.
+# The detectors get the correlators of 20,000 epochs in a street, where reflections are as strong as the direct signal.
+# The magnitudes are in standard deviations of the noise.
 MULTIPATH = 'receiver.multipath={kind="lms-lite", power_db=0.0, mean_excess_m=80.0, mean_life_m=0.0}'
 (quick,) = (path for path in shipped_scenarios() if path.name == "quick.toml")
 results = direct_results(ScenarioPlan(scenario=vs.load_scenario(quick, [MULTIPATH])))
 magnitudes = np.abs(results["taps"].isel(satellite=0).values)
-noise = np.sqrt(results["noise_power"].isel(satellite=0).values / 2)[:, None]  # of one dimension
+noise = np.sqrt(results["noise_power"].isel(satellite=0).values / 2)[:, None]  # σ of one dimension
 detectors = {"own": RelativePeak(), "early": vs.EarlyDetector(), "maximum": vs.MaximumDetector()}
 threshold = vs.threshold(1e-7)
 chosen = {name: one.detect(magnitudes / noise, threshold) for name, one in detectors.items()}
 
 # %%
-# Where each detector finds the signal. Correlators are 15 m apart; the prediction from E1 is at 0 m. What lies to the
-# right are reflections that were taken for the signal.
+# The figure shows which correlator each detector chooses. Correlators are 15 m apart; the prediction from E1 is at 0 m.
+# The counts on the right are reflections that a detector took for the signal.
 offsets_m = results["tap_offset_m"].values
 figure, axes = plt.subplots(layout="constrained")
 for place, (name, taps) in enumerate(chosen.items()):

@@ -2,12 +2,12 @@
 Early and maximum detector under multipath
 ==========================================
 
-Use this example to see what reflections do to the range that each detector measures. A reflection arrives later than
-the direct signal, so it can only make a range longer.
+Use this example to see the effect of reflections on the range that each detector measures. A reflection arrives later
+than the direct signal, so it can only make a range longer.
 """
 
 # %%
-# Multipath alone, without an ionosphere: reflections as strong as the direct signal, as in a street.
+# The scene has multipath and no ionosphere. Reflections are as strong as the direct signal, as in a street.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -22,7 +22,7 @@ settings = ["epochs=20000", "receiver.ionosphere=none", "receiver.cn0_dbhz=40", 
 results = direct_results(ScenarioPlan(scenario=vs.load_scenario(quick, settings)))
 
 # %%
-# The range offset is the range of E6 minus what E1 predicts.
+# The range offset is the range of E6 minus the range that E1 predicts.
 figure, axes = plt.subplots(layout="constrained")
 for detector in ("early", "maximum"):
     offset_m = results["range_offset_m"].sel(detector=detector).values.ravel()

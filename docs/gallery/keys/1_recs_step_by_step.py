@@ -2,8 +2,8 @@
 Decrypt a RECS step by step
 ===========================
 
-Use this example to write a reader of RECS of your own, or to check one. It encrypts 1 ms of E6-C chips as the server
-does, decrypts them with nothing but hashlib and cryptography, and shows what a wrong key gives.
+Use this example to write a reader of RECS of your own, or to check one. The script encrypts 1 ms of E6-C chips as
+the server does. It decrypts the chips with hashlib and cryptography only, and shows the result of a wrong key.
 """
 
 # %%
@@ -23,7 +23,7 @@ from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E6C
 
 sent = vs.GalileoTime.parse("2026-11-21T12:00:16 GST")
-chips = primary_code(E6C, 11)  # 5115 chips, which stand for encrypted ones
+chips = primary_code(E6C, 11)  # 5115 chips, in place of encrypted chips
 secret = bytes(range(16))
 segment = encrypt(
     ChipSequence(svid=11, transmit_time=sent, chip_rate_hz=E6C.chip_rate_hz, chips=chips), secret, key_delay=1
@@ -48,7 +48,7 @@ def decrypted(aes_key):
 print("the same chips:", bool(np.array_equal(decrypted(wrapped), chips)))
 
 # %%
-# A wrong key gives random chips, and no error: only the correlation with the signal shows it.
+# A wrong key gives random chips and no error message: only the correlation with the signal shows the mistake.
 figure, axes = plt.subplots(layout="constrained")
 lag = np.arange(-60, 61)
 wrong = hashlib.sha256(bytes(16)).digest()

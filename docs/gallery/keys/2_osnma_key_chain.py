@@ -7,7 +7,7 @@ that knows one true key can check every later key, and nobody can compute a key 
 """
 
 # %%
-# The operator draws the last key of the chain, and hashes it down. The oldest key is signed: it is the root key.
+# The operator draws the last key of the chain, and hashes it down. The oldest key is the root key, which is signed.
 import secrets
 
 import matplotlib.pyplot as plt
@@ -26,8 +26,8 @@ for step in range(19, 0, -1):
 root, received = chain[0], chain[12]
 
 # %%
-# The receiver knows the root key. It receives a key six minutes later and hashes it down: the result must be the root
-# key.
+# The receiver knows the root key. Six minutes later the receiver gets a key and hashes it down: the result must be the
+# root key.
 
 
 def hashed_down(key):
@@ -43,7 +43,7 @@ print("received key:", hashed_down(received)[-1] == root)
 print("forged key:  ", hashed_down(forged)[-1] == root)
 
 # %%
-# After one hash, half of all bits differ. A forged key that is nearly right is as wrong as any other.
+# After one hash, half of all bits differ. A forged key that is nearly right is as wrong as any other forged key.
 true_keys, forged_keys = (np.array([list(key) for key in hashed_down(one)], np.uint8) for one in (received, forged))
 differ = np.unpackbits(true_keys ^ forged_keys, axis=1)
 figure, axes = plt.subplots(layout="constrained")

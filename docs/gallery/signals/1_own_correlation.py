@@ -2,12 +2,12 @@
 Correlate IQ samples yourself
 =============================
 
-Use this example to check vestige's correlator, or to start a receiver of your own. It makes E1 and E6 samples of five
-satellites, and finds one satellite in E6 with three lines of numpy.
+Use this example to check vestige's correlator, or to start a receiver of your own. The script makes E1 and E6 samples
+of five satellites, and finds a satellite in E6 with three lines of numpy.
 """
 
 # %%
-# ``first_light.toml`` describes a recording of 130 ms. Its E6-C code is the open one, so the chips are known.
+# ``first_light.toml`` describes a recording of 130 ms. The E6-C code is open, so the chips are known.
 import tempfile
 from pathlib import Path
 

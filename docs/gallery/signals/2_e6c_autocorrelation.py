@@ -2,12 +2,12 @@
 Autocorrelation of the E6-C code
 ================================
 
-Use this example to see why the early detector needs a chip of distance, and what the bandwidth of a front end does to
-the peak. One chip of E6-C is 58.6 m long.
+Use this example to see why the early detector needs a distance of a chip, and how the bandwidth of a front end changes
+the peak. A chip of E6-C is 58.6 m long.
 """
 
 # %%
-# The code of 1 ms against itself, over whole chips: one peak, and side lobes 30 dB lower.
+# The autocorrelation of the code of 1 ms over whole chips has a single peak, and side lobes 30 dB lower.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -22,8 +22,8 @@ side_lobes = np.abs(correlation[1:])
 print(f"{chips.size} chips; highest side lobe {20 * np.log10(side_lobes.max()):.1f} dB")
 
 # %%
-# The peak itself, for the bandwidths of three front ends, and the peak of E1-C for comparison. A narrow front end makes
-# it round, so a second signal close by is harder to see.
+# The figure shows the peak for the bandwidths of three front ends, and the peak of E1-C for comparison. A narrow front
+# end rounds the peak, so a second signal close by is harder to see.
 chip_m = 299_792_458.0 / E6C.chip_rate_hz
 delay_m = np.linspace(-200, 200, 1601)
 figure, axes = plt.subplots(layout="constrained")

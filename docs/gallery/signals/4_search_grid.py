@@ -2,12 +2,12 @@
 Two signals of one satellite
 ============================
 
-Use this example to see what a vestigial search looks for: a meaconer that repeats a satellite leaves the true signal in
-the samples. Both stand in the grid of code phase and Doppler.
+Use this example to see how a vestigial search finds two signals. A meaconer that repeats a satellite leaves the true
+signal in the samples, so the grid of code phase and Doppler has both signals.
 """
 
 # %%
-# E1 samples of one satellite and of its copy, which is 4 dB stronger and 1.37 ms late.
+# The samples have E1 of a satellite and its copy, which is 4 dB stronger and 1.37 ms late.
 import matplotlib.pyplot as plt
 import numpy as np
 
