@@ -50,7 +50,7 @@ _LINE = re.compile(
     r"Lat = (\S+) \[deg\], Long = (\S+) \[deg\], Height = (\S+) \[m\]"
 )
 GST_MINUS_UTC_S = 18
-STANDING_S = (43, 103)  # of the night
+STANDING_S = (41, 103)  # of the night
 FEWER = "constellation.svids=[6, 7, 8, 13, 14, 20]"  # for the sake of time
 E6_SVIDS, E6_RATE_HZ, PULL_IN_S = (6, 8, 12, 13), 10_300_000.0, 5.0
 
@@ -153,12 +153,12 @@ def fixes_by_gnss_sdr(folder: Path, case: AcasTestCase, timeout_s: float, *, lea
 def standing(tmp_path_factory: pytest.TempPathFactory) -> Standing:
     """Record eight satellites at 12.5 MHz once, for all tests of a receiver that stands.
 
-    gnss-sdr decodes pages from 7 s of signal on. Its first fix needs the ephemeris, whose words end at second 65 of the
+    gnss-sdr decodes pages of all satellites from about 9 s of signal on. Its first fix needs the ephemeris, whose words end at second 65 of the
     night, and its almanac the words of seconds 67 to 71 and 97 to 101. docs/test_cases.md has a run of 150 s.
     """
     folder = tmp_path_factory.mktemp("standing")
     case = case_of(*STANDING_S)
-    fixes = fixes_by_gnss_sdr(folder, case, 500, least=31)
+    fixes = fixes_by_gnss_sdr(folder, case, 500, least=21)
     tracked = track_recording(open_recording(folder / "e1.sigmf-meta"), workers=2)
     (folder / "e1.sigmf-data").unlink()
     return Standing(case=case, folder=folder / "gnss-sdr", fixes=fixes, tracked=tracked)
@@ -175,7 +175,7 @@ def test_the_fix_of_a_receiver_that_stands(standing: Standing) -> None:
     error_m = found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M)
     mean_m = error_m.mean(axis=0)
     assert found.at_s[0] - standing.case.first < 60
-    assert found.at_s.size > 30
+    assert found.at_s.size > 20
     assert np.median(found.used) >= 6
     assert np.hypot(*mean_m[:2]) < 2.0
     assert abs(mean_m[2]) < 4.0
