@@ -153,8 +153,9 @@ def fixes_by_gnss_sdr(folder: Path, case: AcasTestCase, timeout_s: float, *, lea
 def standing(tmp_path_factory: pytest.TempPathFactory) -> Standing:
     """Record eight satellites at 12.5 MHz once, for all tests of a receiver that stands.
 
-    gnss-sdr decodes pages of all satellites from about 9 s of signal on. Its first fix needs the ephemeris, whose words end at second 65 of the
-    night, and its almanac the words of seconds 67 to 71 and 97 to 101. docs/test_cases.md has a run of 150 s.
+    gnss-sdr decodes pages of all satellites from about 9 s of signal on. Its first fix needs the ephemeris, whose pages
+    end at second 65 of the night; the almanac needs those of seconds 67 to 71 and 97 to 101.
+    docs/test_cases.md has a run of 150 s.
     """
     folder = tmp_path_factory.mktemp("standing")
     case = case_of(*STANDING_S)
