@@ -147,7 +147,9 @@ Tracking_1B.enable_fll_pull_in=true
 Tracking_1B.fll_bw_hz=10
 Tracking_1B.pull_in_time_s=2
 Tracking_1B.pll_bw_hz=15
-Tracking_1B.dll_bw_hz=1
+; with these correlators the code discriminator has 5.2 times the slope that the loop assumes,
+; so the noise bandwidth is 3.8 times this setting: 1 Hz
+Tracking_1B.dll_bw_hz=0.26
 Tracking_1B.early_late_space_chips=0.25
 Tracking_1B.very_early_late_space_chips=0.6
 Tracking_1B.dump=true
