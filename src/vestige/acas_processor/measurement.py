@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import IntEnum
-from typing import Protocol, runtime_checkable
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int, Int8, Int64
@@ -73,8 +73,33 @@ class FixBlock:
 
     def at(self, epoch: int) -> Fix:
         """Return the fix of one epoch."""
-        one = slice(epoch, epoch + 1)
-        return Fix(**{item.name: getattr(self.fix, item.name)[one] for item in fields(Fix)})
+        return cast("Fix", _rows(self.fix, slice(epoch, epoch + 1)))
+
+    def rows(self, epochs: Int64[np.ndarray, " k"]) -> FixBlock:
+        """Return a copy of some epochs."""
+        return cast("FixBlock", _rows(self, epochs))
+
+    def put(self, places: Int64[np.ndarray, " k"], other: FixBlock) -> None:
+        """Overwrite some epochs by those of another block."""
+        _put(self, places, other)
+
+
+def _rows(record: object, rows: Int64[np.ndarray, " k"] | slice) -> object:
+    """Return a record of arrays, or of such records, with some of its rows."""
+    if isinstance(record, np.ndarray):
+        return record[rows]
+    if not is_dataclass(record) or isinstance(record, type):
+        return record
+    return replace(record, **{one.name: _rows(getattr(record, one.name), rows) for one in fields(record)})
+
+
+def _put(record: object, places: Int64[np.ndarray, " k"], values: object) -> None:
+    """Overwrite rows of all arrays of a record."""
+    if isinstance(record, np.ndarray):
+        record[places] = values
+    elif is_dataclass(record):
+        for one in fields(record):
+            _put(getattr(record, one.name), places, getattr(values, one.name))
 
 
 @runtime_checkable

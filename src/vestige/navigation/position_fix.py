@@ -267,9 +267,10 @@ def inverse_normal(
     geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n 4 4"]:
     """Return (HᵀWH)⁻¹, NaN where it is singular."""
-    sighted = np.einsum("nmi,nmj->nij", geometry * (weight > 0)[..., None], geometry)
+    sighted = np.matmul(np.where(weight[..., None] > 0, geometry, 0.0).transpose(0, 2, 1), geometry)
     solvable = _solvable(np.where(np.isfinite(sighted), sighted, 0.0))
-    normal = np.einsum("nmi,nm,nmj->nij", geometry, weight, geometry)
+    columns = np.ascontiguousarray(np.moveaxis(geometry, 0, -1))  # epochs last: sums over satellites are of long rows
+    normal = np.moveaxis(np.sum((columns * weight.T[:, None])[:, :, None] * columns[:, None], axis=0), -1, 0)
     normal[~solvable] = np.eye(UNKNOWNS)
     inverse = np.linalg.inv(normal)
     inverse[~solvable] = np.nan

@@ -80,20 +80,17 @@ class InertialMonitor(Monitor):
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block: each epoch with RECS and a position is compared with the previous such one."""
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
-        reasons: dict[int, str] = {}
-        for epoch, step in rate_steps(evidence):
-            if isinstance(step, str):
-                reasons[epoch] = step
-                continue
-            statistic[epoch] = self.statistic(step.rate_change_mps, step.static_change_mps, step.delta_velocity_mps)
-            of_rates = two_sided_factor(self.p_fa) * step.sigma_change_mps
-            threshold[epoch] = np.hypot(self.threshold_mps(np.array([step.interval_s]))[0], of_rates)
+        steps = rate_steps(evidence)
+        changes = steps.rate_change_mps, steps.static_change_mps, steps.delta_velocity_mps
+        statistic[steps.epoch] = self.statistic(*changes)
+        of_rates = two_sided_factor(self.p_fa) * steps.sigma_change_mps
+        threshold[steps.epoch] = np.hypot(self.threshold_mps(steps.interval_s)[:, None], of_rates)
 
         def explain(epoch: int, satellite: int) -> str:
             if evidence.measured.snapshots.increments is None:
                 return "no accelerations of inertial sensors"
             if np.isnan(statistic[epoch, satellite]):
-                return reasons.get(epoch, "no range rate at both ends")
+                return steps.reasons.get(epoch, "no range rate at both ends")
             return f"the range rate changed by {statistic[epoch, satellite]:+.2f} m/s more than the motion explains"
 
         return series_of(self, statistic, np.where(np.isnan(statistic), np.nan, threshold), explain)

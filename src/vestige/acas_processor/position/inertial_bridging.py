@@ -12,19 +12,17 @@ also gives the velocities at both ends.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int64
 
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.measurement import Fixes
 from vestige.acas_processor.monitoring.memory import RateMemory, SatelliteRate
 from vestige.navigation.earth import local_axes_at
-from vestige.records.snapshot_block import SnapshotBlock
+from vestige.records.times import GalileoTimes
 
 
 def gained_towards_mps(
@@ -43,51 +41,48 @@ def gained_towards_mps(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RateStep:
-    """Change of the range rates from one RECS to the next; NaN for satellites that are not at both RECS."""
+class RateSteps:
+    """Changes of the range rates of m satellites over k steps, each from one RECS to the next."""
 
-    interval_s: float
-    # arguments of `InertialMonitor.statistic`
-    rate_change_mps: Float[np.ndarray, " m"]
-    static_change_mps: Float[np.ndarray, " m"]
-    delta_velocity_mps: Float[np.ndarray, " m"]
-    sigma_change_mps: Float[np.ndarray, " m"]  # standard deviation of the measured change
-
-
-Steps = tuple[tuple[int, RateStep | str], ...]
-
-
-def rate_steps(evidence: Evidence) -> Steps:
-    """Return each row with a RECS and its rate step, or the reason why rates cannot be compared.
-
-    Nothing is returned without inertial sensors. The steps of a run that begins with the block are kept, because the
-    other levels judge the same block.
-    """
-    snapshots, fixes = evidence.measured.snapshots, evidence.measured.fixes
-    if fixes is None or evidence.rates is not None:
-        return tuple(_steps(evidence))
-    of, steps = _KEPT.get(fixes, (None, ()))
-    if of is not snapshots:
-        steps = tuple(_steps(evidence))
-        _KEPT[fixes] = snapshots, steps
-    return steps
+    epoch: Int64[np.ndarray, " k"]  # row in which each step ends
+    interval_s: Float[np.ndarray, " k"]
+    # arguments of `InertialMonitor.statistic`; NaN for satellites that are not known at both ends
+    rate_change_mps: Float[np.ndarray, "k m"]
+    static_change_mps: Float[np.ndarray, "k m"]
+    delta_velocity_mps: Float[np.ndarray, "k m"]
+    sigma_change_mps: Float[np.ndarray, "k m"]  # standard deviation of the measured change
+    reasons: Mapping[int, str]  # rows with RECS at which no step ends, and why
 
 
-_KEPT: WeakKeyDictionary[Fixes, tuple[SnapshotBlock, Steps]] = WeakKeyDictionary()
-
-
-def _steps(evidence: Evidence) -> Iterator[tuple[int, RateStep | str]]:
-    for epoch, before, now in _pairs(evidence):
-        if now is None:
-            yield epoch, "no position fix"
-        elif before is None:
-            yield epoch, "no snapshot with a position fix before"
-        elif not now.time - before.time > 0:
-            yield epoch, "the snapshot before is of the same time"
-        elif not before.covered:
-            yield epoch, f"the accelerations do not cover the time since {before.time}"
-        else:
-            yield epoch, _step(before, now, evidence.measured.snapshots.svids)
+def rate_steps(evidence: Evidence) -> RateSteps:
+    """Return the rate steps that end in the block; none without inertial sensors."""
+    snapshots = evidence.measured.snapshots
+    recs = np.flatnonzero(snapshots.recs) if snapshots.increments is not None else np.zeros(0, np.int64)
+    ends, sensed = _ends(evidence, recs), _sensed(evidence, recs)
+    interval_s = ends.time[1:] - ends.time[:-1]
+    reasons = {
+        int(recs[step]): reason
+        for step in range(recs.size)
+        if (reason := _why_no_step(ends, interval_s, sensed.covered, step))
+    }
+    steps = np.flatnonzero(~np.isin(recs, list(reasons)))
+    both = (np.isfinite(ends.rate_mps[:-1]) & np.isfinite(ends.rate_mps[1:]))[steps]
+    delta_velocity_mps = np.full((steps.size, len(snapshots.svids)), np.nan)
+    for number in np.unique(sensed.number[steps]).tolist():
+        alike = np.flatnonzero(sensed.number[steps] == number)  # steps with as many increments are computed together
+        delta_velocity_mps[alike] = _gained(ends, sensed, interval_s, steps[alike])
+    changes = {
+        "rate_change_mps": ends.rate_mps[1:][steps] - ends.rate_mps[:-1][steps],
+        "static_change_mps": ends.static_mps[1:][steps] - ends.static_mps[:-1][steps],
+        "delta_velocity_mps": delta_velocity_mps,
+        "sigma_change_mps": np.hypot(ends.sigma_mps[:-1][steps], ends.sigma_mps[1:][steps]),
+    }
+    return RateSteps(
+        epoch=recs[steps],
+        interval_s=interval_s[steps],
+        reasons=reasons,
+        **{name: np.where(both, change, np.nan) for name, change in changes.items()},
+    )
 
 
 def remembered_rates(evidence: Evidence) -> RateMemory | None:
@@ -98,19 +93,8 @@ def remembered_rates(evidence: Evidence) -> RateMemory | None:
     return _with_increments(evidence, last, after, evidence.shape[0])
 
 
-def _pairs(evidence: Evidence) -> Iterator[tuple[int, RateMemory | None, RateMemory | None]]:
-    """Yield each epoch with RECS, the memory before it with all increments since, and the memory after it."""
-    if evidence.measured.snapshots.increments is None:
-        return
-    before, after = evidence.rates, 0
-    for epoch in np.flatnonzero(evidence.measured.snapshots.recs).tolist():
-        now = _left_behind(evidence, epoch)
-        yield epoch, _with_increments(evidence, before, after, epoch + 1), now
-        before, after = now, epoch + 1
-
-
 def _with_increments(evidence: Evidence, left: RateMemory | None, first: int, last: int) -> RateMemory | None:
-    """Return the memory of an epoch with the increments of the rows from `first` to before `last` added."""
+    """Return the memory of an epoch, with the increments of the rows from `first` to before `last` added."""
     increments = evidence.measured.snapshots.increments
     if left is None or increments is None:
         return None
@@ -137,57 +121,136 @@ def _left_behind(evidence: Evidence, epoch: int) -> RateMemory | None:
     return RateMemory(time=snapshots.time.at(epoch), position_m=(x, y, z), satellites=satellites)
 
 
-def _step(before: RateMemory, now: RateMemory, svids: tuple[int, ...]) -> RateStep:
-    interval_s = now.time - before.time
-    places = np.array([before.position_m, now.position_m])
-    ends_s = np.array([time - before.time for time, _ in before.increments])
-    sensed = np.array([increment for _, increment in before.increments]).reshape(-1, 3)
-    path = _bent(places, ends_s, interval_s, np.zeros((ends_s.size, 3)))
-    for _ in range(2):  # first along a straight line, then along the path from the increments
-        gained = np.einsum("nij,ni->nj", local_axes_at(path.middles_m), sensed)
-        path = _bent(places, ends_s, interval_s, gained)
-    m = len(svids)
-    rate, static, sigma = np.full((3, m), np.nan)
-    towards = np.full((2, m, 3), np.nan)
-    for column, svid in enumerate(svids):
-        if svid in before.satellites and svid in now.satellites:
-            old, new = before.satellites[svid], now.satellites[svid]
-            rate[column], static[column] = new.rate_mps - old.rate_mps, new.static_mps - old.static_mps
-            sigma[column] = np.hypot(old.sigma_mps, new.sigma_mps)
-            towards[0, column], towards[1, column] = old.towards, new.towards
-    return RateStep(
-        interval_s=interval_s,
-        rate_change_mps=rate,
-        static_change_mps=static,
-        delta_velocity_mps=gained_towards_mps(towards[0], towards[1], np.sum(gained, axis=0), path.mean_of_ends_mps),
-        sigma_change_mps=sigma,
+class _Ends(NamedTuple):
+    """Ends of all steps of a block: the RECS before it, which the state remembers, and all RECS of it."""
+
+    time: GalileoTimes
+    valid: Bool[np.ndarray, " q"]  # whether there is a position
+    position_m: Float[np.ndarray, "q 3"]
+    # NaN for satellites without a range rate
+    rate_mps: Float[np.ndarray, "q m"]
+    static_mps: Float[np.ndarray, "q m"]
+    sigma_mps: Float[np.ndarray, "q m"]
+    towards: Float[np.ndarray, "q m 3"]
+
+
+def _ends(evidence: Evidence, recs: Int64[np.ndarray, " k"]) -> _Ends:
+    """Return k + 1 ends; without a RECS before the block, the first is one without a position."""
+    found, snapshots, left = evidence.measured.fix, evidence.measured.snapshots, evidence.rates
+    q, m = recs.size + 1, len(snapshots.svids)
+    valid = np.zeros(q, np.bool_)
+    position_m = np.full((q, 3), np.nan)
+    rate_mps, static_mps, sigma_mps = np.full((3, q, m), np.nan)
+    towards = np.full((q, m, 3), np.nan)
+    time = snapshots.time[np.append(0, recs)]
+    if found is not None:
+        valid[1:], position_m[1:] = found.fix.valid[recs], found.fix.position_m[recs]
+        known = np.isfinite(found.range_rate_mps[recs]) & np.isfinite(found.static_range_rate_mps[recs])
+        rate_mps[1:] = np.where(known, found.range_rate_mps[recs], np.nan)
+        static_mps[1:], sigma_mps[1:] = found.static_range_rate_mps[recs], found.sigma_rate_mps[recs]
+        towards[1:] = -found.fix.geometry[recs, :, :3]
+    if left is not None:
+        time.second[0], time.fraction[0] = left.time.gst_seconds, left.time.fraction
+        valid[0], position_m[0] = True, left.position_m
+        for column, svid in enumerate(snapshots.svids):
+            if svid in left.satellites:
+                one = left.satellites[svid]
+                rate_mps[0, column], static_mps[0, column] = one.rate_mps, one.static_mps
+                sigma_mps[0, column], towards[0, column] = one.sigma_mps, one.towards
+    return _Ends(time, valid, position_m, rate_mps, static_mps, sigma_mps, towards)
+
+
+class _Sensed(NamedTuple):
+    """Increments of a block, with those before it since the last RECS, and the step to which each belongs."""
+
+    time: GalileoTimes
+    delta_velocity_mps: Float[np.ndarray, "j 3"]
+    step: Int64[np.ndarray, " j"]
+    # one value for each step
+    number: Int64[np.ndarray, " k"]  # number of increments
+    covered: Bool[np.ndarray, " k"]  # whether the increments leave no gap
+
+
+def _sensed(evidence: Evidence, recs: Int64[np.ndarray, " k"]) -> _Sensed:
+    increments, left = evidence.measured.snapshots.increments, evidence.rates
+    if increments is None:
+        return _Sensed(GalileoTimes.of(()), np.zeros((0, 3)), recs, recs, recs > 0)
+    before = () if left is None else left.increments
+    earlier = GalileoTimes.of(time for time, _ in before)
+    step = np.append(np.zeros(len(before), np.int64), np.searchsorted(recs, increments.epoch))
+    gaps = np.append(0, np.cumsum(~increments.covered))[np.append(0, recs + 1)]
+    covered = np.diff(gaps) == 0
+    covered[:1] &= left is None or left.covered
+    return _Sensed(
+        time=GalileoTimes(
+            np.append(earlier.second, increments.time.second), np.append(earlier.fraction, increments.time.fraction)
+        ),
+        delta_velocity_mps=np.concatenate(
+            [np.array([one for _, one in before]).reshape(-1, 3), increments.delta_velocity_mps]
+        ),
+        step=step,
+        number=np.bincount(step, minlength=recs.size + 1)[: recs.size],
+        covered=covered,
+    )
+
+
+def _why_no_step(
+    ends: _Ends, interval_s: Float[np.ndarray, " k"], covered: Bool[np.ndarray, " k"], step: int
+) -> str | None:
+    """Return why rates cannot be compared over a step; None if they can."""
+    if not ends.valid[step + 1]:
+        return "no position fix"
+    if not ends.valid[step]:
+        return "no snapshot with a position fix before"
+    if not interval_s[step] > 0:
+        return "the snapshot before is of the same time"
+    if not covered[step]:
+        return f"the accelerations do not cover the time since {ends.time.at(step)}"
+    return None
+
+
+def _gained(
+    ends: _Ends, sensed: _Sensed, interval_s: Float[np.ndarray, " k"], steps: Int64[np.ndarray, " p"]
+) -> Float[np.ndarray, "p m"]:
+    """Return Δ(e·v) of steps with as many increments each."""
+    here = np.stack([np.flatnonzero(sensed.step == step) for step in steps.tolist()])
+    ends_s = sensed.time[here] - ends.time[steps[:, None]]
+    places = np.stack([ends.position_m[steps], ends.position_m[steps + 1]], axis=1)
+    local = sensed.delta_velocity_mps[here]
+    path = _bent(places, ends_s, interval_s[steps], np.zeros(local.shape))
+    for _ in range(2):  # the first time along a straight line, the second along the path that the increments bend
+        axes = local_axes_at(path.middles_m.reshape(-1, 3)).reshape(*local.shape, 3)
+        gained = np.einsum("pkij,pki->pkj", axes, local)
+        path = _bent(places, ends_s, interval_s[steps], gained)
+    return gained_towards_mps(
+        ends.towards[steps], ends.towards[steps + 1], np.sum(gained, axis=1), path.mean_of_ends_mps
     )
 
 
 class _Path(NamedTuple):
-    """Positions in the middle of each of k increments, and the mean of the velocities at both ends."""
+    """Places in the middle of each of k increments of p steps, and the mean of the velocities at both ends."""
 
-    middles_m: Float[np.ndarray, "k 3"]
-    mean_of_ends_mps: Float[np.ndarray, " 3"]
+    middles_m: Float[np.ndarray, "p k 3"]
+    mean_of_ends_mps: Float[np.ndarray, "p 3"]
 
 
 def _bent(
-    places: Float[np.ndarray, "2 3"],
-    ends_s: Float[np.ndarray, " k"],
-    interval_s: float,
-    gained: Float[np.ndarray, "k 3"],
+    places: Float[np.ndarray, "p 2 3"],
+    ends_s: Float[np.ndarray, "p k"],
+    interval_s: Float[np.ndarray, " p"],
+    gained: Float[np.ndarray, "p k 3"],
 ) -> _Path:
-    """Return the path between two positions for given velocity increments, each uniform in its step.
+    """Return the path from one place to another on which a receiver gains velocities, each evenly in its step.
 
-    Positions and velocities are ECEF. `ends_s` are the ends of the steps, in s after the first position; the receiver
-    reaches the second position at `interval_s`.
+    Places and velocities are ECEF. `ends_s` are the ends of the increments after the first place; the second is reached
+    at `interval_s`.
     """
-    steps_s = np.diff(ends_s, prepend=0.0)[:, None]
-    before = np.cumsum(gained, axis=0) - gained
-    moved = steps_s * (before + gained / 2)  # without the part of the velocity at the beginning
-    rest_s = interval_s - (float(ends_s[-1]) if ends_s.size else 0.0)
-    total = np.sum(gained, axis=0)
-    first = (places[1] - places[0] - np.sum(moved, axis=0) - rest_s * total) / interval_s
-    so_far = np.cumsum(moved, axis=0) - moved + steps_s / 2 * (before + gained / 4)
-    middles_s = (ends_s - steps_s[:, 0] / 2)[:, None]
-    return _Path(places[0] + middles_s * first + so_far, first + total / 2)
+    steps_s = np.diff(ends_s, prepend=0.0)[..., None]
+    before = np.cumsum(gained, axis=1) - gained
+    moved = steps_s * (before + gained / 2)  # beside what the velocity at the beginning makes
+    rest_s = interval_s - (ends_s[:, -1] if ends_s.shape[1] else 0.0)
+    total = np.sum(gained, axis=1)
+    first = (places[:, 1] - places[:, 0] - np.sum(moved, axis=1) - rest_s[:, None] * total) / interval_s[:, None]
+    so_far = np.cumsum(moved, axis=1) - moved + steps_s / 2 * (before + gained / 4)
+    middles_s = (ends_s - steps_s[..., 0] / 2)[..., None]
+    return _Path(places[:, :1] + middles_s * first[:, None] + so_far, first + total / 2)

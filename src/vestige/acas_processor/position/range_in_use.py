@@ -24,11 +24,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from vestige.acas_processor.checks.second_signal import SecondSignalMonitor, two_signals
 from vestige.acas_processor.levels import POSITION
-from vestige.acas_processor.measurement import FixBlock
 from vestige.acas_processor.position.fix_measurement import fix_quantities
 from vestige.acas_processor.position.possible_range import (
     BY_POSITION,
@@ -139,17 +138,21 @@ def _positions(
     if snapshots.data_authenticated is not None:
         range_m = np.where(snapshots.data_authenticated, range_m, np.nan)
     rows = np.flatnonzero(np.count_nonzero(np.isfinite(range_m), axis=1) >= UNKNOWNS)
-    sent = settings.transmission(snapshots.time[rows], snapshots.svids, range_m[rows])
-    all_fix = measured.fix
-    sigma_m = all_fix.sigma_m[rows]
-    common_m = None if all_fix.common_m is None else all_fix.common_m[rows]
-    fix = position_fix(sent, range_m[rows], sigma_m, common_m=common_m)
-    quantities = fix_quantities(
-        sent, fix, rate_mps=all_fix.range_rate_mps[rows], sigma_rate_mps=all_fix.sigma_rate_mps[rows]
-    )
+    fixes = measured.fix.rows(rows)  # the same as in step 5 where all ranges of E1 are in use
+    other = np.flatnonzero(~np.all(_equal(range_m[rows], snapshots.e1.pseudorange_m[rows]), axis=1))
+    if other.size:
+        sent = settings.transmission(snapshots.time[rows[other]], snapshots.svids, range_m[rows[other]])
+        left = fixes.rows(other)
+        fix = position_fix(sent, range_m[rows[other]], left.sigma_m, common_m=left.common_m)
+        quantities = fix_quantities(sent, fix, rate_mps=left.range_rate_mps, sigma_rate_mps=left.sigma_rate_mps)
+        fixes.put(other, replace(left, **quantities))
     used = np.zeros(range_m.shape, np.bool_)
-    used[rows] = np.isfinite(range_m[rows]) & fix.valid[:, None]
-    fixes = FixBlock(sigma_m=sigma_m, common_m=common_m, bounded=all_fix.bounded, **quantities)
+    used[rows] = np.isfinite(range_m[rows]) & fixes.fix.valid[:, None]
     trusted = snapshots.svids if settings.authenticated is None else tuple(settings.authenticated)
     authenticated = np.all(~used | np.isin(snapshots.svids, trusted), axis=1)
     return PositionBlock(rows=rows, fixes=fixes, used=used, orbits_authenticated=np.asarray(authenticated))
+
+
+def _equal(one: Float[np.ndarray, "n m"], other: Float[np.ndarray, "n m"]) -> Bool[np.ndarray, "n m"]:
+    """Return where two ranges are equal or both missing."""
+    return (one == other) | (np.isnan(one) & np.isnan(other))
