@@ -1,15 +1,15 @@
-"""False alarms of level 1 with `alarms_per_day`, and what the setting costs in time to detect.
+"""Measure the false alarms of level 1 with the setting `alarms_per_day`, and its cost in time to detect.
 
 python benchmarks/alarms_per_day.py [--hours 1000] [--alarms-per-day 1] [--runs 40]
 
-The scene is A0 harsh of the threat table: eight satellites of 33.5 to 40 dBHz on both bands, rays of −15.8 dB, the
-ionosphere of 2014, and a RECS each 30 s. Each hour is a campaign of its own, at fidelity `correlators`. Level 1 judges
-the same results without and with the setting. Alarms are counted as a user sees them (`LevelVerdicts.begins`): one
-begins where none stood of any satellite, and is held for 90 s. The bound is the upper end of the exact one-sided 95 %
-interval of a Poisson count. A run of misses that goes on over the end of an hour is cut there.
+The scene is A0 harsh of the threat table: eight satellites of 33.5 to 40 dBHz on both bands, multipath of −15.8 dB, the
+ionosphere of 2014, and a RECS each 30 s. Each hour is a separate campaign at fidelity `correlators`. Level 1 judges
+the same results without and with the setting. Alarms are counted as a user sees them (`LevelVerdicts.begins`): an alarm
+begins if no satellite had an alarm before, and is kept for 90 s. The upper limit is the upper end of the exact
+one-sided 95 % interval of a Poisson count. A series of misses ends with its hour.
 
-Then E6 is jammed, and E1 of the satellite in the middle is pulled away: the time from the start of the attack to the
-first alarm of any satellite, and to that of each satellite that is attacked.
+The second table is for two attacks: E6 is jammed, or E1 of the middle satellite is pulled away. The table has the time
+from the start of the attack to the first alarm of any satellite, and to the first alarm of each attacked satellite.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def harsh_scene(seed: int, *settings: str, attacks: Sequence[dict[str, object]] 
 
 
 def judged_hours(scenario: CampaignScenario, alarms: Sequence[float | None]) -> Iterator[LevelVerdicts]:
-    """Yield what level 1 says of a campaign with each setting of `alarms_per_day`."""
+    """Yield the verdicts of level 1 on a campaign for each setting of `alarms_per_day`."""
     results = direct_results(ScenarioPlan(scenario=scenario), judge=False)
     for one in alarms:
         yield level_verdicts(results, (1,), alarms_per_day=one)[0]
@@ -59,7 +59,7 @@ def judged_hours(scenario: CampaignScenario, alarms: Sequence[float | None]) -> 
 
 @dataclass
 class Counts:
-    """Alarms of some hours."""
+    """Count of the alarms of several hours."""
 
     alarms: int = 0
     hours: float = 0.0
@@ -68,7 +68,7 @@ class Counts:
     budget: dict[str, float] = field(default_factory=dict)
 
     def add(self, found: LevelVerdicts) -> None:
-        """Count an hour."""
+        """Add the alarms and the tests of an hour."""
         self.alarms += int(np.count_nonzero(found.begins))
         self.hours += HOUR_S / 3600
         self.tests += found.status.size
@@ -84,19 +84,19 @@ class Counts:
 
     @property
     def bound(self) -> float:
-        """Upper 95 % bound of the alarms a day."""
+        """Upper limit of the alarms a day, one-sided 95 %."""
         return float(chdtri(2 * self.alarms + 2, 0.05)) / 2 / self.hours * 24
 
 
 def first_alarms_s(found: LevelVerdicts) -> np.ndarray:
-    """Return how long after the start of the attack each satellite first has an alarm; ∞ without one."""
+    """Return the time in s from the start of the attack to each satellite's first alarm; ∞ without an alarm."""
     time_s = RECS_S * np.arange(found.status.shape[0])
     alarm = is_alarm(found.status) & (time_s >= START_S)[:, None]
     return np.where(alarm.any(axis=0), time_s[np.argmax(alarm, axis=0)] - START_S, np.inf)
 
 
 def span(times_s: np.ndarray) -> str:
-    """Return median and 90 % point of times, and how often there was an alarm."""
+    """Return median and 90 % quantile of times as text, and the share of finite times."""
     middle, late = np.quantile(times_s, [0.5, 0.9], method="higher")
     return f"{middle:.0f} ({late:.0f}), {np.mean(np.isfinite(times_s)):.0%}"
 

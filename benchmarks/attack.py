@@ -1,13 +1,13 @@
-"""One epoch under attack against one without, from chips to correlators, at the `samples` fidelity.
+"""Compare the time of an epoch with and without an attack, from chips to correlators, at the `samples` fidelity.
 
-Both are epochs of a scenario as `vestige run` makes them: new chips, encryption under the epoch's key, samples with
-rays and noise, the real processor. The attacks are that of `scenarios/liftoff.toml` while it is on, and each of the
-jamming waveforms. Times are CPU times of one thread. Rounds interleave all of them; a ratio is formed in each round,
-and the median is taken.
+The epochs are made as in `vestige run`: new chips, encryption with the key of the epoch, samples with multipath and
+noise, and the real processor. The attacks are the lift-off of `scenarios/liftoff.toml` while it is on, and each
+jamming waveform. Times are CPU times of a single thread. Each round measures all cases and forms the ratios; the
+result is the median over the rounds.
 
     python benchmarks/attack.py [--json FILE] [--rounds 9]
 
-Exit status 1 if the bar is missed: an attack costs at most 40 % more.
+The exit status is 1 if the limit is exceeded: an epoch under attack may take 40 % more time.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ BAR = 1.4
 
 
 def simulations() -> dict[str, Simulation]:
-    """Return the receiver without an attacker, and with each of them."""
+    """Return the receiver without an attacker, and with each attacker."""
     scenario = load_scenario(LIFTOFF)
     assert isinstance(scenario, CampaignScenario)
     liftoff = scenario.simulation()
@@ -74,7 +74,7 @@ def measure(rounds: int) -> dict[str, list[float]]:
     cases = {name: (receiver_of(one), truth_of(one)) for name, one in simulations().items()}
     processor = AcasProcessor()
     times: dict[str, list[float]] = {name: [] for name in cases}
-    for number in range(rounds + 1):  # the first compiles
+    for number in range(rounds + 1):  # the first round compiles
         for name, (receiver, truth) in cases.items():
             begin = time.thread_time()
             processor.measure(receiver.snapshots(FIRST, (truth,)), receiver.assistance)
@@ -84,7 +84,7 @@ def measure(rounds: int) -> dict[str, list[float]]:
 
 
 def main() -> int:
-    """Print the table; return 1 if the bar is missed."""
+    """Print the table; return 1 if the limit is exceeded."""
     parser = argparse.ArgumentParser(description="One epoch under attack against one without.")
     parser.add_argument("--json", type=Path, help="write the result to this file")
     parser.add_argument("--rounds", type=int, default=9)

@@ -1,13 +1,14 @@
-"""The paper's harsh conditions as a campaign, start of Python and store included: rate, CPU time and memory.
+"""Measure rate, CPU time and memory of a campaign in the paper's harsh conditions, start of Python and store included.
 
-Runs `vestige run scenarios/harsh.toml` in a fresh process for each fidelity, with three rays in place of the
-scenario's one, and watches the process and its workers. CPU time is that of all of them, children included; two runs
-of different length tell the cost of an epoch from the cost of starting.
+The script runs `vestige run scenarios/harsh.toml` in a fresh process for each fidelity, with three multipath components
+in place of one, and observes the process and its workers. CPU time is the sum over all these processes. Two runs of
+different length separate the cost of an epoch from the cost of the start.
 
     python benchmarks/campaign.py [--epochs 10000] [--workers 2] [--rays 3] [--json FILE]
 
-Bars: 100,000 epochs at `samples` in 300 s of CPU time, which is 150 s on two cores, at `correlators` in 10 s; 400 MB at
-any moment, workers included. Memory is read from /proc, so this needs Linux. Exit status 1 if a bar is missed.
+The limits for 100,000 epochs are 300 s of CPU time at `samples`, which is 150 s on two cores, and 10 s at
+`correlators`. Memory may reach 400 MB, workers included. Memory is read from /proc, so the script needs Linux. The exit
+status is 1 if a limit is exceeded.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[1]
 BARS_CPU_S = {"samples": 300.0, "correlators": 10.0}
 BAR_MB = 400.0
 PAPER_EPOCHS = 100_000
-LONGER = {"samples": 1, "correlators": 10}  # times the epochs asked for
+LONGER = {"samples": 1, "correlators": 10}  # factor on the number of epochs in the longer run
 SAMPLE_S = 0.02
 
 
@@ -74,14 +75,14 @@ def watched(fidelity: str, epochs: int, workers: int, rays: int) -> dict[str, fl
 
 
 def main() -> int:
-    """Print the table; return 1 if a bar is missed."""
+    """Print the table; return 1 if a limit is exceeded."""
     parser = argparse.ArgumentParser(description="The harsh conditions as a campaign.")
     parser.add_argument("--epochs", type=int, default=10_000, help="of samples; ten times as many correlator banks")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--rays", type=int, default=3)
     parser.add_argument("--json", type=Path, help="write the result to this file")
     arguments = parser.parse_args()
-    watched("samples", 10, arguments.workers, arguments.rays)  # compiles the kernels
+    watched("samples", 10, arguments.workers, arguments.rays)  # a first run, which compiles the kernels
     missed, result = False, {}
     print("              epochs   wall s  epochs/s  start, CPU s  100,000 epochs, CPU s  peak MB")
     for fidelity, longer in LONGER.items():

@@ -1,10 +1,11 @@
-"""Detection of each check over the simulated sky against the strength of the attack that it is for, with intervals.
+"""Measure how each check detects its attack over the simulated sky, against the strength of the attack.
 
 python benchmarks/detection_curves.py -o folder [--seeds 20] [--only clock]
 
-For each attack a figure and a table, CSV, in the folder; the tables are printed as in docs/checks. Rays, ionosphere,
-clock and sensors are those of scenarios/sky.toml, budgets 1e-5; the thresholds of power and floor allow for a drift of
-the front end of 0.3 dB, as those of the levels do. A check sees the attack if it fails for any satellite while it acts.
+The folder gets a figure and a CSV table for each attack; the tables are printed as in docs/checks. Multipath,
+ionosphere, clock and sensors are those of scenarios/sky.toml, and budgets are 1e-5. The thresholds of power and noise
+floor allow for a drift of the front end of 0.3 dB, as in the levels. A check detects the attack if it fails for any
+satellite while the attack acts. Counts have intervals.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ SKY = Path(__file__).parents[1] / "scenarios" / "sky.toml"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curve:
-    """An attack, its strengths, and the checks that are for it."""
+    """An attack, its strengths, and the checks that can detect it."""
 
     title: str
     label: str
     strengths: tuple[float, ...]
-    attack: str  # TOML, {0} is the strength and {1} a hundred times that, of a ramp of 100 s
+    attack: str  # TOML; {0} is the strength, {1} a hundred times the strength for a ramp of 100 s
     checks: tuple[str, ...]
     window_s: tuple[float, float] = (60.0, 120.0)
     log: bool = False
@@ -179,7 +180,7 @@ def scenario(curve: Curve, strength: float, seed: int) -> CampaignScenario:
 
 
 def point(curve: Curve, seeds: Sequence[int], strength: float) -> dict[str, Proportion]:
-    """Return what each check sees of one strength."""
+    """Return the detections of each check at a strength."""
     make: Callable[[int], CampaignScenario] = partial(scenario, curve, strength)
     return check_detection(make, seeds, checks=curve.checks, window_s=curve.window_s)
 

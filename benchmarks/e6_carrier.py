@@ -1,11 +1,11 @@
-"""Detection by the monitors of the phase and the fading of E6 against power, rate of RECS and slip, with intervals.
+"""Measure the detection by the E6 phase and fading monitors against power, rate of RECS and slip, with intervals.
 
 python benchmarks/e6_carrier.py [--seeds 20] [--part power|slip|honest]
 
-One line of sight of 35 dBHz with the multipath of scenarios/harsh.toml, new in every RECS, and an ionosphere that moves
-smoothly. After one undisturbed window a spoofing signal is on E6, 10 m late, and slips against the true one. A check
-sees it if it fails at any time in the two windows after that. Budget 1e-6 of one test. "lasting" is the check that
-allows for reflections that last. "-" is not run.
+The scene is a line of sight of 35 dBHz with the multipath of scenarios/harsh.toml, which changes with every RECS, and
+an ionosphere that changes smoothly. After an undisturbed window a spoofing signal is on E6, 10 m late, and its phase
+slips against the true signal. A check detects the spoofing signal if it fails in the two windows after that. The budget
+of a test is 1e-6. "lasting" is the check that allows for lasting reflections. "-" marks cells that are not run.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CASES = (
     (inf, 30),
     (0.0, 100),
     (inf, 100),
-)  # life of a reflection in s, window in RECS
+)  # lifetime of a reflection in s, window in RECS
 POWERS_DB = (-16.0, -13.0, -10.0, -7.0, -4.0, 0.0)
 SLIPS_HZ = (0.0, 0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.5, 0.97, 1.0)
 INTERVALS_S = (1, 2, 5, 10, 30)
@@ -50,7 +50,7 @@ RATES = ((1, 100), (1, 30), (2, 30), (5, 10), (10, 10), (30, 10), (30, 30), (30,
 
 
 def results(seed: int, *, interval_s: int, power_db: float, slip_hz: float, recs: int, quiet: int) -> xarray.Dataset:
-    """Return one run: so many RECS, the first `quiet` of them undisturbed."""
+    """Return a run of `recs` RECS, of which the first `quiet` are undisturbed."""
     attack = (
         f'[{{kind="lift-off", start_s={quiet * interval_s}, bands=["E6"], reception_gain_db=20.0, power_db={power_db}, '
         f'delay_m=10.0, phase={{kind="slipping", slip_hz={slip_hz}}}}}]'
@@ -67,13 +67,13 @@ def results(seed: int, *, interval_s: int, power_db: float, slip_hz: float, recs
 
 
 def with_monitors(processor: AcasProcessor, life_s: float, window: int) -> AcasProcessor:
-    """Return the processor with both monitors; its receiver has the loops that are their default."""
+    """Return the processor with both monitors, which assume the default loops of the receiver."""
     phase, fading = (kind(ray_life_s=life_s, window=window) for kind in (E6PhaseMonitor, E6FadingMonitor))
     return replace(processor, monitoring=replace(processor.monitoring, e6_phase=phase, e6_fading=fading))
 
 
 def row(seeds: Sequence[int], window: int, make: Callable[[int], xarray.Dataset]) -> dict[tuple[str, float], str]:
-    """Return how many runs each check sees, with its interval."""
+    """Return the number of runs that each check detects, with its interval."""
     lives = [life_s for life_s, n in CASES if n == window]
     seen, run = {}, {}
     for seed in seeds:

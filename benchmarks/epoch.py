@@ -1,16 +1,17 @@
-"""One epoch of one satellite, from chips to correlators, against the straightforward numpy version; and the normals.
+"""Compare vestige with straightforward numpy: an epoch of a satellite from chips to correlators, and normal numbers.
 
-An epoch: a new code of 16 ms, line of sight and three rays, each with a Doppler of its own, noise, and eleven
-correlators 15 m apart, at 12.5 MHz. The straightforward version is what one writes first: complex128, one `np.exp` a
-ray, chips looked up by `np.floor`, one sum a correlator. It draws no noise floor; vestige's correlator also measures
-that. Both are checked to give the same correlators without noise before anything is timed.
+An epoch has a new code of 16 ms, the line of sight and three reflections, each with its own Doppler, noise, and eleven
+correlators 15 m apart, at 12.5 MHz. The straightforward version is simple code: complex128, an `np.exp` per path, chips
+looked up by `np.floor`, and a sum per correlator. The straightforward version does not measure the noise floor;
+vestige's correlator does. Before any timing, the script checks that both give the same correlators without noise.
 
-Times are CPU times of one thread. Rounds interleave both sides; a ratio is formed in each round, and the median is
-taken. Run it in a fresh process: the straightforward version gains up to 1.4x on a warm heap.
+Times are CPU times of a single thread. Each round measures both versions and forms the ratio; the result is the median
+over the rounds. Run the script in a fresh process, because a warm heap makes the straightforward version up to 1.4
+times as fast.
 
     python benchmarks/epoch.py [--json FILE] [--rounds 9]
 
-Exit status 1 if a bar is missed.
+The exit status is 1 if a ratio is below its limit.
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ from vestige.time import GalileoTime
 FS = 12.5e6
 CHIP_RATE = 5.115e6
 N_CHIPS = 81_840
-PAD = 32  # the satellite sends before and after the segment, too: twice this many chips are made
+PAD = 32  # twice this many chips are made before and after the segment
 START = GalileoTime(1372, 480_136)
-START_S = 10e-6  # of the segment, after the first sample
+START_S = 10e-6  # start of the segment after the first sample
 N_SAMPLES = int((N_CHIPS / CHIP_RATE + 2 * START_S) * FS)
 DOPPLER_HZ, RATE_HZ_PER_S = 1234.5, -0.7
 DELAY_M = np.array([0.0, 12.0, 55.0, 160.0])
@@ -121,13 +122,13 @@ def new_chips(epoch: int) -> ChipSequence:
 
 
 def vestige_epoch(epoch: int) -> CorrelatorBank:
-    """Return the correlators of an epoch, everything new."""
+    """Return the correlators of an epoch; code, samples and correlators are new."""
     chips = new_chips(epoch)
     return vestige_bank(vestige_samples(chips, noise_key(1, epoch, 6)), chips)
 
 
 def straightforward_epoch(rng: np.random.Generator) -> np.ndarray:
-    """Return the taps of an epoch, everything new."""
+    """Return the taps of an epoch; code, samples and taps are new."""
     return straightforward(1 - 2 * rng.integers(0, 2, N_CHIPS + 4 * PAD), rng)
 
 
@@ -140,7 +141,7 @@ def seconds(work: Callable[[int], object], repeats: int) -> float:
 
 
 def check() -> None:
-    """Both sides give the same correlators; this also compiles all kernels before anything is timed."""
+    """Check that both versions give the same correlators; this also compiles all kernels before any timing."""
     chips = new_chips(0)
     clean = vestige_bank(vestige_samples(chips, None), chips)
     error = np.max(np.abs(clean.taps - straightforward(chips.chips, None))) / np.abs(AMPLITUDE[0])
@@ -175,7 +176,7 @@ def measure(rounds: int) -> dict[str, list[float]]:
 
 
 def main() -> int:
-    """Print the table; return 1 if a bar is missed."""
+    """Print the table; return 1 if a ratio is below its limit."""
     parser = argparse.ArgumentParser(description="One epoch and the normals against numpy.")
     parser.add_argument("--json", type=Path, help="write the result to this file")
     parser.add_argument("--rounds", type=int, default=9)

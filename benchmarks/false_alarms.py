@@ -1,8 +1,9 @@
-"""False alarms of every check over a sky in the five nominal scenes, as the table of docs/checks/README.md.
+"""Measure the false alarms of every check over a sky in the five nominal scenes: the table of docs/checks/README.md.
 
 python benchmarks/false_alarms.py [--hours 3] [--p-fa 0.001]
 
-**Bold**: so many alarms, or where the budget (≤) is no bound as few, have less than one chance in a thousand.
+A number is **bold** if so many alarms have a probability below 1e-3. For a check with an exact budget, the number is
+also bold if so few alarms have such a probability. "≤" marks a budget that is an upper limit.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ SCENES = {
 
 
 def with_steady_front_ends(processor: AcasProcessor) -> AcasProcessor:
-    """Return a processor that allows for no drift of the front ends; the simulated ones have none."""
+    """Return a processor that allows for no drift of the front ends, because simulated front ends have no drift."""
     settings = processor.monitoring
     steady = {
         name: replace(getattr(settings, name), sigma_system_db=0.0) for name in ("e1_power", "e6_power", "noise_floor")
@@ -50,7 +51,7 @@ def with_steady_front_ends(processor: AcasProcessor) -> AcasProcessor:
 
 
 def measured(settings: tuple[str, ...], seed: int, hours: float, p_fa: float) -> tuple[CheckSeries, ...]:
-    """Return the checks of one scene, with ten satellites and a RECS every 10 s."""
+    """Return the checks of a scene with ten satellites and a RECS every 10 s."""
     base = ("constellation.svids=none", "recs.every=10", f"epochs={round(3600 * hours)}", f"seed={seed}")
     scenario = load_scenario(SKY, (*base, *settings))
     assert isinstance(scenario, CampaignScenario)
@@ -61,7 +62,7 @@ def measured(settings: tuple[str, ...], seed: int, hours: float, p_fa: float) ->
 
 
 def entry(check: CheckSeries) -> str:
-    """Return failures of tests, bold where they do not fit the budget."""
+    """Return the failed tests as text, bold if their number contradicts the budget."""
     failed = failures(check)
     chance = binomial_test(failed.successes, failed.trials, check.p_fa) if failed.trials else 1.0
     off = chance < SIGNIFICANT and (check.exact or failed.value > check.p_fa)

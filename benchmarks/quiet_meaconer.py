@@ -1,12 +1,12 @@
-"""A quiet meaconer of both bands that was there from the start: what level 2 says, over its delay and its power.
+"""Measure the verdicts of level 2 on a low-noise meaconer of both bands, against its delay and its power.
 
 python benchmarks/quiet_meaconer.py [--seeds 6] [--early-reach-m 75] [--figure docs/levels/quiet_meaconer.png]
 
-The attacker receives the satellites 20 dB better than the victim, cancels nothing, and captures E1 because it is on air
-before the receiver is. Eight satellites at 45 dBHz, two RECS. Printed are two tables in Markdown: the share of verdicts
-with an alarm, and the share of satellites with a range in use that is wrong by more than 53 m (2κσ).
-With --figure the delays are 30 m apart, and the figure has the share of alarms with the bank of the processor and with
-one that reaches 75 m to the early side.
+The attacker receives the satellites 20 dB better than the victim and cancels nothing. The meaconer captures E1, because
+it is on air before the receiver starts. The scene has eight satellites at 45 dBHz and two RECS. The script prints two
+tables in Markdown: the share of verdicts with an alarm, and the share of satellites with a range in use that is wrong
+by more than 53 m (2κσ). With --figure the delays are 30 m apart. The figure shows the share of alarms for the
+correlators of the processor and for correlators that reach 75 m to the early side.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ WRONG_M = 53.0
 
 
 def quiet_meaconer(delay_m: float, power_db: float, seed: int, *further: str) -> CampaignScenario:
-    """Return the scene: a minute of sky.toml at level 2 with the meaconer on air from its first epoch on."""
+    """Return the scene: a minute of sky.toml at level 2, with the meaconer on air from the first epoch on."""
     attack = (
         f'attack=[{{kind="meaconing", start_s=0, delay_s={delay_m / SPEED_OF_LIGHT_MPS}, power_db={power_db}, '
         "reception_gain_db=20}]"
@@ -56,7 +56,7 @@ def alarms_and_wrong_ranges(scenario: CampaignScenario) -> tuple[float, float]:
         block = step.block
         recs = block.measured.snapshots.recs
         alarms.append(is_alarm(block.status)[recs])
-        # E1 follows the meaconer, so its range is late by the delay; an earlier signal takes that back
+        # E1 follows the meaconer, so the E1 range is late by the delay; the range of an earlier signal corrects it
         error_m = delay_m + np.where(block.earlier, block.true_offset_m, 0.0)
         wrong.append((np.isfinite(block.range_in_use_m) & (np.abs(error_m) > WRONG_M))[recs])
     return float(np.mean(np.concatenate(alarms))), float(np.mean(np.concatenate(wrong)))
@@ -76,7 +76,7 @@ def shares(
 
 
 def draw(path: Path, seeds: int) -> None:
-    """Draw the share of alarms over the delay, a curve for each power, for the usual bank and for one of ±75 m."""
+    """Draw the share of alarms over the delay with a curve for each power, for the usual correlators and for ±75 m."""
     delays_m, powers_db = np.arange(60.0, 901.0, 30.0), (1.0, 3.0, 6.0, 9.0)
     figure, axes = plt.subplots(2, 1, figsize=(7, 4.6), sharex=True, layout="constrained")
     for axis, reach_m in zip(axes, (600.0, 75.0), strict=True):

@@ -1,12 +1,18 @@
-"""SCER on E6-C and E1-B: what decisions on chips are worth, and the ROC of the tests of replayed E1-B symbols.
+"""Measure SCER on E6-C and E1-B: the gain from decisions on chips, and the ROC of the tests of replayed E1-B symbols.
 
 python benchmarks/scer_roc.py [--figure docs/scer_roc.png] [--samples 20]
 
-Printed are five tables in Markdown. The first: E6-C at 45 dBHz, per antenna gain of the attacker, the share of the
-spoofing signal's power that matches, and its noise, repeated, with hard and with soft decisions. The second: P_d of the
-paired test on E1-B at P_fa 1e-3, by theory, over antenna gain, symbols and delay of the spoofing signal. The third:
-P_d of all metrics, for hard and soft decisions. The fourth: the same from samples, tracked, with 95 % intervals. The
-fifth: what a narrow filter of the front end does to an authentic signal. The figure has P_d over P_fa.
+The script prints five tables in Markdown:
+
+1. E6-C at 45 dBHz, by antenna gain of the attacker: the share of the spoofing signal's power that matches, and its
+   noise, for repeated samples, hard decisions and soft decisions.
+2. P_d of the paired test on E1-B at P_fa 1e-3, from theory, over antenna gain, number of symbols, and delay of the
+   spoofing signal.
+3. P_d of all metrics for hard and soft decisions.
+4. P_d of all metrics from tracked samples, with 95 % intervals.
+5. The effect of a narrow filter of the front end on an authentic signal.
+
+The figure shows P_d over P_fa.
 """
 
 from __future__ import annotations
@@ -62,7 +68,7 @@ from vestige.theory.scer.partial_correlations import (
 )
 from vestige.time import GalileoTime
 
-CN0_DBHZ = 42.0  # of E1-B
+CN0_DBHZ = 42.0  # C/N0 of E1-B
 GAINS_DB = (0.0, 5.0, 10.0, 15.0, 20.0)
 SYMBOLS = (48, 480, 3840)  # a tenth of a subframe, a subframe, a subframe of eight satellites
 DELAYS_US = (0.0, 1.0, 3.0)
@@ -85,7 +91,7 @@ SAMPLED: tuple[tuple[float | None, float, Decision], ...] = (
     (20.0, 0.0, "soft"),
     (10.0, 3.0, "hard"),
 )
-SAMPLED_SYMBOLS, SAMPLED_P_FA = 48, 0.05  # as many predictable symbols
+SAMPLED_SYMBOLS, SAMPLED_P_FA = 48, 0.05  # unpredictable symbols, and as many predictable symbols
 BANDWIDTHS_HZ = (4.0e6, 3.0e6, 2.2e6)
 SVIDS = range(1, 37)
 RATE_HZ, SVID, START = 4.1e6, 11, GalileoTime(1400, 0)
@@ -129,7 +135,7 @@ def metrics_table() -> None:
 
 
 def half_predictable(true: Component, replayed: Component) -> Component:
-    """Return E1-B of which an attacker knows each second symbol from its beginning on."""
+    """Return a spoofing signal on E1-B whose every second symbol is known to the attacker from its beginning on."""
 
     def chip(index: Int64[np.ndarray, " n"]) -> Float32[np.ndarray, " n"]:
         period = index // E1B.code_length
@@ -142,7 +148,7 @@ def half_predictable(true: Component, replayed: Component) -> Component:
 def sampled_prompts(
     attack: Scer | None, seed: int, *, svid: int = SVID, cn0_dbhz: float = CN0_DBHZ, bandwidth_hz: float | None = None
 ) -> tuple[PartialPrompts, Bool[np.ndarray, " n"]]:
-    """Return 2.5 s of a channel that follows the spoofing signal, and which symbols are unpredictable.
+    """Return 2.5 s of a channel that follows the spoofing signal, and a mask of the unpredictable symbols.
 
     Without an attack the channel follows the authentic signal.
     """
@@ -182,7 +188,7 @@ def front_end(bandwidth_hz: float | None) -> FrontEnd:
 
 
 def tests_of(prompts: PartialPrompts, unpredictable: Bool[np.ndarray, " n"], metric: Metric) -> list[SymbolReplayTest]:
-    """Return the tests of 48 unpredictable and, but for the paired one, 48 predictable symbols, each in a row."""
+    """Return the tests of 48 successive unpredictable symbols; all but the paired test also use 48 predictable ones."""
     found, n = [], 2 * SAMPLED_SYMBOLS
     for a in range(0, prompts.first.size - n + 1, n):
         first, later, chosen = (part[a : a + n] for part in (prompts.first, prompts.later, unpredictable))
@@ -198,7 +204,7 @@ def sampled_table(runs: int) -> None:
     for gain_db, delay_us, decision in SAMPLED:
         attack = None
         if gain_db is not None:
-            # the delay is the attacker's head start; where the spoofing signal stands in the samples does not matter
+            # the delay is the attacker's head start; the delay of the spoofing signal in the samples does not matter
             attack = Scer(
                 delay_m=delay_us * 299.792458,
                 power_db=0.0,
@@ -231,7 +237,7 @@ def sampled_table(runs: int) -> None:
 
 
 def smear(svid: int, bandwidth_hz: float) -> float:
-    """Return by how much the first part of an authentic symbol is weaker than the later one, relative to that.
+    """Return the relative loss of the first part of an authentic symbol against its later part.
 
     The symbols before and after have random signs, so they change the scatter and not the mean.
     """
@@ -276,7 +282,7 @@ def filter_table(runs: int) -> None:
 
 
 def measured_bias(runs: list[tuple[PartialPrompts, Bool[np.ndarray, " n"]]]) -> str:
-    """Return the mean of what both tests compare, relative to the later part, with its standard error."""
+    """Return the mean of the statistic of both tests, relative to the later part, with its standard error."""
     first, later = (np.concatenate([getattr(one, part) for one, _ in runs]).real for part in ("first", "later"))
     chosen = np.concatenate([one for _, one in runs])
     later, first = np.abs(later) / np.mean(np.abs(later)), np.sign(later) * first / np.mean(np.abs(later))

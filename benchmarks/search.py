@@ -1,23 +1,26 @@
-"""The vestigial searches against the straightforward scipy versions, in one run.
+"""Compare the vestigial searches with straightforward scipy versions in the same run.
 
-Exhaustive search of 4 ms, ±5 kHz: hypotheses a second of one core. The straightforward version is what a textbook
-writes: complex128, 10.24 MHz, blocks of two code lengths, one rolled spectrum and one inverse FFT for each of 80 bins.
-Hand-over: the 7500 places of 30 s, 16 ms each, one by one with the carrier by `np.exp` (20 of them are timed), against
-the search with one code offset and with five; its samples are two seconds over and over. E1: one period of 4 ms.
+* The exhaustive search covers 4 ms and ±5 kHz; the result is the number of hypotheses a second on a core. The
+  straightforward version follows textbooks: complex128, 10.24 MHz, blocks of two code lengths. For each of 80 bins it
+  rolls a spectrum and computes an inverse FFT.
+* The hand-over search has 7500 candidate times in 30 s, each with 16 ms. The straightforward version correlates them in
+  a loop with a carrier from `np.exp`; 20 of them are timed. The search runs with one and with five code offsets, on two
+  seconds of samples that are repeated.
+* The E1 search covers a period of 4 ms.
 
-Times are CPU times of one thread; rounds interleave all sides, a ratio is formed in each round, and the median is
-taken. With --full FOLDER a recording of 30 s at 10 MHz (600 MB, int8) is made there and searched end to end on all
-cores.
+Times are CPU times of a single thread. Each round measures all versions and forms the ratios; the result is the median
+over the rounds. With --full FOLDER the script makes a recording of 30 s at 10 MHz (600 MB, int8) in the folder and
+searches it on all cores.
 
-With --engine cuda the GPU is measured, too. Its times are wall times, transfers between processor and GPU included. The
-full search is made twice: the first one imports CuPy and compiles, the bar is on the second one. --satellites searches
-for so many RECS at once; one of them is in the samples. --seconds searches the last of the 30 s only, at the threshold
-of all, and scales the times up.
+With --engine cuda the script also measures the GPU in wall time, transfers between processor and GPU included. The full
+search runs twice, because the first run imports CuPy and compiles; the limit is for the second run. --satellites is the
+number of RECS that are searched together; the samples contain one of them. --seconds searches only the last part of the
+30 s, at the threshold of the whole, and scales the times up.
 
     python benchmarks/search.py [--json FILE] [--rounds 7] [--engine cuda]
                                 [--full FOLDER [--integration-ms 4] [--satellites 1] [--seconds 30]]
 
-Exit status 1 if a bar is missed.
+The exit status is 1 if a limit is not met.
 """
 
 from __future__ import annotations
@@ -60,17 +63,17 @@ from vestige.time import GalileoTime
 START = GalileoTime(1372, 480_600)
 RATE_HZ = 10e6
 CHIP_RATE = 5.115e6
-SEARCHED_S, KEPT_S = 30.0, 2.0  # of E6 for the hand-over
+SEARCHED_S, KEPT_S = 30.0, 2.0  # E6 samples of the hand-over search, and the part of them that is in memory
 PLACES = 7500
-THRESHOLD = 7.85  # of 30 s, 4 ms: what an engine may leave out depends on it
-NEVER = 1e3  # a threshold: the signal would come again and again
+THRESHOLD = 7.85  # threshold for 30 s and 4 ms; an engine may leave out cells below it
+NEVER = 1e3  # a threshold above all peaks, because the repeated samples would repeat the signal
 BARS = {
     "fft": 2.0,
     "segment": 10.0,
     "cuda": 100.0,
     "handover_s": 0.6,
     "e1_s": 0.06,
-    "full_4_s": 15.0,  # for each satellite: 120 s for eight
+    "full_4_s": 15.0,  # limit for each satellite, 120 s for eight
     "full_16_s": 150.0,
     "full_cuda_s": 5.0,
 }
@@ -79,7 +82,7 @@ FULL_SIGNALS = ((19.3087654321, 42.0, -3312.5), (23.456789, 48.0, -3310.0))  # s
 
 @dataclass(frozen=True)
 class Repeated:
-    """The samples of a batch over and over, for `SEARCHED_S` and a segment."""
+    """Repeat the samples of a batch for `SEARCHED_S` and the length of a segment."""
 
     batch: SampleBatch
 
@@ -93,7 +96,7 @@ class Repeated:
 
     def read(self, first: int, count: int) -> SampleBatch:
         samples = self.batch.samples
-        at = min(first % samples.size, samples.size - count)  # a piece over the seam is moved: no copy
+        at = min(first % samples.size, samples.size - count)  # no piece crosses the end: no copy
         return replace(self.batch, samples=samples[at : at + count], first_sample=first, start=START + first / RATE_HZ)
 
 
@@ -122,7 +125,7 @@ def straightforward_block(samples: np.ndarray, code: np.ndarray) -> float:
 
 
 def straightforward_place(x: np.ndarray, chips: np.ndarray, start: int, doppler_hz: float) -> float:
-    """Correlate 16 ms from one sample on; return the power."""
+    """Correlate 16 ms from a given sample on; return the power."""
     t = np.arange(int(chips.size / CHIP_RATE * RATE_HZ)) / RATE_HZ
     replica = chips[np.floor(CHIP_RATE * (1 + doppler_hz / E6_CARRIER_HZ) * t).astype(int) % chips.size]
     return float(np.abs(np.sum(x[start : start + t.size] * replica * np.exp(-2j * np.pi * doppler_hz * t))) ** 2)
@@ -141,7 +144,7 @@ def wall_seconds(work: Callable[[], object]) -> float:
 
 
 def measure(rounds: int, engine: EngineName) -> dict[str, list[float]]:
-    """Return hypotheses a second, or seconds, for each round; of the engine cuda only if it is asked for."""
+    """Return hypotheses per second, or seconds, for each round; the engine cuda is measured only on request."""
     rng = np.random.default_rng(1)
     chips = encrypted_chips(encryption_key(1), 11, START, 81_840)
     n = 20_460
@@ -227,7 +230,7 @@ def make_recording(folder: Path, chips: ChipSequence) -> None:
 def full_search(
     folder: Path, integration_ms: float, engine: EngineName, satellites: int, searched_s: float
 ) -> dict[str, float]:
-    """Search 30 s end to end; print what is found; return times and memory."""
+    """Search 30 s from end to end, print the signals that are found, and return times and memory."""
     chips = [encrypted_chips(encryption_key(1), 11 + k, START, 81_840) for k in range(satellites)]
     if not (folder / "e6.bin").exists():
         make_recording(folder, chips[0])
@@ -237,7 +240,7 @@ def full_search(
     hypotheses = search.hypotheses(searched_s, satellites)
     budget = search_budget(search.hypotheses(SEARCHED_S, satellites), search.integration_s)
     begin = reader.start + (SEARCHED_S - searched_s)
-    for _ in search.run(reader, chips, begin, begin + 1e-3, budget.threshold):  # compiles
+    for _ in search.run(reader, chips, begin, begin + 1e-3, budget.threshold):  # a first run, which compiles
         pass
     wall, cpu = time.perf_counter(), time.process_time()
     *_, state = search.run(reader, chips, begin, begin + searched_s, budget.threshold)
@@ -257,7 +260,7 @@ def full_search(
 
 
 def report_full(arguments: argparse.Namespace) -> bool:
-    """Make the full search; print its bar and return whether it is held."""
+    """Run the full search, print its limit, and return whether the limit is met."""
     of = (arguments.full, arguments.integration_ms, arguments.engine, arguments.satellites, arguments.seconds)
     if arguments.engine == "cuda":
         full_search(*of)
@@ -274,7 +277,7 @@ def report_full(arguments: argparse.Namespace) -> bool:
 
 
 def main() -> int:
-    """Print the table; return 1 if a bar is missed."""
+    """Print the table; return 1 if a limit is not met."""
     parser = argparse.ArgumentParser(description="The vestigial searches against scipy.")
     parser.add_argument("--json", type=Path, help="write the result to this file")
     parser.add_argument("--rounds", type=int, default=7)

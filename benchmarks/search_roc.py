@@ -1,4 +1,4 @@
-"""Receiver operating characteristic of both searches: measured on samples, beside theory with the losses of the grid.
+"""Measure the receiver operating characteristic of both searches on samples, beside theory with the losses of the grid.
 
 python benchmarks/search_roc.py -o roc.png [--trials 300]
 """
@@ -35,7 +35,7 @@ THEORY = np.logspace(-6, 0, 60)[:-1]
 
 
 def samples(chips: ChipSequence, start_s: float, cn0_dbhz: float, doppler_hz: float, seed: int) -> BatchSource:
-    """Return noise with 4 ms of the chips in it, and a little more."""
+    """Return noise that contains a signal of 4 ms of chips, with a margin."""
     signal = ReceivedSignal(
         chips=chips,
         start_s=start_s,
@@ -59,7 +59,7 @@ def samples(chips: ChipSequence, start_s: float, cn0_dbhz: float, doppler_hz: fl
 
 
 def measured(limits: list[float], cn0_dbhz: float, trials: int, search: Callable[..., int]) -> np.ndarray:
-    """Return how often a signal anywhere between the points of the grid is found at each threshold."""
+    """Return the number of signals found at each threshold; each signal lies at random between the grid points."""
     rng = np.random.default_rng(5)
     chips = encrypted_chips(encryption_key(1), 11, START, 20_460)
     found = np.zeros(len(limits), np.int64)
@@ -72,14 +72,14 @@ def measured(limits: list[float], cn0_dbhz: float, trials: int, search: Callable
 
 
 def exhaustive(source: BatchSource, chips: ChipSequence, start_s: float, _doppler_hz: float, limit: float) -> int:
-    """Return the number of peaks within some chips."""
+    """Return the number of peaks within some chips of the signal."""
     first = START + (start_s - 3 * CHIP_S)
     *_, state = ExhaustiveSearch(workers=1).run(source, [chips], first, first + 6 * CHIP_S, limit)
     return len(state.peaks)
 
 
 def handover(source: BatchSource, chips: ChipSequence, start_s: float, doppler_hz: float, limit: float) -> int:
-    """Return the number of peaks at one place."""
+    """Return the number of peaks at the time of the signal."""
     line = CandidateEpochs(svid=11, chips=chips, anchor=START + start_s, period_s=PERIOD_S, doppler_hz=doppler_hz)
     return len(search_handover(source, line, START, START + 1, limit))
 

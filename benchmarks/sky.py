@@ -1,16 +1,17 @@
-"""A recorded second of a whole sky in both bands, against the straightforward numpy version, in one run.
+"""Compare vestige with straightforward numpy: a recorded second of a whole sky in both bands.
 
-E1-B, E1-C, E6-B and encrypted E6-C of each satellite with noise, quantised to int8: what `vestige simulate` makes but
-for the disk. The straightforward version is the definition (`waveform.Component.received`): complex128, component by
-component, a floor, a look-up and an `np.exp` each, over 10 ms. Its pseudoranges are interpolated, so the ratio compares
-how samples are made and not how orbits are computed. Both are checked to give the same samples without noise.
+The samples are those of `vestige simulate` without writing to disk: E1-B, E1-C, E6-B and encrypted E6-C of each
+satellite with noise, quantised to int8. The straightforward version follows the definition
+(`waveform.Component.received`) over 10 ms: complex128, with a floor, a look-up and an `np.exp` for each component. Its
+pseudoranges are interpolated, so the ratio compares the computation of samples and not of orbits. The script checks
+that both versions give the same samples without noise.
 
-`work_s` is CPU time a recorded second on one thread, and `ratio` divides CPU times. `wall_s` is with two threads; its
-bar is for an idle machine only.
+`work_s` is the CPU time of a recorded second on a single thread, and `ratio` divides CPU times. `wall_s` is measured
+with two threads; its limit is valid only on an idle machine.
 
     python benchmarks/sky.py [--satellites 8] [--rate 12.5e6] [--seconds 4] [--json FILE]
 
-Exit status 1 if a bar is missed.
+The exit status is 1 if a limit is not met.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ def interpolated_range_m(path: RangeHistory, t_s: np.ndarray) -> np.ndarray:
 
 
 def plain(sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, n: int) -> np.ndarray:
-    """Return n samples about 0.5 s after the start, as one writes it first."""
+    """Return n samples about 0.5 s after the start, by the straightforward version."""
     t = (round(rate_hz / 2) + np.arange(n)) / rate_hz
     x = np.zeros(n, complex)
     for one in sky:
@@ -89,7 +90,7 @@ def made(sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, **how: 
 def recorded(
     sky: tuple[ReceivedSatellite, ...], band: Band, rate_hz: float, n: int, pool: ThreadPoolExecutor | None
 ) -> int:
-    """Make n samples as they are stored, and return how many bytes they were."""
+    """Make n samples in the stored format and return the number of bytes."""
     batches = made(sky, band, rate_hz, n_samples=n, noise_key=noise_key(1, 0, 61), pool=pool)
     return sum(encode(samples, FORM, scale=20.0).nbytes for samples in batches)
 
@@ -98,7 +99,7 @@ START = load_scenario(NIGHT, ()).start_time
 
 
 def main() -> None:
-    """Measure, print, and say whether the bars are met."""
+    """Measure and print; exit with status 1 if a limit is not met."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--satellites", type=int, default=8)
     parser.add_argument("--rate", type=float, default=12.5e6)
@@ -110,12 +111,12 @@ def main() -> None:
     assert isinstance(scenario, CampaignScenario)
     case = AcasTestCase(scenario=scenario, first=0, end=options.seconds + 1)
     skies = {band: case.sky(band) for band in Band}
-    while len(skies[Band.E1]) < options.satellites:  # below the horizon there are no more: some come twice
+    while len(skies[Band.E1]) < options.satellites:  # if too few satellites are above the horizon, some are used twice
         skies = {band: sky + sky[: options.satellites - len(sky)] for band, sky in skies.items()}
     skies = {band: sky[: options.satellites] for band, sky in skies.items()}
 
     n, at = round(_PLAIN_S * options.rate), round(options.rate / 2)
-    fast = {  # also compiles, before anything is timed
+    fast = {  # a first run, which also compiles before any timing
         band: np.concatenate([*made(sky, band, options.rate, first_sample=at, n_samples=n, noise_key=None)])
         for band, sky in skies.items()
     }
@@ -129,7 +130,7 @@ def main() -> None:
         sizes = [bands.submit(recorded, sky, band, options.rate, samples, pool) for band, sky in skies.items()]
         assert sum(one.result() for one in sizes) == 4 * samples
     wall_s = (time.perf_counter() - started) / options.seconds
-    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # before the straightforward version
+    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # peak before the straightforward version
     straightforward_s = 0.0
     for band, sky in skies.items():
         before = time.process_time()

@@ -1,11 +1,11 @@
-"""The threat table as recordings: each scene simulated as samples, tracked, and processed by `vestige process`.
+"""Measure the threat table on recordings: simulate each scene as samples, track it, and run `vestige process`.
 
 python benchmarks/threat_recordings.py                   # all scenes that have a recording: docs/threats.md
-python benchmarks/threat_recordings.py A11 A12           # some
+python benchmarks/threat_recordings.py A11 A12           # some attacks
 python benchmarks/threat_recordings.py --keep recordings --seed 1
 
-A scene is simulated and tracked once, and judged at levels 1 to 3 with the options that `vestige process` has. The
-receiver knows its usual power and C/N0, as that of the threat table does: the power from one second without the attack.
+A scene is simulated and tracked once, and judged at levels 1 to 3 with the options of `vestige process`. As in the
+threat table, the receiver knows its usual power and C/N0. The usual power is measured in a second without the attack.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from vestige.threats.recorded_outcome import (
 from vestige.threats.recorded_scenes import RecordedScene, recorded_scenes
 from vestige.threats.scenes import LEVEL_NUMBERS
 
-CALIBRATED_S = 1.0  # of samples without the attack, from which the usual power is taken
-LEAST_FLOOR_M = 1.0  # noise of the loops, which the threat table's receiver knows from its C/N0
-SEARCH_WINDOW_S = 0.05  # on both sides: the receiver trusts its clock to 10 ms
+CALIBRATED_S = 1.0  # length of the samples without the attack that give the usual power
+LEAST_FLOOR_M = 1.0  # noise of the loops; the receiver of the threat table computes it from its C/N0
+SEARCH_WINDOW_S = 0.05  # search on each side; the receiver trusts its clock to 10 ms
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MadeRecording:
-    """A scene as samples, and what tracking made of them."""
+    """A scene as samples, with the observations from tracking."""
 
     recorded: RecordedScene
     folder: Path
@@ -59,7 +59,7 @@ class MadeRecording:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """What a user of `vestige process` would state for this receiver."""
+        """Options of `vestige process` that a user would give for this receiver."""
         scenario = self.recorded.scenario()
         receiver, sky, position = scenario.receiver, scenario.constellation, scenario.position
         return (
@@ -76,7 +76,7 @@ class MadeRecording:
         )  # fmt: skip
 
     def judged(self, level: int) -> RecordedVerdicts:
-        """Return what `vestige process` says of the recording at a level."""
+        """Return the verdicts of `vestige process` on the recording at a level."""
         arguments = [str(self.folder), "--level", str(level), *self.options]
         options: dict[str, Any] = command.make_context("process", arguments).params
         processor, source, _ = prepared(self.opened, options, self.tracked)
@@ -84,13 +84,13 @@ class MadeRecording:
         return recorded_verdicts(self.recorded, steps, self.errors)
 
     def outcome(self, level: int) -> RunOutcome:
-        """Return what came of the attack at a level."""
+        """Return the outcome of the attack at a level."""
         return recorded_outcome(self.recorded, self.judged(level))
 
 
 @contextmanager
 def made(recorded: RecordedScene, kept: Path | None = None, *, attacked: bool = True) -> Iterator[MadeRecording]:
-    """Simulate and track a scene; the samples are deleted at the end unless there is a folder to keep them in."""
+    """Simulate and track a scene; at the end delete the samples, unless a folder is given that keeps them."""
     how = recorded.recording
     with tempfile.TemporaryDirectory() as temporary:
         folder = (kept or Path(temporary)) / recorded.name.replace(" ", "_").replace(",", "")
@@ -125,7 +125,7 @@ def usual_power_db(recorded: RecordedScene) -> dict[Band, float]:
 
 
 def table_outcomes(recorded: RecordedScene) -> tuple[RunOutcome, ...]:
-    """Return what the threat table's own receiver makes of the same scene, a level each."""
+    """Return the outcomes of the receiver model of the threat table in the same scene, a level each."""
     scenario = recorded.scenario()
     scenario = scenario.replaced(processor=scenario.processor.model_copy(update={"level": max(LEVEL_NUMBERS)}))
     return measure_scenes(scenario, window_of(scenario))

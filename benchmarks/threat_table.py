@@ -1,4 +1,4 @@
-"""The tables of docs/threats.md out of a folder of `vestige threats -o`, as Markdown.
+"""Print the tables of docs/threats.md in Markdown from a folder of `vestige threats -o`.
 
 python benchmarks/threat_table.py threats
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 LEVELS = (1, 2, 3)
 Row = Mapping[str, str]
 MARKS = {"DIFFERS": " **≠**", "UNDECIDED": " ?"}
-ANSWERS = {  # the words of a cell by what a reader asks
+ANSWERS = {  # words of a cell by the phrase of the reader's list
     "stops": ("mitigated", "mitigated late"),
     "detects only": ("detected",),
     "misses": ("missed", "detected, missed"),
@@ -26,12 +26,12 @@ ANSWERS = {  # the words of a cell by what a reader asks
 
 
 def percent(row: Row, name: str, level: int) -> str:
-    """Return the percentage of runs of which something is so."""
+    """Return the percentage of runs with an outcome."""
     return f"{100 * float(row[f'{name}_level_{level}']) / float(row[f'{name}_of_level_{level}']):.0f}"
 
 
 def cell(row: Row, level: int) -> str:
-    """Return the word, whether it differs from what was expected, three percentages and the time to the first alarm."""
+    """Return the word, the sign of a difference, three percentages and the time to the first alarm."""
     mark = MARKS.get(row[f"level_{level}"].upper(), "")
     shares = " · ".join(percent(row, name, level) for name in ("detected", "mitigated", "missed"))
     time_s = float(row[f"time_to_detect_s_level_{level}"])
@@ -47,7 +47,7 @@ def attack_line(row: Row, first: bool) -> str:
 
 
 def attacks_with(rows: Sequence[Row], level: int, words: Sequence[str]) -> str:
-    """Return the attacks whose scenes have one of the words; the scenes are named if other scenes of it have not."""
+    """Return the attacks whose scenes have any of the words; scenes are named if only some scenes have a word."""
     found = []
     for threat, scenes in groupby(rows, key=lambda row: row["threat"]):
         by_word = {row["scene"]: row[f"word_level_{level}"] in words for row in scenes}
@@ -59,13 +59,13 @@ def attacks_with(rows: Sequence[Row], level: int, words: Sequence[str]) -> str:
 
 
 def a_day(row: Row, name: str, level: int) -> str:
-    """Return a rate a day with its interval."""
+    """Return a rate per day as text with its interval."""
     value, low, high = (float(row[f"{name}_a_day{part}_level_{level}"]) for part in ("", "_low", "_high"))
     return f"{value:.2g} ({low:.2g} to {high:.2g})"
 
 
 def quiet_line(row: Row, level: int) -> str:
-    """Return the line of a nominal scene at a level: alarms and single failures a day, with what each may be."""
+    """Return the line of a nominal scene at a level: alarms and single failures a day, each with its limit."""
     pairs = [
         f"{a_day(row, name, level)}, {float(row[f'budget_{name}_a_day_level_{level}']):.3g}"
         for name in ("alarms", "failures")
@@ -74,7 +74,7 @@ def quiet_line(row: Row, level: int) -> str:
 
 
 def main() -> None:
-    """Print both tables, and between them the attacks that each level stops, detects or misses."""
+    """Print both tables and, between the tables, the attacks that each level stops, detects or misses."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     with (parser.parse_args().folder / "threats.csv").open(encoding="utf-8", newline="") as file:

@@ -1,17 +1,18 @@
-"""Tracking E1 of eight satellites, against the straightforward numpy version and gnss-sdr, in one run.
+"""Compare tracking of E1 of eight satellites with straightforward numpy and gnss-sdr in the same run.
 
-A short recording of `scenarios/night.toml` is made, E1 alone, int8. `vestige` tracks it on one thread, reading and
-decoding of the file included, but for the first stretch, which searches for all satellites. The straightforward version
-is one code period written out: an `np.exp`, a floor and a look-up for each correlator. gnss-sdr, if it is installed,
-has the same file and is told the satellites; its CPU time includes start and acquisition, so the ratio to it is for the
-whole file.
+The script makes a short recording of `scenarios/night.toml` with E1 only, int8. `vestige` tracks the recording on a
+single thread. The time includes reading and decoding the file, without the first stretch, which searches for all
+satellites. The straightforward version computes a code period with an `np.exp`, a floor and a look-up for each
+correlator. If gnss-sdr is installed, it gets the same file and the list of satellites. The CPU time of gnss-sdr
+includes start and acquisition, so the ratio to gnss-sdr is for the whole file.
 
 With `--live-seconds` the same sky is recorded in both bands, and `vestige live --level 2 -j 2` judges the recording as
-fast as it can, in a process of its own: start, first search and the RECS at every 30th second are included.
+fast as possible in a separate process. This time includes the start, the first search and the RECS at every 30th
+second.
 
     python benchmarks/tracking.py [--seconds 30] [--live-seconds 70] [--json FILE]
 
-Exit status 1 if a bar is missed.
+The exit status is 1 if a limit is not met.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ from vestige.simulated.exported_case_folder import simulated
 
 NIGHT = Path(__file__).parents[1] / "scenarios" / "night.toml"
 AT_LEAST = {"times_real_time": 5.0, "ratio_to_gnss_sdr": 2.0}
-AT_MOST = {"live_wall_s": 0.6}  # for each second of signal, on two idle cores
+AT_MOST = {"live_wall_s": 0.6}  # wall time for each second of signal, on two idle cores
 
 
 def _case(epochs: int) -> AcasTestCase:
@@ -61,7 +62,7 @@ def _case(epochs: int) -> AcasTestCase:
 
 
 def made(folder: Path, seconds: int) -> Recording:
-    """Write E1 of the night and return it as a recording."""
+    """Write E1 of `scenarios/night.toml` and return it as a recording."""
     case = _case(seconds + 1)
     form = SampleFormat(component="int8", layout="iq")
     with ThreadPoolExecutor(2) as pool, SigmfWriter(folder / "e1", form=form, scale=20.0) as writer:
@@ -73,7 +74,7 @@ def made(folder: Path, seconds: int) -> Recording:
 
 
 def vestige_s(recording: Recording) -> tuple[float, float, int]:
-    """Return CPU s of tracking, CPU s of it behind the first stretch, and how many satellites were tracked."""
+    """Return the CPU time of tracking, its part after the first stretch, and the number of tracked satellites."""
     assert recording.e1 is not None
     receiver = TrackingReceiver()
     begun = time.process_time()
@@ -88,7 +89,7 @@ def vestige_s(recording: Recording) -> tuple[float, float, int]:
 
 
 def straightforward_s(rate_hz: float) -> float:
-    """Return CPU s of a second of one satellite, as one writes it first, from a few code periods."""
+    """Return the CPU time in s of a second of a satellite by the straightforward version, from a few code periods."""
     lags = correlator_lags(TrackingSettings(), rate_hz)
     n, periods = round(0.004 * rate_hz), 5
     samples = (np.random.default_rng(1).normal(size=2 * n) * 20).view(complex)
@@ -103,7 +104,7 @@ def straightforward_s(rate_hz: float) -> float:
 
 
 def gnss_sdr_s(folder: Path) -> float:
-    """Return CPU s of gnss-sdr on the file; NaN if it is not installed."""
+    """Return the CPU time in s of gnss-sdr on the file; NaN if gnss-sdr is not installed."""
     if shutil.which("gnss-sdr") is None:
         return float("nan")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -118,7 +119,7 @@ def gnss_sdr_s(folder: Path) -> float:
 
 
 def live_s(folder: Path, seconds: int) -> dict[str, float]:
-    """Return CPU s and wall s that `vestige live` takes for each second of both bands, and how many RECS it judged."""
+    """Return CPU and wall time of `vestige live` per second of both bands, in s, and the number of judged RECS."""
     night = folder / "night"
     recording = simulated(_case(seconds))
     recording.write(night, scenario_text="", workers=2)
@@ -138,7 +139,7 @@ def live_s(folder: Path, seconds: int) -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, print, and say whether the bars are met."""
+    """Measure and print; exit with status 1 if a limit is not met."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=int, default=30)
     parser.add_argument("--live-seconds", type=int, default=0, help="0 leaves `vestige live` out")
@@ -147,7 +148,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "short").mkdir()
-        vestige_s(made(folder / "short", 2))  # compiles
+        vestige_s(made(folder / "short", 2))  # a first run, which compiles
         recording = made(folder, options.seconds)
         assert recording.e1 is not None
         whole_s, steady_s, satellites = vestige_s(recording)
@@ -169,7 +170,7 @@ def main() -> None:
         print(f"{key:18} {value:12.4g}")
     if options.json:
         options.json.write_text(json.dumps(found))
-    missed = any(found[key] < bar for key, bar in AT_LEAST.items())  # without gnss-sdr the ratio is NaN: it misses none
+    missed = any(found[key] < bar for key, bar in AT_LEAST.items())  # NaN without gnss-sdr: NaN < limit is false
     sys.exit(missed or any(found.get(key, 0.0) > bar for key, bar in AT_MOST.items()))
 
 

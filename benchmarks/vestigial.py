@@ -1,13 +1,16 @@
-"""Both vestigial searches on many seeds of scenarios/vestigial.toml: do they find both signals, do they cry wolf?
+"""Measure detections and false alarms of both vestigial searches on many seeds of scenarios/vestigial.toml.
 
-With the spoofer: E1 search and hand-over (places 4 ms apart, 5 taps), and the exhaustive search of 16 ms, on windows of
-E6 around the two signals, at the thresholds of the whole ±15 s. Counted is who finds exactly both, declares spoofing
-and takes the earlier one, at its half chip, as true. Without it (`attack=none`): who declares spoofing, at P_FA 1e-3 of
-the window that is searched; the exhaustive search with 4 ms. An alarm is a second peak.
+With the spoofer, the script runs the E1 search with hand-over (candidate times 4 ms apart, 5 taps) and the exhaustive
+search of 16 ms. Both search windows of E6 around the two signals, at the thresholds of the whole ±15 s. A search is
+right if it finds exactly both signals, declares spoofing and takes the earlier signal, at its half chip, as true.
+
+Without the spoofer (`attack=none`) the script counts the searches that declare spoofing, at P_FA 1e-3 of the searched
+window; the exhaustive search then has 4 ms. An alarm is a second peak.
 
     python benchmarks/vestigial.py [--spoofed 100] [--clear 1000] [-j 2] [--json FILE]
 
-Exit status 1 if fewer than 99 % are right, or if alarms are outside the two-sided binomial interval (1e-3) of P_FA.
+The exit status is 1 if fewer than 99 % are right, or if the number of alarms is outside the two-sided binomial interval
+(1e-3) of P_FA.
 """
 
 from __future__ import annotations
@@ -47,9 +50,9 @@ SCENARIO = Path(__file__).resolve().parents[1] / "scenarios" / "vestigial.toml"
 UNCERTAINTY_S = 30.0  # ±15 s
 CHIP_S = 1 / 5.115e6
 E1_PERIODS = 12
-SPOOFED_S, CLEAR_S = 0.06, 0.004  # searched around each signal
+SPOOFED_S, CLEAR_S = 0.06, 0.004  # length of the searched window around each signal
 HANDOVER_CLEAR_S = 0.05
-ERROR = 1e-3  # of the interval
+ERROR = 1e-3  # error probability of the binomial interval
 
 
 def chips_of(case: AcasTestCase) -> ChipSequence:
@@ -71,7 +74,7 @@ def e1_lines(recording: SimulatedRecording, chips: ChipSequence, *, secondary: b
 
 
 def spoofed(seed: int) -> dict[str, bool]:
-    """Return whether each search is right with the spoofer."""
+    """Return whether each search is right in a case with the spoofer."""
     case = _case(f"seed={seed}")
     recording, chips, start = simulated(case), chips_of(case), case.simulation.start
     delay_s = case.scenario.attack[0].delay_s  # type: ignore[union-attr]
@@ -130,7 +133,7 @@ def _case(*settings: str) -> AcasTestCase:
 
 
 def main() -> int:
-    """Print the counts; return 1 if a bar is missed."""
+    """Print the counts; return 1 if a limit is not met."""
     parser = argparse.ArgumentParser(description="Both vestigial searches on many seeds.")
     parser.add_argument("--spoofed", type=int, default=100, help="seeds with the spoofer")
     parser.add_argument("--clear", type=int, default=1000, help="seeds without")

@@ -1,7 +1,8 @@
-"""The threat table: scenes of attacks, what came of each at every level, beside what was expected.
+"""The threat table: the measured and the expected outcome of every attack at every mitigation level.
 
-`read_threats` gives the attacks, `cases` their scenes, or `case_of` a scenario of your own. `measure_threats` measures
-them, and `threat_dataset` makes the table that `plots.threat_map` draws. `vestige threats` does all of it.
+`read_threats` returns the attacks, `cases` their scenes, and `case_of` makes a scene of your own scenario.
+`measure_threats` measures the scenes, and `threat_dataset` makes the table that `plots.threat_map` draws.
+The command `vestige threats` does all these steps.
 
 Examples
 --------

@@ -1,9 +1,9 @@
 """The threat table, measured: every scene with many seeds, run by run into a file that a later run continues.
 
-A run is short (a second), so it is not kept as a store: for each mitigation level one line of `runs.csv` says what came
-of it. A line is known again by threat, scene, seed, level and a digest of the scenario; lines of another scenario or
-version are measured anew. All levels are judged on the same results. Each attacked run is measured a second time
-without its attack: alarms there are chance. Scenes that differ in their attack alone share that second run.
+A run takes about a second, so no store of it is kept. A line of `runs.csv` has the outcome of a run at a mitigation
+level. Threat, scene, seed, level and a digest of the scenario identify the line. If scenario or version changed, the
+run is measured anew. All levels are judged on the same results. Each attacked run is measured a second time
+without its attack; alarms of that run are alarms by chance. Scenes that differ only in their attack share that run.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from vestige.threats.runs import RUNS, RunKey, line_of, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 from vestige.threats.scenes import LEVEL_NUMBERS, Scene, Threat, scene_scenario
 
-_IN_FLIGHT = 3  # runs for each worker
-_SEEDS_TOGETHER = 6  # a worker keeps what the scenes of so many seeds have in common: `undisturbed_truth`
-Outcomes = tuple[RunOutcome, ...]  # one run: an outcome for each level
+_IN_FLIGHT = 3  # runs per worker that are submitted in advance
+_SEEDS_TOGETHER = 6  # seeds whose `undisturbed_truth` a worker keeps, because all scenes of a seed use it
+Outcomes = tuple[RunOutcome, ...]  # outcomes of one run, in the order of LEVEL_NUMBERS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
     """A scene to measure."""
 
-    # names
+    # names of the attack and of the scene
     threat: str
     scene: str
-    scenario: Callable[[int, bool], CampaignScenario]  # gives the campaign of a seed, with or without its attack
-    row: Threat | None = None  # the row of the table it belongs to; None for a scenario of the user's
-    notes: tuple[str, str, str] = ("", "", "")  # why it may differ, by level
-    settings: tuple[str, ...] = ()  # values of the user's in place of the scene's own, as of `--set`
+    scenario: Callable[[int, bool], CampaignScenario]  # returns a seed's campaign, with or without attack
+    row: Threat | None = None  # row of the threat table; None for a scenario of the user's
+    notes: tuple[str, str, str] = ("", "", "")  # reasons for a difference from the expectation, by level
+    settings: tuple[str, ...] = ()  # values of `--set`, which replace those of the scene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneCell:
-    """A case at a level, what came of it, and how that compares with what was expected."""
+    """A cell of the table: the outcome of a case at a level, and its agreement with the expectation."""
 
     case: Case
     level: int
@@ -91,9 +91,9 @@ def _scenarios(threat: Threat, scene: Scene, settings: tuple[str, ...]) -> Calla
 
 
 def case_of(name: str, scenario: CampaignScenario, settings: tuple[str, ...] = ()) -> Case:
-    """Return a scenario as a case; its seeds are those of the others.
+    """Return a scenario as a case; the case has the same seeds as the scenes of the table.
 
-    `settings` is what it was loaded with, to be shown beside the results.
+    `settings` are the values of `--set` with which the scenario was loaded; the table shows them beside the results.
     """
     all_columns = scenario.processor.model_copy(update={"level": max(LEVEL_NUMBERS)})
 
@@ -104,11 +104,12 @@ def case_of(name: str, scenario: CampaignScenario, settings: tuple[str, ...] = (
 
 
 def measure_scenes(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:
-    """Return what came of one campaign in a window of time, at every level: of the attack, or, without any, of chance.
+    """Return the outcome of a campaign at every level, counted in a window of time.
 
-    The scenario is of a sky, or with a processor of level 3; the window ends before its second time.
+    For a campaign without an attack the outcome has the alarms by chance. The scenario is a sky, or has a processor of
+    level 3. The end of the window is exclusive.
     """
-    plan = ScenarioPlan(scenario=scenario, with_phases=False)  # no outcome asks for them
+    plan = ScenarioPlan(scenario=scenario, with_phases=False)  # no outcome needs the phases
     return outcomes_of(scenario, direct_results(plan, judge=False), LEVEL_NUMBERS, window_s)
 
 
@@ -121,12 +122,12 @@ def measure_threats(
     folder: Path | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Iterator[SceneCell]:
-    """Yield the cells of each case, a level each, when all its runs are measured.
+    """Yield the cells of each case, a cell per level, after all runs of all cases.
 
-    Runs are measured in the pool, so many at the same time as it has workers. `runs.csv` is kept and continued in the
-    folder; without one nothing is. `progress` is called with the number of runs that are known, and of all.
+    The workers of the pool measure the runs in parallel. If there is a folder, its `runs.csv` is continued; without a
+    folder no run is kept. `progress` gets a text, the number of runs that are done, and the number of all runs.
 
-    Raises `InputFileError` if `runs.csv` is something else.
+    Raises `InputFileError` if `runs.csv` is not a file of runs.
     """
     known = {} if folder is None else read_runs(folder / RUNS)
     if folder is not None:
@@ -158,10 +159,10 @@ def _runs(
     known: dict[RunKey, RunOutcome],
     folder: Path | None,
 ) -> Iterator[tuple[int, bool, Outcomes]]:
-    """Yield number of the case, whether attacked, and outcomes of each run in order; new ones go into the file.
+    """Yield the number of the case, whether it is attacked, and the outcomes of each run; write new runs to the file.
 
-    They go through all cases with some seeds before the next ones. The runs of a case begin before those of the case
-    before it have ended, so that no worker waits.
+    All cases are measured with a group of seeds before the next group begins. The runs of a case begin before those of
+    the previous case have ended, so that no worker waits.
     """
     shared: dict[str, Future[Outcomes]] = {}
 

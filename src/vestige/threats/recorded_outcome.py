@@ -1,14 +1,14 @@
 """Outcome of an attack in a recording that a receiver has processed, in the words of the threat table.
 
-The words are those of `campaign/run_outcome.py`. What they need is taken from the recording:
+`campaign/run_outcome.py` defines the words. They need two things, which are taken from the recording:
 
-**Error of a range.** The tracked pseudorange minus that of the same receiver without the attack, which follows from the
-scenario without any samples: both have the same clock, orbits and atmosphere.
+**Error of a range.** The error is the tracked pseudorange minus the pseudorange of the same receiver without the
+attack. The second is computed from the scenario without samples; both have the same clock, orbits and atmosphere.
 
-**Epochs.** Each RECS, and each second between two if the level looks at E1 there. A satellite of the scenario that
-tracking lost has no verdict.
+**Epochs.** An epoch is each RECS, and each second between two RECS if the level tests E1 there. A satellite of the
+scenario that tracking lost has no verdict.
 
-The position is left out: its error is that of the ranges.
+The error of the position is not computed, because it follows from the errors of the ranges.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from vestige.records.observation_epoch import ObservationEpoch
 from vestige.simulated.exported_case import AcasTestCase
 from vestige.threats.recorded_scenes import RecordedScene
 
-_SAME_S = 0.5  # epochs of E1 are a second apart
+_SAME_S = 0.5  # half of the time between two epochs of E1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,7 +38,7 @@ class RecordedVerdicts:
     """Verdicts of a level on a recording of n epochs and m satellites, as `JudgedRun`."""
 
     status: Int8[np.ndarray, "n m"]
-    state: Int8[np.ndarray, "n m"]  # what a receiver shows its user after an epoch
+    state: Int8[np.ndarray, "n m"]  # state that a receiver shows its user after an epoch
     recs: Bool[np.ndarray, " n"]
     seen: Bool[np.ndarray, "n m"]
     range_error_m: Float[np.ndarray, "n m"]
@@ -48,7 +48,7 @@ class RecordedVerdicts:
 
     @property
     def budget(self) -> Mapping[CheckName | str, AlarmShare]:
-        """Nothing: a recording of seconds says nothing of alarms a day."""
+        """An empty mapping: a recording of some seconds is too short to count alarms a day."""
         return {}
 
     @property
@@ -57,13 +57,13 @@ class RecordedVerdicts:
         return alarm_begins(self.state)
 
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
-        """Return the checks that failed in some of the epochs, each with the first of them, the earliest first."""
+        """Return the checks that failed in the given epochs with their first failed epoch, the earliest check first."""
         return failures_in_order(self.failed, rows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackedErrors:
-    """By how much an attack moved the tracked pseudoranges of k seconds and m satellites, in m; NaN if not tracked."""
+    """Errors in m that an attack causes in the tracked pseudoranges of k seconds, m satellites; NaN if not tracked."""
 
     time_s: Float[np.ndarray, " k"]
     error_m: Float[np.ndarray, "k m"]
@@ -75,14 +75,14 @@ class TrackedErrors:
 
 
 def tracked_errors(recorded: RecordedScene, tracked: Sequence[ObservationEpoch]) -> TrackedErrors:
-    """Return by how much the attack of a scene moved what was tracked in its recording.
+    """Return the errors that the attack of a scene caused in the tracked pseudoranges of its recording.
 
     Parameters
     ----------
     recorded
         The scene.
     tracked
-        Observations that tracking made of its samples.
+        Observations from tracking its samples.
     """
     case = AcasTestCase(
         scenario=recorded.scenario(attacked=False), first=recorded.recording.first_s, end=recorded.recording.end_s
@@ -104,7 +104,7 @@ def svids_of(recorded: RecordedScene) -> tuple[int, ...]:
 
 
 def recorded_verdicts(recorded: RecordedScene, steps: Sequence[Step], errors: TrackedErrors) -> RecordedVerdicts:
-    """Return what a level says of a recording.
+    """Return the verdicts of a level on a recording.
 
     Parameters
     ----------

@@ -1,17 +1,17 @@
 """Scenes of the threat table as recordings of some seconds, for a receiver that tracks their samples.
 
-A scene lasts 15 minutes; its samples would fill 56 GB and tracking would take as long. So a recording has a part of the
-scene, and nothing but this is changed:
+A scene lasts 15 minutes. Its samples would fill 56 GB, and tracking would take as long. So a recording is a part of the
+scene and differs from it only in these points:
 
-* Where the attack moves slowly, it is `faster`: every time in its tables, counted from its start, and every duration is
-  divided by that. Powers, delays and what the seed draws are those of the scene.
+* A slow attack is accelerated by the factor `faster`. Every time in its tables, counted from its start, and every
+  duration is divided by the factor. Powers, delays and the values that the seed draws are those of the scene.
 * RECS come more often, and some satellites are left out.
-* A recording that begins before the attack has a receiver that is locked when the attack begins. One that begins later
-  has a receiver that is switched on under the attack, as the scene has it (`acquired`).
-* The sampling rate is the lowest that E6 allows. The receiver trusts its clock to 10 ms: the search for E6 signals at
-  other times than E1 says is made over 10 ms on both sides, not over 1 s.
+* If the recording begins before the attack, the receiver is locked when the attack begins. If it begins later, the
+  receiver is switched on under the attack, as in the scene (`acquired`).
+* The sampling rate is the lowest that E6 allows. The receiver trusts its clock to 10 ms. So the search for
+  E6 signals at other times than E1 predicts covers 10 ms on both sides, not 1 s.
 
-`threats.toml` says of each scene which part, how much faster, and which satellites.
+`threats.toml` gives the part, the factor and the satellites of each recording.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ class RecordedScene:
 
     @property
     def name(self) -> str:
-        """Threat and recording, or scene if that has one recording: `A1 receiver already tracking`."""
+        """Threat and name of the recording, such as `A1 receiver already tracking`; the scene's name if it has none."""
         return f"{self.threat.id} {self.recording.name or self.scene.name}"
 
     def scenario(self, *, attacked: bool = True) -> CampaignScenario:
-        """Return the campaign of which the recording is the epochs `first_s` to `end_s`, with or without its attack."""
+        """Return the campaign with or without its attack; its epochs `first_s` to `end_s` are the recording."""
         how = self.recording
         settings = [
             f"epochs={how.end_s}",
@@ -64,7 +64,7 @@ class RecordedScene:
 
 
 def recorded_scenes(seed: int = 0) -> Iterator[RecordedScene]:
-    """Yield all scenes of the threat table that have a recording, a recording each."""
+    """Yield all recordings of the scenes of the threat table."""
     for threat in read_threats():
         for scene in threat.scene:
             for recording in scene.recording:
@@ -72,7 +72,7 @@ def recorded_scenes(seed: int = 0) -> Iterator[RecordedScene]:
 
 
 def _faster(table: dict[str, Any], factor: float, start_s: float) -> dict[str, Any]:
-    """Return a table of an attack with its times so much closer to the start, and its durations so much shorter."""
+    """Return a table of an attack; times since the start and durations are divided by the factor."""
 
     def changed(key: str, value: Any) -> Any:
         if isinstance(value, dict):

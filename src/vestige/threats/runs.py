@@ -1,4 +1,4 @@
-"""The file in which the runs of the threat table are kept: one line a run and level, appended as it ends."""
+"""The file that keeps the runs of the threat table: a line per run and level, appended when the run ends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vestige.errors import InputFileError
 from vestige.output import replacement
 
 RUNS = "runs.csv"
-_MAX_BYTES = 1 << 30  # a run and level has 200 bytes
+_MAX_BYTES = 1 << 30  # largest file that is read; a line has about 200 bytes
 RunKey = tuple[str, ...]  # threat, scene, seed, whether attacked, level, digest of the scenario
 
 _KEY = ("threat", "scene", "seed", "attacked", "level", "digest")
@@ -29,18 +29,18 @@ _READ: dict[str, Callable[[str], object]] = {
 
 
 def read_runs(path: Path) -> dict[RunKey, RunOutcome]:
-    """Return the runs in a file, by what tells them apart; none if there is no file.
+    """Return the runs in a file by their key; none if there is no file.
 
     A last line that was cut off by an interruption is left out.
 
-    Raises `InputFileError` if it is no such file.
+    Raises `InputFileError` if the file is not a file of runs.
     """
     if not path.exists():
         return {}
     try:
         content = read_bytes(path, at_most=_MAX_BYTES)
         if _HEADER.encode().startswith(content):
-            return {}  # cut off in its first line, or empty
+            return {}  # a file that is empty, or cut off in its first line
         whole = content[: content.rfind(b"\n") + 1].decode().splitlines()
         lines = list(csv.reader(whole[1:]))
     except (UnicodeDecodeError, csv.Error) as error:
@@ -63,7 +63,7 @@ def read_runs(path: Path) -> dict[RunKey, RunOutcome]:
 
 
 def write_runs(path: Path, runs: dict[RunKey, RunOutcome]) -> None:
-    """Write all runs; the file is there as a whole or not at all."""
+    """Write all runs; if writing fails, no incomplete file remains."""
     with replacement(path) as part:
         part.write_text(_HEADER + "\n" + "".join(line_of(key, run) for key, run in runs.items()), encoding="utf-8")
 

@@ -1,7 +1,8 @@
 """Outcome of an attack in many runs at one mitigation level, and its agreement with the expectation.
 
-A statement about an attack is made of many runs with other seeds, and holds if the exact interval of its probability
-lies above one half. If the interval contains one half, no statement is made. An expectation is such a statement:
+A statement about an attack is tested in many runs with different seeds. It is true if the exact interval of its
+probability lies above one half. If the interval contains one half, the runs do not decide. An expectation is a
+statement of this kind:
 
     pass         without an attack neither alarms nor failures of single tests are more frequent than their budget,
                  nor failures of any check more frequent than the budget of that check, nor less frequent where the
@@ -10,14 +11,14 @@ lies above one half. If the interval contains one half, no statement is made. An
     mitigate     mitigated
     miss         missed or denied, and not detected: the attack succeeds unnoticed
     deny         denied, and not missed
-    partial      detected, and not: the interval holds one half
+    partial      detected in about half of the runs: the interval contains one half
 
-No check lends its budget to another one. A check exceeds its own if so many failures, or more, have a Poisson
-probability below `ERROR` over the number of the level's checks. So a level that keeps every budget exactly is said to
-exceed one in at most 5 % of all measurements.
+No check may use the budget of another check. A check exceeds its budget if that many failures, or more, have a Poisson
+probability below `ERROR` over the number of the level's checks. So a level whose checks all keep their budgets is
+reported to exceed a budget in at most 5 % of all measurements.
 
 The outcome of a single run is defined in `campaign/run_outcome.py`. Neighbouring epochs share the noise of some
-seconds, so that failures of single tests come in groups of up to `_GROUP`. All functions are pure.
+seconds, so failures of single tests come in groups of up to `_GROUP`. All functions are pure.
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ from vestige.campaign.run_outcome import HALF, HARMLESS, OutcomeCounts, RunOutco
 from vestige.campaign.statistics import Proportion, count_interval, proportion
 from vestige.constants import DAY_S
 
-MIXED = "mixed"  # word of a scene in which no outcome is that of more than half of the runs
-ERROR = 0.05  # probability that a level which keeps the budget of each check is said to exceed one
-_GROUP = 3  # failures of one event: the clock's checks look at the same nine seconds, RAIM at the same slow errors
+MIXED = "mixed"  # word of a scene without an outcome in more than half of the runs
+ERROR = 0.05  # probability that a level whose checks all keep their budgets is reported to exceed a budget
+_GROUP = 3  # failures per event: the clock checks share nine seconds of data, RAIM tests share slow errors
 
-# one test each 30 s and satellite: neighbouring failures are events of their own
+# checks that test once per RECS and satellite, 30 s apart, so neighbouring failures are separate events
 _WITH_RECS = {str(row.name) for level in LEVELS.values() for row in level if row.cadence is TestCadence.RECS}
 
 
@@ -52,12 +53,12 @@ class Agreement(Enum):
     AGREES = "as expected"
     DIFFERS = "DIFFERS"
     UNDECIDED = "undecided"
-    NOT_EXPECTED = ""  # nothing was
+    NOT_EXPECTED = ""  # the table has no expectation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckShare:
-    """In how many runs a check failed, and the median time of its first failure in those."""
+    """Number of runs in which a check failed, and the median time of its first failure in these runs."""
 
     name: str
     failed: Proportion
@@ -73,7 +74,7 @@ class CheckBudget:
     budget: float
 
     def exceeded(self, checks: int) -> bool:
-        """Return whether it fails more often than its budget, as one of so many checks that are looked at."""
+        """Return whether the check fails more often than its budget; `checks` is the number of checks of the level."""
         group = 1 if self.name in _WITH_RECS else _GROUP
         return poisson_tail(math.ceil(self.failures / group), self.budget / group) < ERROR / checks
 
@@ -82,7 +83,7 @@ class CheckBudget:
 class SceneOutcome(OutcomeCounts):
     """Outcome of an attack in many runs at one level; counts are sums over all runs."""
 
-    # runs of which it is true
+    # shares of the runs with each outcome
     detected: Proportion
     mitigated: Proportion
     protected: Proportion
@@ -90,9 +91,9 @@ class SceneOutcome(OutcomeCounts):
     denied: Proportion
     succeeded: Proportion  # runs that are missed or denied
     harmless: Proportion  # runs that are neither detected nor missed nor denied
-    # runs without the attack that have an alarm in the same epochs; none were made if the scene has no attack
+    # share of the runs without the attack that have an alarm in the same epochs; no such runs if there is no attack
     by_chance: Proportion
-    checks: tuple[CheckShare, ...]  # those that failed in any run, the most frequent and then the earliest first
+    checks: tuple[CheckShare, ...]  # checks that failed in any run: the most frequent first, then the earliest
     budgets: tuple[CheckBudget, ...] = ()  # every check that has a budget
     time_to_detect_s: float  # median of the runs with an alarm; NaN without any
     # largest errors of all runs
@@ -100,12 +101,12 @@ class SceneOutcome(OutcomeCounts):
     worst_position_m: float
 
     def a_day(self, name: str) -> tuple[float, float, float]:
-        """Return how often a day something is that was counted, and the ends of the exact interval of its mean."""
+        """Return the rate a day of a count, and the ends of the exact interval of its mean."""
         return tuple(one * DAY_S / self.duration_s for one in count_interval(getattr(self, name)))  # type: ignore[return-value]
 
     @property
     def word(self) -> str:
-        """Outcome in most runs, in one or two words; `MIXED` if no outcome is that of most runs."""
+        """Outcome of more than half of the runs, in one or two words; `MIXED` if there is none."""
         shares = (self.detected, self.mitigated, self.missed, self.denied)
         word = outcome_word(*(share.value > HALF for share in shares))
         return MIXED if word == HARMLESS and self.harmless.value <= HALF else word
@@ -117,7 +118,7 @@ class SceneOutcome(OutcomeCounts):
 
     @property
     def keeps_budget(self) -> bool:
-        """Whether alarms and failures of single tests are as frequent as their budgets allow."""
+        """Whether alarms and failures of single tests keep their budgets, and exact checks do not fail less often."""
         bounds = (
             (self.alarms, self.budget_alarms),
             (self.failures / _GROUP, self.budget_failures / _GROUP),
@@ -129,7 +130,7 @@ class SceneOutcome(OutcomeCounts):
 
 
 def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> SceneOutcome:
-    """Return the outcome of the runs of a scene at one level, and of those without its attack."""
+    """Return the outcome of a scene at one level from its runs with and without the attack."""
 
     def share(name: str) -> Proportion:
         return proportion(sum(getattr(run, name) for run in runs), len(runs))
@@ -180,9 +181,9 @@ def poisson_tail(count: int, mean: float) -> float:
 
 
 def agreement(expected: str, found: SceneOutcome) -> Agreement:
-    """Return how a measurement compares with an expected outcome; an empty one is none.
+    """Return how a measurement compares with an expected outcome; an empty string means no expectation.
 
-    Raises `ValueError` if there is no such outcome.
+    Raises `ValueError` if the expected outcome is unknown.
     """
     if not expected:
         return Agreement.NOT_EXPECTED

@@ -1,7 +1,7 @@
-"""The threat table: attacks A0 to A21, what each mitigation level is expected to make of them, scenes to measure it.
+"""The threat table: attacks A0 to A21, the expected outcome at each mitigation level, and the scenes to measure it.
 
-The table is data, `threats.toml` beside this file, which explains it. Its rows are the attacks that [WFO, Sec. IV] has
-its levels defend against, with the parameters of recorded attacks where there are some [TEXBAT].
+The file `threats.toml` beside this module has the table as data and explains it. The rows are the attacks against
+which the levels of [WFO, Sec. IV] defend. Parameters come from recorded attacks [TEXBAT] where there are such.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _CAMPAIGN: TypeAdapter[CampaignScenario] = TypeAdapter(CampaignScenario)
 
 
 class Draw(Section):
-    """A value that each seed draws anew, uniformly between two ends, or its logarithm."""
+    """A value that each seed draws anew, uniformly in the value or in its logarithm."""
 
     low: float
     high: float
@@ -45,14 +45,14 @@ class Draw(Section):
 
 
 class ShortRecording(Section):
-    """Settings that make a recording of some seconds from a scene: `threats/recorded_scenes.py`.
+    """Settings that make a recording of some seconds from a scene, used by `threats/recorded_scenes.py`.
 
     Attributes
     ----------
     name
-        Name among the recordings of a scene: what the receiver does when the attack begins.
+        Name among the recordings of a scene: the state of the receiver when the attack begins.
     faster
-        Factor by which all that the attacker does is faster than in the scene.
+        Factor by which the attack is faster than in the scene.
     first_s, end_s
         Part of the scene that is recorded, in s after its start, with the attack accelerated by `faster`.
     every_s
@@ -60,7 +60,7 @@ class ShortRecording(Section):
     svids
         Satellites in the recording.
     sample_rate_hz
-        Sampling rate of both bands: little more than the 5.115 MHz that E6 needs, if a jammer is not wider.
+        Sampling rate of both bands: little more than the 5.115 MHz that E6 needs, unless a jammer is wider.
     """
 
     name: str = ""
@@ -75,26 +75,26 @@ class ShortRecording(Section):
 class Scene(Section):
     """A campaign that shows an attack."""
 
-    name: str  # what it is, among the scenes of a threat
-    settings: tuple[str, ...] = ()  # values that replace those of the table's base, as of `--set`
-    attack: tuple[dict[str, Any], ...] = ()  # its `[[attack]]` tables
-    draw: dict[str, Draw] = Field(default_factory=dict)  # dotted keys, and what is drawn for them
-    # why a measurement differs from what is expected of a level, if it does
+    name: str  # name among the scenes of a threat
+    settings: tuple[str, ...] = ()  # values KEY=VALUE, as of `--set`, which replace those of the table's base
+    attack: tuple[dict[str, Any], ...] = ()  # `[[attack]]` tables of the scene
+    draw: dict[str, Draw] = Field(default_factory=dict)  # draws by dotted key
+    # reasons for a difference from the expectation, by level
     notes: dict[Literal["1", "2", "3"], str] = Field(default_factory=dict)
-    recording: tuple[ShortRecording, ...] = ()  # as recordings of some seconds
+    recording: tuple[ShortRecording, ...] = ()  # recordings of some seconds of the scene
 
 
 class Threat(Section):
     """A row of the table."""
 
-    # `A5`, and what the attacker does
+    # number, such as `A5`, and a description of the attack
     id: Annotated[str, Field(pattern=r"^A\d+$")]
     name: str
-    # parameters in each band
+    # parameters of the attack in each band
     e1: str
     e6: str
-    source: str  # where attack and parameters come from
-    # level to outcome, one of `OUTCOMES`, with a reason behind a colon
+    source: str  # source of the attack and its parameters
+    # outcome by level: a word of `OUTCOMES`, which a colon and a reason may follow
     expected: dict[Literal["1", "2", "3"], Annotated[str, Field(pattern=rf"^({'|'.join(OUTCOMES)})(: .+)?$")]]
     scene: Annotated[tuple[Scene, ...], Field(min_length=1)]
 
@@ -121,9 +121,9 @@ def read_threats() -> tuple[Threat, ...]:
 
 
 def scene_attacks(threat: Threat, scene: Scene, seed: int) -> tuple[dict[str, Any], ...]:
-    """Return the `[[attack]]` tables of a scene with what a seed draws for them.
+    """Return the `[[attack]]` tables of a scene with the values that a seed draws.
 
-    Raises `VestigeError` if a draw names what is not there.
+    Raises `VestigeError` if a draw names a key that does not exist.
     """
     raw = overridden({"attack": [dict(one) for one in scene.attack]}, _drawn(threat, scene, seed))
     return tuple(raw["attack"])
@@ -138,25 +138,25 @@ def scene_scenario(
     settings: tuple[str, ...] = (),
     attacks: tuple[dict[str, Any], ...] | None = None,
 ) -> CampaignScenario:
-    """Return the campaign of a scene with one seed, from which its draws follow too.
+    """Return the campaign of a scene with one seed, which also determines its draws.
 
     Parameters
     ----------
     threat, scene, seed
         Row of the table, one of its scenes, and the seed.
     attacked
-        Whether the attacks of the scene are there; without them it is the same campaign.
+        Whether the campaign has the attacks of the scene; everything else is the same without them.
     settings
-        Values of the user's that replace those of the scene, as of `--set`; those of attacks only where there are some.
+        Values of `--set`, which replace those of the scene. Values of attacks count only if `attacked`.
     attacks
         Attacks, used in place of `scene_attacks`.
 
     Raises
     ------
     InputFileError
-        If that is no campaign.
+        If the result is not a valid campaign.
     VestigeError
-        If a setting has not the form KEY=VALUE, or names what is not there.
+        If a setting does not have the form KEY=VALUE, or names a key that does not exist.
     """
     raw = overridden(_table().base, (f"seed={seed}", *scene.settings))
     if attacked:

@@ -1,9 +1,9 @@
 """The threat table as files: `threats.csv` with a row for each scene, `threats.zarr` over scene and level.
 
-In the CSV file a column that belongs to a level ends with it: `detected_level_2`; `expected_level_2` is what was
-expected of it, with the reason, and `level_2` how the measurement compares. In the store the same statistics are
-variables over `scene` and `level`; `check_failed` and `check_time_s` say of each check in how many runs it failed, and
-after how long.
+In the CSV file the name of a column ends with its level, such as `detected_level_2`. `expected_level_2` has the
+expected outcome with its reason, and `level_2` the agreement of the measurement with it. In the store the same
+statistics are variables over `scene` and `level`. `check_failed` is the number of runs in which a check failed, and
+`check_time_s` the median time of its first failure.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from vestige.threats.matrix import SceneCell
 from vestige.threats.scenes import LEVEL_NUMBERS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
-SETTINGS = "settings"  # that replaced values of every scene
-VERSION = "vestige_version"  # with which all runs were measured
+SETTINGS = "settings"  # name of the column and attribute with the values of `--set`
+VERSION = "vestige_version"  # name of the column and attribute with the version that measured all runs
 _BUDGETS = ("budget_alarms", "budget_range_alarms", "budget_failures", "budget_exact_failures", "budget_range_failures")
 _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
 
 
 def table_rows(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
-    """Return the rows of the table, one a scene, under the names of its columns."""
+    """Return the rows of the table, a row per scene, each by the names of the columns."""
     rows = []
     for _, of_scene in groupby(cells, key=lambda cell: (cell.case.threat, cell.case.scene)):
         levels = list(of_scene)
@@ -61,7 +61,7 @@ def table_rows(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
 
 
 def statistics_of(cell: SceneCell) -> dict[str, object]:
-    """Return every number of a cell by name, with the checks that spoke and why it differs."""
+    """Return the statistics of a cell by name, with the checks that failed and the reason for a difference."""
     found = cell.found
     shares = {
         f"{name}{part}": value
@@ -98,7 +98,7 @@ def _parts(found: object) -> tuple[object, ...]:
 
 
 def write_table(folder: Path, cells: Sequence[SceneCell]) -> None:
-    """Write the table as CSV and as a store; each is there as a whole or not at all."""
+    """Write the table as CSV and as a store; if writing fails, no incomplete file or store remains."""
     rows = table_rows(cells)
     with replacement(folder / TABLE) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]) if rows else ["threat"])
@@ -111,13 +111,13 @@ def write_table(folder: Path, cells: Sequence[SceneCell]) -> None:
 def read_threat_dataset(folder: Path) -> xarray.Dataset:
     """Return the table in a folder of `vestige threats`.
 
-    Raises `InputFileError` if there is none, or it is damaged.
+    Raises `InputFileError` if the folder has no table, or a damaged table.
     """
     return load_small(folder / STORE, "the table that `vestige threats -o` writes; the same command mends it")
 
 
 def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
-    """Return the table over scene and level."""
+    """Return the table as a dataset over scene and level."""
     scenes = list(dict.fromkeys((cell.case.threat, cell.case.scene) for cell in cells))
     shape = (len(scenes), len(LEVEL_NUMBERS))
     place = {scene: number for number, scene in enumerate(scenes)}
@@ -166,5 +166,5 @@ def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
 
 
 def _text(words: Sequence[str]) -> np.ndarray:
-    """Return words as an array of variable length, which stores keep."""
+    """Return words as an array of strings of variable length, which a store can keep."""
     return np.array(words, dtype=np.dtypes.StringDType())

@@ -1,1 +1,1 @@
-"""Engines of the exhaustive search: ways to compute the powers that are screened."""
+"""Engines of the exhaustive search: each computes the powers that the search compares with its threshold."""

@@ -1,4 +1,4 @@
-"""Choice of a search's engine: the one that it names, or the fastest that this machine runs."""
+"""Choice of the engine of a search: the named engine, or the fastest engine that this machine runs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vestige.sample_processor.search.engines.engine import Engine, EngineUnavail
 _log = logging.getLogger(__name__)
 
 EngineName = Literal["auto", "cuda", "segment", "fft"]
-FASTEST_FIRST: tuple[EngineName, ...] = ("cuda", "segment", "fft")  # in which `auto` tries them
+FASTEST_FIRST: tuple[EngineName, ...] = ("cuda", "segment", "fft")  # order in which `auto` tries the engines
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class EngineChoice:
     where
         Name of the GPU on which it runs, or "processor".
     passed_over
-        Why `auto` did not take the faster ones, a line for each.
+        Reason why `auto` did not take each faster engine, a line each.
     """
 
     name: EngineName
@@ -43,12 +43,12 @@ class EngineChoice:
 
 
 def choose_engine(name: EngineName) -> EngineChoice:
-    """Return the engine of a name; for `auto` the fastest that this machine runs.
+    """Return the engine of a name; for `auto` the fastest engine that this machine runs.
 
     Raises
     ------
     EngineUnavailableError
-        If an engine is named that this machine does not run: which, what was found, what to do.
+        If this machine does not run the named engine; the message says what was found and what to do.
     """
     if name != "auto":
         return EngineChoice(name, _WHERE[name]())
@@ -62,19 +62,19 @@ def choose_engine(name: EngineName) -> EngineChoice:
 
 
 def make_engine(name: EngineName, codes: Int8[np.ndarray, "codes chips"]) -> Engine:
-    """Return the engine of a name for codes of equal length, ±1; for `auto` the fastest that this machine runs.
+    """Return the engine of a name for codes of equal length, ±1; `auto` takes the fastest that runs here.
 
     Raises
     ------
     EngineUnavailableError
-        If an engine is named that this machine does not run.
+        If this machine does not run the named engine.
     """
     choice = choose_engine(name)
     _log.info("engine of the exhaustive search: %s", choice)
     return _MAKE[choice.name](codes)
 
 
-# each is imported when it is used: some compile, one asks for a GPU
+# engines are imported when they are used, because some compile and `cuda` needs a GPU
 
 
 def _make_cuda(codes: np.ndarray) -> Engine:

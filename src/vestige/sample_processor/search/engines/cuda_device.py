@@ -1,7 +1,7 @@
-"""GPU functions of the CUDA engine: FFTs by cuFFT and two kernels, through CuPy, which is imported here alone.
+"""GPU functions of the CUDA engine: FFTs by cuFFT and two kernels. Only this module imports CuPy.
 
-The product is written once and read once by the inverse FFT, whose result is read once by the maximum: so the memory
-of the GPU sets the time, 4 to 6 passes over 8 bytes for each number.
+The speed of the GPU's memory sets the time. The product is written once and read once by the inverse FFT, and the
+maximum reads the result once. These are 4 to 6 passes over the 8 bytes of each number.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from jaxtyping import Float32
 
 from vestige.sample_processor.search.engines.engine import EngineUnavailableError
 
-_THREADS = 256  # of a block of the GPU; divides every transform's length
+_THREADS = 256  # threads of a GPU block; the number divides the length of every transform
 _KERNELS = r"""
 extern "C" __global__ void multiply(
     const float2* spectra, const float2* code, const int* shifts, float2* rows, int stride, int length)
@@ -63,7 +63,7 @@ class CudaDevice:
         try:
             self.xp: Any = import_module("cupy")
             self._cupyx: Any = import_module("cupyx")
-            self._cufft: Any = self.xp.cuda.cufft  # loads the library, wherever it is
+            self._cufft: Any = self.xp.cuda.cufft  # loads the library from its folder
         except ImportError as error:
             found = f"CuPy cannot be imported ({first_line(error)})"
             raise EngineUnavailableError("cuda", found, "pip install 'vestige[cuda]'") from error
@@ -74,22 +74,22 @@ class CudaDevice:
             self._multiply, self._raise = kernels.get_function("multiply"), kernels.get_function("raise_to_powers")
             self.forward(self.xp.zeros(_THREADS, np.complex64))
             self.xp.cuda.get_current_stream().synchronize()
-        except Exception as error:  # CUDA's errors have no class in common but this one
+        except Exception as error:  # CUDA's errors have no other common class
             found = f"CuPy {self.xp.__version__} finds no GPU that it can use ({first_line(error)})"
             raise EngineUnavailableError("cuda", found, "see what nvidia-smi says") from error
 
     def stream(self) -> Any:
-        """Return a stream that does not wait for others."""
+        """Return a stream that does not wait for other streams."""
         return self.xp.cuda.Stream(non_blocking=True)
 
     def constant(self, values: np.ndarray) -> Any:
-        """Return values on the GPU, there for every stream."""
+        """Return the values as an array on the GPU, which every stream may read."""
         there = self.xp.asarray(values)
         self.xp.cuda.get_current_stream().synchronize()
         return there
 
     def plan(self, rows: Any) -> Any:
-        """Return cuFFT's plan for the inverse transforms of an array, work area included."""
+        """Return the plan of cuFFT for the inverse transforms of an array, including the work area."""
         n_blocks, n_bins, length = rows.shape
         return self._cufft.Plan1d(length, self._cufft.CUFFT_C2C, n_blocks * n_bins)
 
@@ -117,7 +117,7 @@ class CudaDevice:
         self._raise((-(-offsets // _THREADS), n_blocks), (_THREADS,), (rows, best, *numbers))
 
     def download(self, values: Any) -> Float32[np.ndarray, "..."]:
-        """Return the values in page-locked memory, which the GPU writes by itself."""
+        """Return the values in page-locked memory, to which the GPU writes directly."""
         out: np.ndarray = self._cupyx.empty_pinned(values.shape, np.float32)
         values.get(out=out)
         return out
@@ -136,6 +136,6 @@ def cuda_device() -> CudaDevice:
 
 
 def first_line(error: BaseException) -> str:
-    """Return the first line of an error's message that is not empty, or its class."""
+    """Return the first line of an error's message that is not empty; the name of its class if all are."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__

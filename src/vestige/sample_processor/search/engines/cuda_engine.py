@@ -1,13 +1,13 @@
 """The engine for a GPU: the same overlap-save correlation as `fft`, in batches of many blocks and Doppler bins.
 
-A call takes 0.2 s of samples. The samples go to the GPU as int16 and become overlapping blocks of
-complex64, whose spectra are multiplied with those of the codes at the shift of every bin. One batched inverse FFT
-follows, and the largest power over the bins of each code offset. Only that comes back: 4 bytes for each code, grid and
-offset. How blocks are cut and how a bin becomes a shift: `overlap_save`.
+A call takes 0.2 s of samples. The samples go to the GPU as int16 and become overlapping blocks of complex64. The
+spectra of the blocks are multiplied with the spectra of the codes at the shift of every bin. A batched inverse FFT
+follows, and then the largest power over the bins of each code offset. Only this power comes back: 4 bytes for each
+code, grid and offset. `overlap_save` explains how blocks are cut and how a bin becomes a shift.
 
-Calls may come from several threads. Each takes one of `_LANES` lanes, which have a stream and a batch of their own: so
-one call computes while another one sends or receives. All arithmetic beyond that of arrays is in `Device`:
-`cuda_device.CudaDevice` has it for CuPy; the tests have a stand-in of numpy, so they check this file without a GPU.
+Calls may come from several threads. Each call takes one of `_LANES` lanes with its own stream and batch, so a call
+computes while another call sends or receives. All arithmetic beyond that of arrays is in `Device`.
+`cuda_device.CudaDevice` is the device for CuPy. The tests have a device of numpy, so they test this file without a GPU.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from vestige.sample_processor.search.engines.fft_engine import FftEngine
 from vestige.sample_processor.search.engines.overlap_save import OverlapSave
 
 _LANES = 2
-_BATCH_BYTES = 1 << 28  # of the inverse transforms of a lane; cuFFT takes as much again
-_BLOCK = 1 << 20  # about so many code offsets in a call
+_BATCH_BYTES = 1 << 28  # memory of the inverse transforms of a lane; cuFFT needs the same again
+_BLOCK = 1 << 20  # approximate number of code offsets in a call
 _CHECKED = 100  # code offsets whose powers a GPU must get right before it is used
 
 
 @runtime_checkable
 class Device(Protocol):
-    """Arrays on a GPU and what is done with them; an array is whatever `xp` makes.
+    """Operations on the arrays of a GPU; an array has the type that `xp` makes.
 
     Attributes
     ----------
     xp
-        The array module: cupy, or what stands in for it.
+        The array module: cupy, or numpy in tests.
     """
 
     xp: Any
 
     def stream(self) -> AbstractContextManager[object]:
-        """Return a context in which work runs in an order of its own."""
+        """Return a context whose work runs in order, independently of other contexts."""
         ...
 
     def constant(self, values: np.ndarray) -> Any:
@@ -53,7 +53,7 @@ class Device(Protocol):
         ...
 
     def plan(self, rows: Any) -> Any:
-        """Return what `inverse` needs for arrays of the shape of `rows`."""
+        """Return the plan that `inverse` needs for arrays of the shape of `rows`."""
         ...
 
     def forward(self, blocks: Any) -> Any:
@@ -63,7 +63,7 @@ class Device(Protocol):
     def multiply(self, spectra: Any, code: Any, shifts: Any, rows: Any) -> None:
         """Fill rows[block, bin, k] with spectra[block, k] · code[k − shifts[bin]], modulo the length.
 
-        `rows` may have more bins than there are shifts; these stay as they are.
+        `rows` may have more bins than there are shifts; the additional bins do not change.
         """
         ...
 
@@ -76,7 +76,7 @@ class Device(Protocol):
         ...
 
     def download(self, values: Any) -> Float32[np.ndarray, "..."]:
-        """Return float32 values as a numpy array, after everything before it in the stream."""
+        """Return float32 values as a numpy array, after all earlier work of the stream."""
         ...
 
 
@@ -90,19 +90,19 @@ class _Lane:
 
 
 class CudaEngine:
-    """Powers of codes of equal length on a GPU; see the module.
+    """Compute powers of codes of equal length on a GPU; the module explains how.
 
     Parameters
     ----------
     codes
-        ±1; 1, 2, 4, 8 or 16 ms of chips each.
+        Codes of ±1; each has 1, 2, 4, 8 or 16 ms of chips.
     device
-        The GPU; None for the current one.
+        The GPU; None takes the current GPU.
 
     Raises
     ------
     EngineUnavailableError
-        If CuPy or a GPU is missing, or memory on the GPU.
+        If CuPy or a GPU is missing, or the GPU has too little memory.
     """
 
     uses_cores = False
@@ -130,7 +130,7 @@ class CudaEngine:
         self,
         chips: Int16[np.ndarray, "grids 2 n"],
         n_offsets: int,
-        threshold: float = 0.0,  # noqa: ARG002  (these powers are of all cells)
+        threshold: float = 0.0,  # noqa: ARG002  (this engine computes all cells)
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
         """Return the largest power over the bins, for every code, grid and offset."""
         lane = self._lanes.get()
@@ -163,7 +163,7 @@ class CudaEngine:
         return found.reshape(self._spectra.shape[0], n_grids, -1)[:, :, :n_offsets]
 
     def _blocks(self, chips: Any, in_grid: int) -> Any:
-        """Return overlapping blocks complex64[grids · in_grid, length] of int16[grids, 2, n], zeros behind it."""
+        """Return overlapping blocks complex64[grids · in_grid, length] of int16[grids, 2, n], padded with zeros."""
         xp, length, offsets = self._device.xp, self._cut.length, self._cut.offsets
         n_grids, _, n = chips.shape
         total = (in_grid - 1) * offsets + length
@@ -177,7 +177,7 @@ class CudaEngine:
 
 
 def _batch(cut: OverlapSave, n_blocks: int) -> tuple[int, int]:
-    """Return how many blocks and bins are transformed at once: whole blocks, or equal parts of the bins of one."""
+    """Return the numbers of blocks and bins transformed at once: whole blocks, or equal parts of a block's bins."""
     transforms = max(1, _BATCH_BYTES // (8 * cut.length))
     n_bins = cut.shifts.size
     if transforms >= 2 * n_bins:
@@ -188,12 +188,12 @@ def _batch(cut: OverlapSave, n_blocks: int) -> tuple[int, int]:
 
 @cache
 def checked_gpu() -> str:
-    """Return the name of the current GPU, once it has computed what the engine `fft` computes.
+    """Return the name of the current GPU after it has computed the same powers as the engine `fft`.
 
     Raises
     ------
     EngineUnavailableError
-        If CuPy or a GPU is missing, or if the GPU fails or computes something else.
+        If CuPy or a GPU is missing, or if the GPU fails or computes other powers.
     """
     device = cuda_device()
     rng = np.random.default_rng(1)
@@ -204,7 +204,7 @@ def checked_gpu() -> str:
         powers = CudaEngine(codes, device).powers(chips, _CHECKED)
     except EngineUnavailableError:
         raise
-    except Exception as error:  # CUDA's errors have no class in common but this one
+    except Exception as error:  # CUDA's errors have no other common class
         found = f"{device.name} fails in a short check ({first_line(error)})"
         raise EngineUnavailableError("cuda", found, "check the versions of CuPy and the driver") from error
     if not np.allclose(powers, expected, rtol=0, atol=1e-4 * expected.max()):

@@ -1,8 +1,8 @@
-"""Interface of the engines of the exhaustive search: an engine screens, it does not decide.
+"""Interface of the engines of the exhaustive search: an engine selects candidates and does not decide.
 
 An engine gets chips of a stretch of samples and returns, for every code offset, the largest power over the Doppler
-bins. Its sums may lose a stated part of a decibel. Offsets near the threshold are computed again, exactly
-(`exact_cell`), and only that counts. So no engine's precision enters a published number.
+bins. The power may be too low by a stated part of a decibel. Offsets near the threshold are computed again exactly
+(`exact_cell`), and only the exact value counts. So the precision of an engine does not enter a published number.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from vestige.errors import UnsupportedError
 from vestige.signals.definitions import E6C
 
 CHIP_RATE_HZ = E6C.chip_rate_hz
-DOPPLER_POINTS = 256  # of the Doppler transform
-CHIP_SIGMA = 12.0  # of the chips that an engine gets: rounding costs 0.003 dB
-CLIP = 102  # 8.5 σ; 320 of them fit int16
+DOPPLER_POINTS = 256  # points of the Doppler transform
+CHIP_SIGMA = 12.0  # standard deviation of the chips that an engine gets; rounding them costs 0.003 dB
+CLIP = 102  # largest chip, 8.5 σ; a sum of 320 such chips fits int16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
-    """The Doppler bins of a coherent sum, and how the segment engine comes to them.
+    """The Doppler bins of a coherent sum, and the way in which the segment engine computes them.
 
     Attributes
     ----------
     segment_chips
-        M: chips in a segment, within which the carrier is left in.
+        M: chips in a segment; the carrier is not removed within a segment.
     stride
-        Only every `stride`-th of the bins R_c / (256 M) apart is wanted.
+        Step between the bins that are used; the bins are R_c / (256 M) apart.
     split
-        Groups of segments that are joined coherently, and sub-bins of a bin.
+        Number of groups of segments that are joined coherently; also the number of sub-bins of a bin.
     reach
-        Bins on each side of the middle.
+        Number of bins on each side of the middle.
     half_width_hz
-        Largest distance from the middle: a replica with the code Doppler of the middle loses 0.24 dB at the most
-        there. A wider span takes several passes, each with its own middle.
+        Largest distance from the middle. A replica with the code Doppler of the middle loses at most 0.24 dB there. A
+        wider span needs several passes, each with its own middle.
     """
 
     segment_chips: int
@@ -49,7 +49,7 @@ class Grid:
 
     @property
     def spacing_hz(self) -> float:
-        """Distance of the bins before they are split or left out."""
+        """Distance between the bins before bins are split or left out."""
         return CHIP_RATE_HZ / (self.segment_chips * DOPPLER_POINTS)
 
     @property
@@ -59,13 +59,13 @@ class Grid:
 
     @property
     def bins_hz(self) -> Float64[np.ndarray, " bins"]:
-        """Doppler bins from the middle, 1/(2 T) apart but for 0.1 %."""
+        """Doppler bins relative to the middle, 1/(2 T) apart to 0.1 %."""
         whole = np.arange(-(self.reach // self.stride) * self.stride, self.reach + 1, self.stride)
         parts = (np.arange(self.split) + 0.5) / self.split - 0.5
         return self.spacing_hz * (whole[:, None] + parts).reshape(-1)
 
 
-# by chips of the coherent sum: 1, 2, 4, 8 and 16 ms
+# grid by the chips of the coherent sum, for 1, 2, 4, 8 and 16 ms
 GRIDS = {
     5115: Grid(segment_chips=160, stride=4, split=1, reach=40, half_width_hz=5000.0),
     10_230: Grid(segment_chips=160, stride=2, split=1, reach=40, half_width_hz=5000.0),
@@ -77,16 +77,16 @@ GRIDS = {
 
 @runtime_checkable
 class Engine(Protocol):
-    """A way to compute the powers.
+    """An engine of the search, which computes the powers.
 
     Attributes
     ----------
     loss_db
-        The most that the power of a tested cell may be below its exact value.
+        Largest loss of the power of a tested cell against its exact value.
     block
-        Code offsets that are best computed at once.
+        Number of code offsets that are best computed at once.
     uses_cores
-        Whether calls from several threads run side by side, each on a core of the processor.
+        Whether calls from several threads run in parallel, each on a core of the processor.
     """
 
     loss_db: float
@@ -101,10 +101,10 @@ class Engine(Protocol):
         Parameters
         ----------
         chips
-            Chips of the samples, real and imaginary parts: `n_offsets` and the length of the codes.
+            Chips of the samples, real and imaginary parts. Their number is `n_offsets` plus the length of the codes.
         threshold
-            On the magnitude, in standard deviations of the noise per dimension. An engine may return zero for an
-            offset without a cell above it; how many detections that costs at the most, the engine states.
+            Threshold of the magnitude, in standard deviations of the noise per dimension. An engine may return zero
+            for an offset without a cell above the threshold. The engine states how many detections this costs at most.
         """
         ...
 
@@ -120,7 +120,7 @@ class EngineUnavailableError(UnsupportedError):
     Parameters
     ----------
     engine
-        Its name.
+        Name of the engine.
     found
         The part that is missing.
     remedy
@@ -132,5 +132,5 @@ class EngineUnavailableError(UnsupportedError):
         self.engine, self.found, self.remedy = engine, found, remedy
 
     def __reduce__(self) -> tuple[type[EngineUnavailableError], tuple[str, str, str]]:
-        """Return what makes it again: a worker process hands its errors back pickled."""
+        """Return the class and the arguments to rebuild the error: a worker process returns its errors pickled."""
         return type(self), (self.engine, self.found, self.remedy)

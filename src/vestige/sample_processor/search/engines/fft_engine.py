@@ -1,7 +1,7 @@
-"""The plain engine, the reference: overlap-save correlation by FFT, one inverse transform for every Doppler bin.
+"""The reference engine: overlap-save correlation by FFT, with an inverse transform for every Doppler bin.
 
-How blocks are cut and how a bin becomes a shift: `overlap_save`. The code's spectrum is kept three times in a row, so
-that a shift is a slice.
+`overlap_save` explains how blocks are cut and how a bin becomes a shift. The spectrum of the code is stored three
+times in a row, so a shift is a slice.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from scipy import fft
 from vestige.kernel_cache import njit
 from vestige.sample_processor.search.engines.overlap_save import OverlapSave
 
-_TOGETHER = 4  # transforms at once: scipy puts one into each lane of a vector, four times as fast as one by one
+_TOGETHER = 4  # transforms at once: scipy computes them in the lanes of a vector, four times as fast as one by one
 
 
 class FftEngine:
-    """Powers of codes of equal length by FFT; see the module.
+    """Compute powers of codes of equal length by FFT; the module explains how.
 
     Parameters
     ----------
     codes
-        ±1; 1, 2, 4, 8 or 16 ms of chips each.
+        Codes of ±1; each has 1, 2, 4, 8 or 16 ms of chips.
     """
 
     uses_cores = True
@@ -38,7 +38,7 @@ class FftEngine:
         self,
         chips: Int16[np.ndarray, "grids 2 n"],
         n_offsets: int,
-        threshold: float = 0.0,  # noqa: ARG002  (these powers are of all cells)
+        threshold: float = 0.0,  # noqa: ARG002  (this engine computes all cells)
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
         """Return the largest power over the bins, for every code, grid and offset."""
         best = np.zeros((self._spectra.shape[0], chips.shape[0], n_offsets), np.float32)

@@ -1,9 +1,9 @@
-"""Overlap-save correlation, as the engines `fft` and `cuda` use it: how samples are cut and bins become shifts.
+"""Overlap-save correlation for the engines `fft` and `cuda`: how samples are cut and how bins become shifts.
 
-A block of `length` samples is transformed once for all codes and bins: Doppler is a shift of the code's spectrum
-against that of the samples, in steps of R_c / length, and every bin is rounded to the nearest step. The first
-length − chips + 1 numbers of an inverse transform are correlator values, the rest is wrapped round. A length of about
-6.4 times the code's is best on a processor; the textbook's 2 costs a third more.
+A block of `length` samples is transformed once for all codes and bins. Doppler is a shift of the code's spectrum
+against that of the samples, in steps of R_c / length; every bin is rounded to the nearest step. The first
+length − chips + 1 numbers of an inverse transform are correlator values; the others wrap around and are not used. A
+length of about 6.4 times the code's is the fastest on a processor; the textbook's factor 2 takes a third more time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy import fft
 
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
 
-_LENGTH_OVER_CODE = 4.2  # the next power of two above is 6.4
+_LENGTH_OVER_CODE = 4.2  # the length is the next power of two, 6.4 times the code
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,13 +26,13 @@ class OverlapSave:
     Attributes
     ----------
     length
-        Samples of a block, a power of two.
+        Number of samples of a block, a power of two.
     offsets
-        Code offsets that a block yields; the next block begins so many samples later.
+        Number of code offsets that a block yields; the next block begins this many samples later.
     shifts
         Shifts of the code's spectrum in steps of R_c / `length`, one for each Doppler bin.
     loss_db
-        The most that the power of a cell may be below its exact value, because its bin is rounded to a shift.
+        Largest loss of the power of a cell against its exact value, because its bin is rounded to a shift.
     """
 
     length: int
@@ -42,12 +42,12 @@ class OverlapSave:
 
     @classmethod
     def of(cls, n_chips: int) -> OverlapSave:
-        """Return the blocks for codes of so many chips: 1, 2, 4, 8 or 16 ms."""
+        """Return the division for codes with a number of chips that corresponds to 1, 2, 4, 8 or 16 ms."""
         length = 1 << int(np.ceil(np.log2(_LENGTH_OVER_CODE * n_chips)))
         shifts = np.rint(GRIDS[n_chips].bins_hz / CHIP_RATE_HZ * length).astype(int)
-        # 1.5 bins' rounding at the most moves a cell's power by less than the loss half a step off the grid
+        # rounding by at most 1.5 bins changes a cell's power by less than the loss half a step off the grid
         step_error = 0.5 * CHIP_RATE_HZ / length * n_chips / CHIP_RATE_HZ
-        slope_db = 20 * np.log10(np.sinc(0.25) / np.sinc(0.25 + step_error))  # a quarter of a cycle: the grid's worst
+        slope_db = 20 * np.log10(np.sinc(0.25) / np.sinc(0.25 + step_error))  # worst case of the grid: ¼ cycle
         return cls(length=length, offsets=length - n_chips + 1, shifts=shifts, loss_db=float(slope_db) + 0.01)
 
     def spectra(self, codes: Int8[np.ndarray, "codes chips"]) -> Complex64[np.ndarray, "codes length"]:

@@ -1,42 +1,45 @@
 """The int8 engine: a screen over half of the chips first, then a sum over all chips at the few offsets that pass.
 
-It is the fastest engine on a processor, and it is written for that: `segment_engine` plans, `segment_kernel` has the
-loops, `vector_ir` the inner ones as LLVM code. Nothing outside this folder needs to know how it works; only `choice`
+The engine is written to be the fastest on a processor. `segment_engine` plans, `segment_kernel` has the loops, and
+`vector_ir` the inner loops as LLVM code. Nothing outside this folder needs to know how the engine works; only `choice`
 imports it.
 
 Theory of operation
 -------------------
-A sum over T with carrier f is cut into segments of M = 160 chips (320 for 8 and 16 ms); within a segment the carrier is
-left in, which costs sinc²(f M / R_c), 0.35 dB at the outermost bin. One code offset τ then needs
+A sum over T with carrier f is cut into segments of M = 160 chips (320 for 8 and 16 ms). Within a segment the carrier is
+not removed, which costs sinc²(f M / R_c), 0.35 dB at the outermost bin. Each code offset τ then needs
 
     P_k(τ) = Σ_n x(τ + M k + n) c(M k + n)          Z_m(τ) = Σ_k P_k(τ) e^{−j2π k m / 256}
 
-**Two stages.** A search of 10¹⁰ cells has a threshold g near 8 σ. Half of the chips of a cell that reaches it have a
-magnitude of 5.5 ± 0.7 σ, and half as many bins. So the engine first sums up the middle half of the chips only, and
-drops every offset whose largest magnitude is below t = (g − 1.5)/√2, 4.5 σ. Noise passes t at about 0.2 % of the
-offsets. All chips are summed up there, exactly, and only that power leaves the engine. `theory/screen_loss.py` has the
-detections that this costs. The middle half is taken because the code Doppler then moves its chips to both sides alike.
-Where g is so low that noise would pass too often (short searches), all chips are summed up everywhere.
+**Two stages.** A search of 10¹⁰ cells has a threshold g near 8 σ. If a cell reaches
+g, half of its chips have a magnitude of 5.5 ± 0.7 σ and need half as many bins. So the engine first sums up only the
+middle half of the chips. An offset is dropped if its largest magnitude is below t = (g − 1.5)/√2, 4.5 σ. Noise passes t
+at about 0.2 % of the offsets. At the offsets that pass all chips are summed up exactly, and only this power is
+returned. `theory/screen_loss.py` computes the detections that the screen costs. The middle half is taken because the
+code Doppler then moves its chips equally to both sides. In short searches g is so low that noise would pass too often;
+then all chips are summed up at every offset.
 
-**Screen: sign tables.** Five chips have 16 sign patterns but for a common sign. So every x(n) ± x(n+1) ± … ± x(n+4) is
-computed once, for all segments, offsets and codes, and a P_k is a sum of 32 or 64 table rows, added or subtracted after
-the sign of the group's first chip. Rows are read at consecutive offsets, without a multiplication, a branch or a
-look-up by sample. A row has five bits in steps of eight: at σ = 12 of the chips that adds noise 21 dB below theirs, and
-a sum beyond 4.6 σ is cut. So eight rows are added in one byte before they are widened to int16. The tables of a block
-serve all codes. Their rows lie 256 bytes beyond a multiple of 4 kB apart, else all would share a few places of the
-cache, which costs a factor of two.
+**Screen: sign tables.** Five chips have 16 sign patterns, apart from a common sign. So every sum x(n) ± x(n+1) ± … ±
+x(n+4) is computed once for all segments, offsets and codes. P_k is then a sum of 32 or 64 table rows; the sign of a
+group's first chip decides whether its row is added or subtracted. Rows are read at consecutive offsets, without a
+multiplication, a branch or a look-up by sample. A row has five bits in steps of eight. With chips of σ = 12 the steps
+add noise 21 dB below that of the chips, and a sum beyond 4.6 σ is cut. So eight rows are added in one byte before they
+are widened to int16. The tables of a block serve all codes. The distance between two rows is 256 bytes more than a
+multiple of 4 kB. Without the 256 bytes all rows would share a few lines of the cache, which costs a factor of two.
 
 **Screen: Doppler transform.** 128 points, the upper half of the inputs zero, in two steps of 8 and 16: input
 k = b + 16 j, output m = r + 8 g,
 
     y_b[r] = Σ_j P_{b+16j} e^{−j2π j r / 8}        Z_{r+8g} = Σ_b (y_b[r] e^{−j2π b r / 128}) e^{−j2π b g / 16}
 
-in int16 with one lane for each offset. Rounding moves a magnitude by less than 0.03 σ. Sums stop at the ends of their
-range, so a strong signal stays strong. 16 ms take segments of 640 chips here: 0.64 dB at the edge of a pass.
+in int16 with one lane for each offset. Rounding changes a magnitude by less than 0.03 σ. Sums saturate at the ends of
+their range, so a strong signal stays strong. For 16 ms the segments have 640 chips here, which costs 0.64 dB at the
+edge of a pass.
 
-**All chips.** Segment sums of int16 products, exact; then a transform of 256 points in two steps of 16, in float32 with
-one lane for each of eight offsets. **1 and 2 ms** fill an eighth or a quarter of the inputs and want every fourth or
-second output. **16 ms** are two groups of 128 segments; the Z of each, 62.4 Hz apart, are joined coherently at f ± δ,
-two sub-bins to a bin. Within a group δ is left in: sinc²(δ · 8 ms), 0.22 dB. A group lasts half a cycle of the bins'
-distance, so the join needs signs and two constants only.
+**All chips.** The segment sums of int16 products are exact. A transform of 256 points in two steps of 16 follows, in
+float32 with one lane for each of eight offsets. **1 and 2 ms** fill an eighth or a quarter of the inputs and need every
+fourth or second output. **16 ms** are two groups of 128 segments. The bins Z of a group are 62.4 Hz apart; those of
+both groups are joined coherently at f ± δ, two sub-bins for each bin. Within a group δ is not removed, which costs
+sinc²(δ · 8 ms), 0.22 dB. A group lasts half a cycle of the distance between bins, so the join needs only signs and two
+constants.
 """

@@ -1,4 +1,4 @@
-"""The fast engine of a processor; the package says how it works and why."""
+"""The fast engine for a processor; the docstring of the package explains how it works and why."""
 
 # mypy: disable-error-code="call-arg"
 
@@ -31,27 +31,27 @@ from vestige.sample_processor.search.engines.segment.vector_ir import (
 )
 from vestige.theory.screen_loss import pass_threshold
 
-_TABLE_OFFSETS = 131_072  # that share one set of tables
-_PAGE = 4096  # bytes after which a cache uses the same places again: the rows of a table share them evenly
-_CUT = 1.0  # step of the screen: two squares are rounded down
-_MOST_SCREENED = 0.3  # offsets that noise alone passes; with more, a screen costs more than it saves
+_TABLE_OFFSETS = 131_072  # offsets that share a set of tables
+_PAGE = 4096  # bytes after which cache lines repeat: the rows of a table are spread evenly over the lines
+_CUT = 1.0  # largest rounding of a screened power, in its steps: two squares are rounded down
+_MOST_SCREENED = 0.3  # largest useful share of offsets that noise alone passes; above it a screen costs time
 
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A code as rows of the sign tables, segment by segment, those that are added first: `row_sum` has the bounds."""
+    """A code as rows of the sign tables, by segment, added rows first; `row_sum` explains the bounds."""
 
     entries: Int32[np.ndarray, " groups"]
     bounds: Int64[np.ndarray, "segments 6"]
 
 
 class SegmentEngine:
-    """Powers of codes of equal length: a screen over half of the chips, and all chips where it passes; see the package.
+    """Compute powers of codes of equal length: screen half of the chips, then sum up all chips where the screen passes.
 
     Parameters
     ----------
     codes
-        ±1; 1, 2, 4, 8 or 16 ms of chips each.
+        Codes of ±1; each has 1, 2, 4, 8 or 16 ms of chips.
     """
 
     block = _TABLE_OFFSETS
@@ -60,7 +60,7 @@ class SegmentEngine:
     def __init__(self, codes: Int8[np.ndarray, "codes chips"]) -> None:
         grid = GRIDS[codes.shape[1]]
         self._grid = grid
-        self._segments = SEGMENTS // grid.stride  # in a group
+        self._segments = SEGMENTS // grid.stride  # segments in a group
         whole = self._segments * grid.split
         self._missing = whole * grid.segment_chips - codes.shape[1]  # chips that the last segment lacks
         self._codes = np.pad(codes, ((0, 0), (0, self._missing))).astype(np.int16)
@@ -81,7 +81,7 @@ class SegmentEngine:
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
         """Return the largest power over the bins, for every code, grid and offset; chips within ±127.
 
-        It is zero where the screen says that no cell above the threshold is to be expected.
+        The power is zero where the screen finds no cell that can be above the threshold.
         """
         best = np.zeros((len(self._plans), chips.shape[0], n_offsets), np.float32)
         limit = pass_threshold(threshold)
@@ -117,14 +117,14 @@ class SegmentEngine:
                 powers = np.zeros(rounded, np.int16)
                 flat = (table.reshape(-1) for table in tables)
                 screen(*flat, plan.entries, plan.bounds, stride, reach, self._short_turns, powers)
-                powers = powers.reshape(-1, 2, VECTOR_BYTES // 2).swapaxes(1, 2).reshape(-1)  # even and odd in turn
+                powers = powers.reshape(-1, 2, VECTOR_BYTES // 2).swapaxes(1, 2).reshape(-1)  # even, odd interleaved
                 out[first : first + count] = powers[:count]
         return (best + np.float32(_CUT)) * np.float32(UNIT_OF_SCREEN)
 
     def _completed(
         self, chips: Int16[np.ndarray, "2 n"], code: Int16[np.ndarray, " chips"], offsets: Int64[np.ndarray, " some"]
     ) -> Float32[np.ndarray, " some"]:
-        """Return the largest power of all chips over the bins, at some offsets."""
+        """Return the largest power over the bins at the given offsets, from all chips."""
         filled = np.zeros(-(-offsets.size // LANES) * LANES, np.int64)
         filled[: offsets.size] = offsets
         powers = np.empty(filled.size, np.float32)
@@ -135,13 +135,13 @@ class SegmentEngine:
 
 
 def _turns(points: int) -> Float32[np.ndarray, " numbers"]:
-    """Return exp(−j2π b r / (16 · points)), b in 16 and r in `points`, real and imaginary parts in turn."""
+    """Return exp(−j2π b r / (16 · points)), b in 16 and r in `points`, real and imaginary parts interleaved."""
     angles = np.outer(np.arange(DFT_POINTS), np.arange(points)) / (DFT_POINTS * points)
     return np.exp(-2j * np.pi * angles).astype(np.complex64).reshape(-1).view(np.float32)
 
 
 def _plan(code: Int8[np.ndarray, " chips"], segment_chips: int, table_length: int) -> _Plan:
-    """Return the plan of a code, which fills its segments."""
+    """Return the plan of a code whose length is a whole number of segments."""
     signs = code.reshape(-1, CHIPS_IN_GROUP).astype(np.int64)
     first = signs[:, 0]
     pattern = ((signs[:, 1:] * first[:, None] > 0) << np.arange(CHIPS_IN_GROUP - 1)).sum(axis=1)

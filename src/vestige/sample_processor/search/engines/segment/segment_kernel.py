@@ -1,4 +1,4 @@
-"""The compiled loops of the segment engine; the package says what they compute and why."""
+"""The compiled loops of the segment engine; the docstring of the package explains what they compute and why."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"
 
@@ -22,32 +22,32 @@ from vestige.sample_processor.search.engines.segment.vector_ir import (
 
 CHIPS_IN_GROUP = 5
 PATTERNS = 1 << (CHIPS_IN_GROUP - 1)
-ROW_STEP = 8  # chips' units of one step of a row
-SCREEN_BLOCK = 512  # offsets of the screen whose sums are kept at once
-SEGMENTS = 128  # in a group; 64 and 32 for 2 ms and 1 ms
-_SHIFT_BITS = 4  # of the screen's sums: σ of a bin is then some 600 to 2400
+ROW_STEP = 8  # step of a row in units of the chips
+SCREEN_BLOCK = 512  # offsets of the screen that are computed at once
+SEGMENTS = 128  # segments in a group; 64 and 32 for 2 ms and 1 ms
+_SHIFT_BITS = 4  # shift of the screen's sums; σ of a bin is then about 600 to 2400
 UNIT_OF_SCREEN = (
     16_384.0 * (2 * ROW_STEP / (1 << _SHIFT_BITS)) ** 2
-)  # of what `screen` returns, in squared units of the chips
-TOP_OF_SCREEN = 16_000.0  # what a bin reaches when its int16 numbers end, and more than noise does
-SHORT_TURN = 32_768  # 1 in the int16 turns: a half, in units of 2⁻¹⁶
-_BINS_STORED = 2 * 27 + 1  # of each of two groups
-_ROW = SCREEN_BLOCK + SHORT_LANES  # of the screen's sums: padded, so that rows do not fall on the same cache lines
-_FIRST_POINTS = 8  # of the screen's first DFT
-_STRETCH = 1024  # of a sign table that is filled at once, in int16: 32 kB
+)  # unit of the powers that `screen` returns, in squared units of the chips
+TOP_OF_SCREEN = 16_000.0  # power of a bin at the ends of int16, which noise does not reach
+SHORT_TURN = 32_768  # the factor 1 in the int16 phase factors: one half, in units of 2⁻¹⁶
+_BINS_STORED = 2 * 27 + 1  # stored bins of each of the two groups
+_ROW = SCREEN_BLOCK + SHORT_LANES  # length of a row of the screen's sums, padded so that rows use different cache lines
+_FIRST_POINTS = 8  # points of the screen's first DFT
+_STRETCH = 1024  # offsets of a sign table that are filled at once; in int16 they take 32 kB
 _STEP_BITS = 3
-_FIRST_POINTS = 8  # of the screen's first DFT
-_STRETCH = 1024  # of a sign table that is filled at once, in int16: 32 kB
+_FIRST_POINTS = 8  # points of the screen's first DFT
+_STRETCH = 1024  # offsets of a sign table that are filled at once; in int16 they take 32 kB
 _STEP_BITS = 3
-_TILE = 512  # offsets, and
-_SEGMENTS_OF_TILE = 16  # segments whose part of a sign table stays in the cache nearest to a core
+_TILE = 512  # offsets of a tile
+_SEGMENTS_OF_TILE = 16  # segments of a tile: its part of a sign table stays in the first cache of a core
 
 
 @njit(cache=True, nogil=True)
 def fill_sign_table(x, table):
     """Fill uint8 `table`[16, n] with x[n] ± x[n+1] ± … ± x[n+4] in 32 steps of ROW_STEP around zero.
 
-    Bit j − 1 of the row is set for +x[n+j]. A row r stands for r − 15½ steps; what is beyond is cut.
+    Bit j − 1 of the row is set for +x[n+j]. A row r stands for r − 15½ steps; larger sums are cut.
     """
     wide = np.empty((PATTERNS, _STRETCH), np.int16)
     for first in range(0, table.shape[1], _STRETCH):
@@ -73,17 +73,17 @@ def fill_sign_table(x, table):
 def screen(table_re, table_im, entries, bounds, stride, reach, turns, out):
     """Raise int16 `out` to the largest power over the Doppler bins of the screen at the offsets 0, 1, ….
 
-    Powers are in units of UNIT_OF_SCREEN, and `out` has a multiple of SCREEN_BLOCK of them. The 16 even ones of 32
-    offsets come first, as `row_sum` leaves them.
+    Powers are in units of UNIT_OF_SCREEN. The length of `out` is a multiple of SCREEN_BLOCK. In each group of 32
+    offsets the 16 even offsets come first, as in the output of `row_sum`.
 
     Parameters
     ----------
     table_re, table_im
         Flat sign tables.
     entries, bounds
-        Plan of the code: `segment_engine._plan`; 16, 32 or 64 segments.
+        Plan of the code from `segment_engine._plan`, with 16, 32 or 64 segments.
     stride, reach
-        Only every `stride`-th bin is wanted; up to ±20, or ±27 if `reach` is larger than 20.
+        Step between the bins that are used, and their range: ±27 if `reach` is larger than 20, else ±20.
     turns
         int16[16 · 8 · 2], exp(−j2π b r / 128) in units of SHORT_TURN.
     """
@@ -107,7 +107,7 @@ def _row_sums(table, entries, bounds, base, sums):
 
 @njit(nogil=True)
 def _screen_bins(sums_re, sums_im, lane, n_segments, stride, reach, turns, points, out, where):
-    """Bins r + 8 g within ±20 or ±27."""
+    """Raise the maximum to the bins r + 8 g within ±20 or ±27."""
     step = DFT_POINTS * _ROW
     for b in range(DFT_POINTS):
         index, turn, to = b * _ROW + lane, 2 * _FIRST_POINTS * b, 2 * SHORT_LANES * b
@@ -141,13 +141,13 @@ def complete(re, im, code, segment_chips, n_segments, offsets, stride, turns, ou
     Parameters
     ----------
     re, im, code
-        int16 chips of the samples and of the code, which fills its segments.
+        int16 chips of the samples and of the code, whose length is a whole number of segments.
     segment_chips, n_segments
-        Chips of a segment; segments in a group: 128, or 64 and 32 for 2 ms and 1 ms.
+        Number of chips in a segment, and of segments in a group: 128, or 64 for 2 ms and 32 for 1 ms.
     offsets, out
-        A multiple of LANES of them.
+        Code offsets and their powers; their number is a multiple of LANES.
     stride
-        Only every `stride`-th bin is wanted.
+        Step between the bins that are used.
     turns
         float32[16 · 16 · 2], exp(−j2π b r / 256).
     """
@@ -190,7 +190,7 @@ def _first_stage(sums_re, sums_im, start, n_segments, turns, points):
 
 @njit(nogil=True)
 def _maximum(points, r, out):
-    """Bins r + 16 g within ±40."""
+    """Raise the maximum to the bins r + 16 g within ±40."""
     index = r * DFT_POINTS * 2 * LANES
     if r < 8:
         second_dft_maximum(points, index, -2, 2, out, 0)
@@ -202,7 +202,7 @@ def _maximum(points, r, out):
 
 @njit(nogil=True)
 def _store(points, r, spectrum, first):
-    """Bins r + 16 g within ±27, in order."""
+    """Store the bins r + 16 g within ±27 in order."""
     index, step, part = r * DFT_POINTS * 2 * LANES, 16 * 2 * LANES, LANES
     where = first + (r + 27) * 2 * LANES
     if r < 5:
@@ -215,7 +215,7 @@ def _store(points, r, spectrum, first):
 
 @njit(nogil=True, fastmath={"contract"})
 def _combine(spectrum, out):
-    """Join two groups of 8 ms at f ± δ, δ a quarter of a bin."""
+    """Join two groups of 8 ms at f ± δ, where δ is a quarter of a bin, and raise `out` to the powers."""
     c = np.float32(np.cos(np.pi / 8))
     s = np.float32(np.sin(np.pi / 8))
     for b in range(_BINS_STORED):

@@ -1,13 +1,13 @@
 """Vector instructions for the segment engine, written as LLVM code: sums of rows of bytes, and DFTs over lanes.
 
-numba vectorises simple loops, but it cannot keep several vectors in registers over a loop, nor unroll a DFT whose lanes
-are search offsets. So four short pieces are emitted here as intrinsics; LLVM legalises the vectors for AVX-512, AVX2
-or NEON. In a DFT one lane is one offset; a `None` stands for a number that is known to be zero, and outputs that
-nobody asks for vanish as dead code. The same DFT runs on float32 and on int16 (`_Float`, `_Fixed`).
+numba vectorises simple loops. It cannot keep several vectors in registers over a loop, and cannot unroll a DFT whose
+lanes are search offsets. So this module emits the inner loops as intrinsics; LLVM adapts their vectors to AVX-512, AVX2
+or NEON. In a DFT each lane is a search offset. `None` stands for a number that is known to be zero. LLVM removes the
+outputs that are not used. The same DFT runs on float32 and on int16 (`_Float`, `_Fixed`).
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
-# ruff: noqa: ARG001  (an intrinsic types its arguments in one function and uses them in another)
+# ruff: noqa: ARG001  (an intrinsic declares its arguments in one function and uses them in another)
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-LANES = 8  # float32 numbers of a vector of 256 bit
-SHORT_LANES = 16  # int16 numbers of it
-VECTOR_BYTES = 32  # bytes of it
+LANES = 8  # float32 numbers in a vector of 256 bits
+SHORT_LANES = 16  # int16 numbers in the same vector
+VECTOR_BYTES = 32  # bytes in the same vector
 ROWS_AT_ONCE = 8  # rows of five bits whose sum fits a byte
 ROW_TOP = 31  # the largest byte of a row
-SUM_WIDTH = 128  # offsets that `row_sum` adds at once: four vectors of bytes, eight of int16
-DFT_POINTS = 16  # of the second DFT, and of the first one or half of it
+SUM_WIDTH = 128  # offsets that `row_sum` sums at once: four vectors of bytes, eight of int16
+DFT_POINTS = 16  # points of the second DFT; the first DFT has as many or half as many
 
 _BYTE = ir.IntType(8)
 _BYTES = ir.VectorType(_BYTE, VECTOR_BYTES)
 _SHORT = ir.VectorType(ir.IntType(16), SHORT_LANES)
 _WIDE = ir.VectorType(ir.IntType(32), SHORT_LANES)
 _FLOAT = ir.VectorType(ir.FloatType(), LANES)
-_FLAGS = ("contract",)  # a product and a sum may become one instruction
+_FLAGS = ("contract",)  # LLVM may fuse a product and a sum into a single instruction
 
 
 class _Lanes:
-    """Sees to loads and stores at an element of a numba array."""
+    """Loads and stores of vectors at an element of a numba array."""
 
     def __init__(self, context, builder, array_type, array):
         self.builder = builder
@@ -87,7 +87,7 @@ class _Float:
 
 
 class _Fixed:
-    """Arithmetic on int16 lanes that stop at the ends of their range; a factor is in units of 2⁻¹⁶."""
+    """Arithmetic on int16 lanes that saturate at the ends of their range; a factor is in units of 2⁻¹⁶."""
 
     vector, lanes, align = _SHORT, SHORT_LANES, 2
 
@@ -119,7 +119,7 @@ class _Fixed:
         return product if whole == 0 else (self.plus if whole > 0 else self.minus)(product, a)
 
     def square(self, a):
-        twice = self.plus(a, a)  # for two more bits
+        twice = self.plus(a, a)  # doubled, so that the square has two more bits
         return self.times(twice, twice)
 
     def larger(self, a, b):
@@ -165,7 +165,7 @@ class _Complex:
             return self
         if 4 * k == n:  # −j
             return _Complex(self.unit, self.im, self._part(None, self.re, -1))
-        if 8 * k % n == 0:  # (1 − j)/√2 behind a turn by quarters
+        if 8 * k % n == 0:  # a rotation by quarters, then a factor (1 − j)/√2
             z = self.turned(k - n // 8, n)
             parts = z._part(z.re, z.im, 1), z._part(z.im, z.re, -1)
             return _Complex(self.unit, *(part and self.unit.scaled(part, np.sqrt(0.5)) for part in parts))
@@ -213,10 +213,11 @@ def _unit(array, builder):
 def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, first_minus, zero, base, out, out_index):
     """Store SUM_WIDTH sums of ± table[entry + base + i] at `out[out_index:]`, less `zero`.
 
-    Entries low … plus_end are added and minus_start … high subtracted, eight at a time, byte by byte. There may be
-    eight entries between. Those from `first_minus` on count as ROW_TOP less the row, which is an exclusive or. The
-    rows are bytes up to ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and all 16-bit words are
-    summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶. The even ones of VECTOR_BYTES sums are stored first.
+    Entries low … plus_end are added and minus_start … high subtracted, eight rows at a time in bytes. Between these two
+    ranges there may be eight more entries. Among them, entries from `first_minus` on are added as ROW_TOP less the row,
+    which is an exclusive or. The rows are bytes up to ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and
+    all 16-bit words are summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶. In each group of VECTOR_BYTES sums the
+    even sums are stored first.
     """
 
     def codegen(context, builder, signature, arguments):
@@ -261,7 +262,7 @@ def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, fi
 
 @intrinsic
 def dot(typing_context, x, x_index, y, y_index, count):
-    """Return Σ x[x_index + i] · y[y_index + i], i below `count`, a multiple of 32, modulo 2¹⁶; int16."""
+    """Return Σ x[x_index + i] · y[y_index + i] modulo 2¹⁶ as int16; i < `count`, which is a multiple of 32."""
 
     def codegen(context, builder, signature, arguments):
         first, x_start, second, y_start, n = arguments
@@ -284,11 +285,11 @@ def dot(typing_context, x, x_index, y, y_index, count):
 def first_dft(
     typing_context, sums_re, sums_im, index, step, n_inputs, n_points, shift, turns, turn_index, out, out_index
 ):
-    """Store the turned DFT over `n_points`, of which the first `n_inputs` are not zero.
+    """Store the DFT over `n_points`, whose first `n_inputs` inputs are not zero, times phase factors.
 
-    Input j is int16 lanes at `index + j · step`, times 2^shift; output r, times turns[turn_index + 2r]
-    + j turns[turn_index + 2r + 1], goes to `out[out_index + r · DFT_POINTS · 2 · lanes]`, imaginary part one vector
-    later. Turns and output are float32, or int16 and units of 2⁻¹⁶.
+    Input j is the int16 lanes at `index + j · step`, times 2^shift. Output r is multiplied by turns[turn_index + 2r]
+    + j turns[turn_index + 2r + 1] and stored at `out[out_index + r · DFT_POINTS · 2 · lanes]`; the imaginary part
+    follows a vector later. Factors and outputs are float32, or int16 in units of 2⁻¹⁶.
     """
     count, points, bits = _literal(n_inputs), _literal(n_points), _literal(shift)
 
@@ -337,7 +338,7 @@ def _second(context, builder, signature, arguments, low, high):
 
 @intrinsic
 def second_dft_maximum(typing_context, points, index, low, high, out, out_index):
-    """Raise `out[out_index:]` to the powers of the DFT outputs low … high where larger; int16 in units of 2¹⁴."""
+    """Raise `out[out_index:]` to the powers of the DFT outputs low … high if they are larger; int16 in units of 2¹⁴."""
     first, last = _literal(low), _literal(high)
 
     def codegen(context, builder, signature, arguments):
@@ -354,7 +355,7 @@ def second_dft_maximum(typing_context, points, index, low, high, out, out_index)
 
 @intrinsic
 def second_dft_store(typing_context, points, index, low, high, out, out_index, bin_stride, part_stride):
-    """Store the DFT outputs low … high at `out[out_index + (g − low) · bin_stride]`, imaginary part a part later."""
+    """Store DFT outputs low … high at `out[out_index + (g − low) · bin_stride]`, imaginary parts `part_stride` on."""
     first, last = _literal(low), _literal(high)
 
     def codegen(context, builder, signature, arguments):
