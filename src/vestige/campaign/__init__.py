@@ -1,1 +1,1 @@
-"""Runs of many epochs: cut into chunks, measured by workers, written into a store that can be resumed, counted."""
+"""Campaigns: workers measure many epochs in chunks, a store keeps the results, and statistics count them."""

@@ -26,10 +26,10 @@ def check_detection(
     window_s: tuple[float, float],
     p_fa: float = P_FA,
 ) -> dict[str, Proportion]:
-    """Return for each check in how many runs it fails, for any satellite, at any time of a window.
+    """Return for each check the share of runs in which it fails for any satellite within a time window.
 
-    `scenario` gives the campaign of a seed, one of a sky. The end of the window does not count. `p_fa` is the budget of
-    one test of each check whose budget is free.
+    `scenario` returns the campaign of a seed; the campaign must have a sky. `window_s` is in s after the start, without
+    its end. `p_fa` is the false-alarm probability of one test of every check except the user's checks.
 
     Raises `VestigeError` if the campaign has no sky.
     """
@@ -45,7 +45,7 @@ def check_detection(
 
 
 def with_p_fa(p_fa: float) -> Callable[[AcasProcessor], AcasProcessor]:
-    """Return what gives a processor all checks, each test with a false-alarm probability."""
+    """Return a function that sets a processor to the highest level, with `p_fa` as the probability of each test."""
     return lambda processor: replace(
         processor, level=max(LEVELS), monitoring=replace(processor.monitoring, test_p_fa=p_fa)
     )

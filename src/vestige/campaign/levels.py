@@ -1,12 +1,12 @@
 """Verdicts of each mitigation level on a campaign, beside the truth.
 
-The results hold what the receiver measured (`measured_columns`), so its processor can judge them again, at the level of
-the scenario or at another one: `level_verdicts`. The verdicts are those of `vestige process`: the same code makes them.
-This module adds the truth:
+The results contain the receiver's measurements (`measured_columns`). `level_verdicts` has the processor judge these
+measurements again, at the level of the scenario or at another level. The same code makes the verdicts of
+`vestige process`. This module adds the truth:
 
-**Error of a range in use.** A RECS authenticates the time since the RECS before. So the error of a range of E1 that is
-in use is the largest that the attack made in that time. Where the earliest of several signals is in use instead, the
-error is that of this signal.
+**Error of a range in use.** A RECS authenticates the time since the previous RECS. The error of an E1 range in use is
+therefore the largest error that the attack caused in that time. If the range of the earliest of several signals is in
+use instead, its error counts.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class LevelVerdicts(VerdictBlock):
 
     processor: AcasProcessor
     budget: Mapping[CheckName | str, AlarmShare]
-    seen: Bool[np.ndarray, "n m"]  # where a satellite is in view
-    # error that the attack makes of the range in use, the largest since the RECS before; NaN where none is
+    seen: Bool[np.ndarray, "n m"]  # whether the satellite is in view
+    # largest error of the range in use by the attack since the previous RECS; NaN if no range is in use
     range_error_m: Float[np.ndarray, "n m"]
 
     @cached_property
@@ -69,13 +69,13 @@ class LevelVerdicts(VerdictBlock):
 
     @property
     def not_run(self) -> tuple[str, ...]:
-        """Checks of the level for which the results hold nothing."""
+        """Checks of the level that never ran in this campaign."""
         names = (spec.name for spec in self.processor.specs)
         return tuple(str(name) for name in names if name not in self.tests or not self.tests[name].any())
 
     @property
     def own_counts(self) -> Mapping[str, tuple[int, int]]:
-        """Number of tests, and of failed tests, for each own check of the user that the level has."""
+        """Number of tests, and of failed tests, for each of the user's checks at this level."""
         return {
             one.name: (int(np.count_nonzero(self.tests[one.name])), int(np.count_nonzero(self.failed[one.name])))
             for one in self.processor.own_of_level
@@ -83,7 +83,7 @@ class LevelVerdicts(VerdictBlock):
 
     @property
     def alarm(self) -> Bool[np.ndarray, "n m"]:
-        """Whether an alarm stands."""
+        """Epochs and satellites with an alarm."""
         return is_alarm(self.state)
 
     @property
@@ -92,7 +92,7 @@ class LevelVerdicts(VerdictBlock):
         return alarm_begins(self.state)
 
     def of_recs(self) -> Int8[np.ndarray, "n m"]:
-        """Return the verdict of each RECS, the gravest status since the one before; NOT_AVAILABLE in other epochs."""
+        """Return the gravest status since the previous RECS at epochs with RECS, else NOT_AVAILABLE."""
         by_gravity = np.array([POSITION[one] for one in GRAVITY], np.int8)
         gravity = np.argsort(by_gravity)[self.status]
         verdict = np.full(self.status.shape, POSITION[Status.NOT_AVAILABLE], np.int8)
@@ -103,7 +103,7 @@ class LevelVerdicts(VerdictBlock):
         return verdict
 
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
-        """Return the checks that failed in some of the epochs, each with the first of them, the earliest first."""
+        """Return the checks that failed in the selected epochs, each with its first failed epoch, earliest first."""
         return failures_in_order(self.failed, rows)
 
 
@@ -112,8 +112,8 @@ def level_verdicts(
 ) -> tuple[LevelVerdicts, ...]:
     """Return the verdicts of mitigation levels on a campaign.
 
-    The results are of a sky or with a processor of level 2 or 3; of any campaign for level 1 alone. `alarms_per_day`
-    is that of `MonitoringSettings`; by default it is the processor's own.
+    Level 1 takes the results of any campaign. Levels above 1 need a sky, or a processor of level 2 or 3.
+    `alarms_per_day` replaces the value in the processor's `MonitoringSettings`; None keeps it.
 
     Raises `VestigeError` if the results hold too little for a level above 1.
     """
@@ -128,7 +128,7 @@ def level_verdicts(
 
 
 def alarm_begins(state: Int8[np.ndarray, "n m"]) -> Bool[np.ndarray, " n"]:
-    """Return where an alarm begins, of any satellite where none stood before; `state` as in `VerdictBlock`."""
+    """Return the epochs in which an alarm of any satellite begins after an epoch without alarms."""
     stands = np.any(is_alarm(state), axis=1)
     return stands & np.concatenate([[True], np.logical_not(stands[:-1])])
 
@@ -136,7 +136,7 @@ def alarm_begins(state: Int8[np.ndarray, "n m"]) -> Bool[np.ndarray, " n"]:
 def failures_in_order(
     failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]], rows: Bool[np.ndarray, " n"]
 ) -> tuple[tuple[str, int], ...]:
-    """Return the checks that failed in some of the epochs, each with the first of them, the earliest first."""
+    """Return the checks that failed in the selected epochs, each with its first failed epoch, in order of time."""
     found = []
     for name, of_check in failed.items():
         any_satellite = of_check if of_check.ndim == 1 else of_check.any(axis=1)
@@ -149,7 +149,7 @@ def failures_in_order(
 def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasProcessor]) -> LevelVerdicts:
     """Return the verdicts of a processor with other settings on a campaign.
 
-    `change` returns the processor that judges for the one of the campaign.
+    `change` takes the campaign's processor and returns the processor that judges.
 
     Raises `VestigeError` if the results hold too little for the level of that processor.
     """
@@ -165,10 +165,10 @@ def failures(check: CheckSeries) -> Proportion:
 
 
 def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdicts | None]:
-    """Return a run with the verdict of each RECS in the place of those of every epoch, and what its level says.
+    """Return a run with one verdict for each RECS instead of each epoch, and the verdicts of its level.
 
-    The run as it is and None at level 1 without checks of the user's, which has no verdict between RECS, and of a run
-    that has not ended (coordinate `epoch`).
+    A run at level 1 without user's checks has no verdicts between RECS: it is returned unchanged, with None. So is a
+    run that has not ended (coordinate `epoch`).
     """
     if not judged_between_recs(results) or "epoch" in results.coords:
         return results, None
@@ -177,7 +177,7 @@ def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdi
 
 
 def judged_between_recs(results: xarray.Dataset) -> bool:
-    """Return whether something else than steps 1 and 2 speaks in a run: a level above 1, or a check of the user's."""
+    """Return whether a run has verdicts between RECS: at a level above 1, or with user's checks."""
     processor = scenario_of(results).processor
     return processor.level > 1 or bool(processor.checks)
 
@@ -185,14 +185,14 @@ def judged_between_recs(results: xarray.Dataset) -> bool:
 def highest_level(results: xarray.Dataset) -> int:
     """Return the highest level at which results can be judged.
 
-    That is the level of the scenario if they hold too little for another one and have checks of the user's to show.
+    This is the level of the scenario if the results have columns for user's checks but no E1 correlators.
     """
     of_own_checks = "e1_taps" not in results and set(OWN_CHECK_COLUMNS) <= set(results.data_vars)
     return scenario_of(results).processor.level if of_own_checks else max(LEVELS)
 
 
 def measured_of(results: xarray.Dataset) -> tuple[AcasProcessor, MeasurementBlock]:
-    """Return the processor of the receiver of a campaign, and what that measured in all epochs."""
+    """Return the processor of a campaign's receiver, and its measurements in all epochs."""
     scenario, attributes = scenario_of(results), attributes_of(results)
     _check_own_parts(scenario, attributes.own_parts)
     overhead = Overhead(attributes.satellites_expected, attributes.cn0_e1_expected_dbhz)
@@ -213,7 +213,7 @@ def _check_level(results: xarray.Dataset, level: int) -> None:
 
 
 def _check_own_parts(scenario: StoredScenario, recorded: str) -> None:
-    """Raise if a part of the user's with which results would be judged is not the one that made them."""
+    """Raise if a user's part differs from the part with which the results were made."""
     for kind in scenario.own_kinds:
         found = f"{kind}@{digest(kind)}"
         if found not in recorded.split():
@@ -234,7 +234,7 @@ def _verdicts(results: xarray.Dataset, processor: AcasProcessor, measured: Measu
 
 
 def _range_error_m(results: xarray.Dataset, block: VerdictBlock) -> Float[np.ndarray, "n m"]:
-    """Return the error that the attack makes of each range in use, and that of the earliest of several signals."""
+    """Return the error of each range in use: the attack's error of E1, or the error of the earliest signal."""
     in_use_m, e1_m = block.range_in_use_m, block.measured.snapshots.e1.pseudorange_m
     of_e1_m = np.where(np.isfinite(in_use_m), _e1_error_m(results, block.measured.snapshots.recs), np.nan)
     names = ("truth_e1_noise_m", "truth_e1_multipath_m", "truth_e1_error_m")
@@ -243,7 +243,7 @@ def _range_error_m(results: xarray.Dataset, block: VerdictBlock) -> Float[np.nda
 
 
 def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[np.ndarray, "n m"]:
-    """Return the largest error that the attack made of E1 since the RECS before, in epochs with RECS."""
+    """Return the largest E1 error by the attack since the previous RECS, in epochs with RECS; 0 in other epochs."""
     shape = (results.sizes["epoch"], results.sizes["satellite"])
     if "truth_e1_worst_error_m" not in results:
         return np.zeros(shape)

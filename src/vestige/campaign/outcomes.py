@@ -1,22 +1,23 @@
-"""Outcome of a detector under attack, by the truth: true signal, spoofer, both in one peak, or nothing.
+"""Outcome of a detector under attack, compared with the truth: true signal, spoofer, both in one peak, or nothing.
 
 Theory of operation
 -------------------
-A detection says how much later than the prediction a signal arrived. The truth says the same of the line of sight and
-of each spoofing signal, so a detection belongs to the signal that it is nearest to. Two signals within the *resolution*
-of each other make one peak between them, and a detection there belongs to both: MIXED. The correlation function of E6-C
-is a triangle of ±1 chip, and the sum of two has two maxima only if they are more than some half of its base apart; the
-default is one chip, 58.6 m, where the triangles cease to reach each other's peak. The early detector has its two peaks
-in view from about there on.
+A detection gives the delay of a signal after its prediction. The truth has the same delay for the line of sight and for
+each spoofing signal. A detection belongs to the signal with the nearest delay. Two signals closer than the *resolution*
+make one common peak, and a detection of this peak belongs to both: MIXED.
 
-A spoofing signal counts if its power over that of the true signal exceeds `floor_db`. A weaker one moves a detection by
-less than a metre on average. A spoofing signal with chips of the attacker's own makes no peak and never counts.
+The correlation function of E6-C is a triangle of ±1 chip. The sum of two triangles has two maxima only if the distance
+of the triangles is more than about half of the base. The default resolution is one chip, 58.6 m: at this distance,
+neither triangle reaches the peak of the other. From about this distance on, the early detector can see both peaks.
 
-With status AUTHENTIC the receiver accepts its E1 pseudorange, and with it that error:
+A spoofing signal counts if its power relative to the true signal exceeds `floor_db`. A weaker spoofing signal moves a
+detection by less than 1 m on average. A spoofing signal with invented chips makes no peak and never counts.
 
-    time to detect      from the attack's first epoch to the first alarm (SUSPECT, SPOOFED, NOT_DETECTED) in it
-    time to mitigate    from there to the epoch from which on `share` of the detections were of the true signal
-    worst accepted      largest error of E1 in epochs that were AUTHENTIC, and since the epoch before each of them
+With status AUTHENTIC the receiver accepts its E1 pseudorange, including the error of this pseudorange:
+
+    time to detect      from the attack's first epoch to the first alarm (SUSPECT, SPOOFED, NOT_DETECTED) under attack
+    time to mitigate    from the attack's first epoch to the first from which on `share` of the detections are TRUE
+    worst accepted      largest E1 error in AUTHENTIC epochs, and in the time since the epoch before each of them
 
 All functions are pure and take results as the campaign stores them. Without an attack every detection is TRUE.
 """
@@ -60,8 +61,8 @@ def classify(
 ) -> Int8[np.ndarray, " n"]:
     """Return the `DetectedSignal` of every epoch.
 
-    Offsets are NaN where nothing was detected, and the prediction's error is how much later than predicted the line of
-    sight arrives. Two signals closer than `resolution_m` are one; a spoofing signal below `floor_db` does not count.
+    `range_offset_m` is NaN where nothing was detected. `prediction_error_m` is the delay of the line of sight after its
+    prediction. Two signals closer than `resolution_m` make one peak; a spoofing signal up to `floor_db` does not count.
     """
     found_m = range_offset_m - prediction_error_m
     counts = spoofer_power_db > floor_db
@@ -92,7 +93,7 @@ def outcomes(
 
 
 def attacked_epochs(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satellites"]:
-    """Return when a satellite is under attack: a spoofing signal, or added noise, on either band."""
+    """Return whether each satellite is under attack at each epoch: by a spoofing signal or added noise on E1 or E6."""
     if "truth_spoofed" not in results:
         return np.zeros((results.sizes["epoch"], results.sizes["satellite"]), dtype=bool)
     truth = results.transpose("epoch", "satellite", ...)
@@ -101,7 +102,7 @@ def attacked_epochs(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_sat
 
 
 def due_verdicts(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satellites"]:
-    """Return where a verdict is due: a RECS was sent, and by a satellite in view."""
+    """Return where a verdict is due: in epochs with RECS, for satellites in view."""
     due = np.ones((results.sizes["epoch"], results.sizes["satellite"]), dtype=bool)
     if "recs" in results:
         due &= results["recs"].values[:, None]
@@ -112,20 +113,20 @@ def due_verdicts(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satell
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttackReport:
-    """Report on the attack on one satellite: share of each outcome, times to detect and mitigate, worst error."""
+    """Report on an attack on one satellite: shares of the outcomes, times to detect and mitigate, worst error."""
 
-    detector: str  # whose outcomes these are; the status is that of the detector which the scenario chose
-    # time of the attack's first epoch, and the number of those in which a verdict was due
+    detector: str  # detector that made the outcomes; the status always comes from the detector of the scenario
+    # time of the attack's first epoch, and number of attacked epochs with a due verdict
     first_s: float
     epochs: int
-    shares: dict[DetectedSignal, float]  # share of each outcome in the epochs of the attack in which a verdict was due
-    time_to_detect_s: float  # from the attack's first epoch to the first alarm in it; NaN if there is none
-    # from the attack's first epoch to that from which on the detector has the true signal; NaN if it never has, 0 if it
-    # always had.
+    shares: dict[DetectedSignal, float]  # share of each outcome in attacked epochs with a due verdict
+    time_to_detect_s: float  # from the attack's first epoch to the first alarm under attack; NaN without alarm
+    # from the attack's first epoch to the epoch from which on the detector finds the true signal; NaN if there is no
+    # such epoch, 0 if the detector always found the true signal
     time_to_mitigate_s: float
-    # largest E1 error by the attack that was accepted as authentic, with its sign; NaN if nothing was accepted
+    # accepted E1 error by the attack that is largest in magnitude, with its sign; NaN if nothing was accepted
     worst_accepted_m: float
-    e1_captured: float  # share of the attack's epochs in which E1 tracking was on a spoofing signal
+    e1_captured: float  # share of the attacked epochs in which E1 tracking was on a spoofing signal
 
 
 def report(
@@ -133,7 +134,8 @@ def report(
 ) -> AttackReport | None:
     """Return the outcome of the attack on a satellite; None if no verdict was due under attack.
 
-    Satellite is its place on the axis; the attack is mitigated when `share` of the detections are of the true signal.
+    `satellite` is the index on the axis of satellites. The attack is mitigated from the epoch from which on
+    at least a part `share` of the detections are of the true signal.
     """
     if "truth_spoofed" not in results:
         return None
@@ -160,7 +162,7 @@ def report(
 
 
 def _truth(one: xarray.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the arguments of `classify` that are truth, of one satellite."""
+    """Return the arguments of `classify` that come from the truth, for one satellite."""
     if "truth_spoofed" not in one:
         names = ("truth_iono_diff_m", "truth_bias_m", "truth_e1_noise_m", "truth_e1_multipath_m")
         iono_m, bias_m, noise_m, multipath_m = (one[name].values for name in names)

@@ -1,34 +1,34 @@
-"""Plan of a campaign: its epochs, and the two halves of its work.
+"""Plan of a campaign: its epochs, and the sequential and parallel parts of its work.
 
-Epoch i of a plan is one snapshot of a simulated receiver. Some parts of it have memory (the clock walks, multipath
-persists, the ionosphere drifts) and are cheap; the rest (signals, noise, correlators, detection) is a pure function of
-that epoch and is heavy. So a plan has two halves:
+Epoch i of a plan is one snapshot of a simulated receiver. The state of the simulation (clock, multipath, ionosphere)
+has memory and is cheap to compute. Signals, noise, correlators and detection are expensive, but each epoch is
+independent of the others. A plan therefore has two parts, and may have a third:
 
-* `prepare()` returns an object that runs through the epochs in order. `advance(first, count)` gives the inputs of the
-  next `count` epochs as arrays and carries the state along. It runs in the coordinating process only.
-* `measure(first, inputs)` turns inputs into columns. It runs on any thread, process or machine, in any order.
-* `judge(state, first, columns)`, if a plan has it, adds the columns of conclusions that depend on the order of time: a
-  receiver's verdicts depend on earlier ones. It runs in the coordinating process, chunk after chunk, from `state` None
-  on.
+* `prepare()` returns an object that runs through the epochs in order. Its `advance(first, count)` returns the inputs of
+  the next `count` epochs as arrays and keeps the state. Only the coordinating process calls `advance`.
+* `measure(first, inputs)` turns inputs into columns. Any thread, process or machine may call `measure`, in any order.
+* `judge(state, first, columns)`, if a plan has it, adds the columns that depend on the order of time, such as a
+  receiver's verdicts. The coordinating process calls `judge` chunk after chunk; the first `state` is None.
 
-Laws, on which resuming and running in parallel rest:
+Resuming a campaign and running it in parallel rely on these rules:
 
-1. `advance` is called with the epochs in order, from 0, without a gap: `advance(0, a)`, `advance(a, b)`, … What it
-   gives for an epoch must not depend on the cut: advancing in pieces equals advancing at once, bit for bit. A resumed
-   campaign calls `prepare()` anew and runs through all epochs before the last one that is missing, so `advance` should
-   cost much less than `measure`.
-2. `measure` depends on nothing but the plan, `first` and `inputs`, and its result for an epoch must not depend on the
-   cut either. Randomness comes from streams that are named by the epoch, never from a generator that is carried along.
-   It may be called by several threads at once, and twice for the same epochs.
-3. `measure` returns every column of the plan but those that `judge` adds, truth that it passes on from the inputs
-   included, with the exact dtype and shape: the column's dims with `epoch` as long as the inputs. Anything else is a
-   `ValueError`. `judge` gives the same state and the same columns for those of `measure` and for all of them: a resumed
-   campaign judges the chunks that it has stored anew, to carry the state on. The cut changes nothing here either.
-4. The plan, the inputs and the results can be pickled, and are small then: the plan travels with every chunk, so what
-   can be derived from it (replicas, tables) is derived in the worker, behind a cache of its own.
-5. Two plans with equal `attrs` give equal results. That is how a store knows whether it may be resumed, so `attrs` hold
-   the scenario, its digest and the seed; the store adds version and source of vestige. If the bits depend on the kind
-   of processor, `attrs` name it as `processor`.
+1. `advance` is called with the epochs in order, from 0, without a gap: `advance(0, a)`, `advance(a, b)`, … The inputs
+   of an epoch must not depend on how the epochs are divided into calls, bit for bit. A resumed campaign calls
+   `prepare()` again and runs through all epochs before the last missing epoch. `advance` should therefore cost much
+   less than `measure`.
+2. `measure` depends only on the plan, `first` and `inputs`. The columns of an epoch must not depend on how the epochs
+   are divided into calls. Random numbers come from streams that are named by the epoch, never from a generator that
+   keeps its state between epochs. Several threads may call `measure` at once, and twice for the same epochs.
+3. `measure` returns every column of the plan except the columns of `judge`. The columns include the truth from the
+   inputs. Each column has the exact dtype and shape: the column's dims, with `epoch` as long as the inputs. Any
+   difference is a `ValueError`.
+4. `judge` returns the same state and columns whether `columns` has only those of `measure`, or all. A resumed campaign
+   judges its stored chunks again to get the state. The result must not depend on how the epochs are divided into calls.
+5. The plan, the inputs and the results can be pickled, and their pickles are small: the plan is sent with every chunk.
+   Data that can be derived from the plan (replicas, tables) are derived and cached in the worker.
+6. Two plans with equal `attrs` give equal results. A store compares `attrs` to decide whether it may be resumed.
+   `attrs` contain the scenario, its digest and the seed; the store adds version and source of vestige. If the bits
+   depend on the kind of processor, `attrs` name it as `processor`.
 
     @dataclass(frozen=True, kw_only=True)
     class Coins:
@@ -61,18 +61,18 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 EPOCH = "epoch"  # the dimension along which a campaign is cut
-CHUNK_EPOCHS = 2000  # large against the cost of a chunk (some 40 small files), small against a run
+CHUNK_EPOCHS = 2000  # many, since a chunk costs some 40 small files; few compared with a run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
     """One variable of the results."""
 
-    # names of its axes in order. `epoch` is one of them, anywhere; each of the others is the dim of a `Coord`.
+    # names of the axes in order; `epoch` may be at any position, each other axis is the dim of a `Coord`
     dims: tuple[str, ...]
     dtype: str  # a numpy dtype by name, e.g. `float32`, `complex64`, `int8`.
-    units: str  # in the words of UDUNITS: `m`, `m s-1`, `Hz`, `rad`, `1`
-    long_name: str  # what it is, for the axis of a plot
+    units: str  # UDUNITS spelling: `m`, `m s-1`, `Hz`, `rad`, `1`
+    long_name: str  # description for the axis of a plot
     # further attributes, e.g. `flag_values` and `flag_meanings`.
     attrs: Mapping[str, Any] = field(default_factory=dict)
 
@@ -80,7 +80,7 @@ class Column:
 def column_table(
     *rows: tuple[str, tuple[str, ...], str, str, str], attrs: Mapping[str, Mapping[str, Any]] | None = None
 ) -> dict[str, Column]:
-    """Return columns from rows of name, dims, dtype, units and meaning; some have attributes."""
+    """Return columns from rows of name, dims, dtype, units and meaning; `attrs` has more attributes by column name."""
     more = attrs or {}
     return {
         name: Column(dims=dims, dtype=dtype, units=units, long_name=text, attrs=more.get(name, {}))
@@ -90,25 +90,25 @@ def column_table(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coord:
-    """Labels along one axis other than `epoch`; a coordinate with the name of its dim is the axis' index."""
+    """Coordinates of an axis other than `epoch`; a coordinate with the name of its dim is the index of the axis."""
 
     dim: str  # the axis
-    values: np.ndarray  # one number or text for each place on it
+    values: np.ndarray  # one number or text for each position on the axis
     long_name: str
     units: str = "1"
 
 
 @runtime_checkable
 class Preparation(Protocol):
-    """The sequential half: what has memory, epoch after epoch."""
+    """Sequential part of a plan: the state of the simulation, epoch after epoch."""
 
     def advance(self, first: int, count: int) -> Mapping[str, Any]:
-        """Return the inputs of epochs first … first + count − 1 (arrays by name), which are the next ones."""
+        """Return the inputs of the next epochs, first … first + count − 1, as arrays by name."""
 
 
 @runtime_checkable
 class Plan(Protocol):
-    """The work of a campaign; the laws that it must keep stand at the top of this module."""
+    """The work of a campaign; every plan must follow the rules in the docstring of this module."""
 
     @property
     def n_epochs(self) -> int:
@@ -116,26 +116,26 @@ class Plan(Protocol):
 
     @property
     def columns(self) -> Mapping[str, Column]:
-        """The variables that `measure` returns."""
+        """The variables of the results, by name."""
 
     @property
     def coords(self) -> Mapping[str, Coord]:
-        """The axes other than `epoch`; each one needs at least one coordinate."""
+        """Coordinates by name; each axis other than `epoch` needs at least one."""
 
     @property
     def attrs(self) -> Mapping[str, Any]:
         """Identity of the work: text, whole and finite numbers, and lists of them."""
 
     def prepare(self) -> Preparation:
-        """Return the sequential half at its beginning."""
+        """Return the sequential part of the plan before its first epoch."""
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
-        """Return every column for the epochs from `first` on to which `inputs` belong."""
+        """Return the columns of the epochs of `inputs`, which begin with `first`, without the columns of `judge`."""
 
 
 @runtime_checkable
 class JudgedPlan(Plan, Protocol):
-    """A plan with memory in its conclusions."""
+    """A plan with verdicts that depend on earlier epochs."""
 
     def judge(self, state: Any, first: int, columns: Mapping[str, np.ndarray]) -> tuple[Any, Mapping[str, np.ndarray]]:
         """Return the state after the epochs from `first` on, and all their columns."""
@@ -144,7 +144,7 @@ class JudgedPlan(Plan, Protocol):
 def judged(
     plan: Plan, state: Any, first: int, columns: Mapping[str, np.ndarray]
 ) -> tuple[Any, Mapping[str, np.ndarray]]:
-    """Return the state after some epochs, and all their columns; as they are if the plan concludes nothing."""
+    """Return the state after some epochs, and all their columns; a plan without `judge` adds no columns."""
     return plan.judge(state, first, columns) if isinstance(plan, JudgedPlan) else (None, columns)
 
 
@@ -160,7 +160,7 @@ def shape_of(plan: Plan, column: Column, n_epochs: int) -> tuple[int, ...]:
 
 
 def check_results(plan: Plan, results: Mapping[str, np.ndarray], n_epochs: int) -> None:
-    """Return nothing if a plan's results for `n_epochs` epochs are what its columns promise.
+    """Check that a plan's results for `n_epochs` epochs have the columns, dtypes and shapes of the plan.
 
     Raises `ValueError` if a column is missing, unknown, or of another dtype or shape.
     """

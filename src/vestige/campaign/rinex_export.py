@@ -1,10 +1,12 @@
-"""The results of a sky as files that any receiver software reads: what the simulated receiver tracked on E1, as RINEX.
+"""RINEX files of the simulated receiver's E1 observations, which other receiver software can read.
 
-The observations are those of the signal that was tracked, a spoofing signal where it took over: pseudorange, Doppler
-and C/N0 of E1-C at every epoch, on the receiver's clock. There is no carrier phase: the results hold none. The
-navigation file has the orbits and clocks of the run in new issues every 2 h, so that each epoch has one. Pseudoranges
-hold the ionosphere's residual and no troposphere, hence the settings of `rnx2rtkp` [RTKLIB]: no corrections, RAIM with
-exclusion of one satellite. They hold the delays of `[atmosphere]`, if the scenario has that table.
+The files have pseudorange, Doppler and C/N0 of E1-C at every epoch, on the receiver's clock. The observations are those
+of the tracked signal, which may be a spoofing signal. The files have no carrier phase, because the results contain
+none. The navigation file has the orbits and clocks of the run. A new issue every 2 h gives each epoch ephemerides.
+
+Pseudoranges contain the residual of the ionosphere and no troposphere. The settings of `rnx2rtkp` [RTKLIB] therefore
+apply no corrections, and RAIM with exclusion of one satellite. If the scenario has the table `[atmosphere]`, the
+pseudoranges contain its delays.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ pos1-posopt5       =on
 out-solformat      =xyz
 out-timesys        =gpst
 """
-_TENTHS = 10  # epochs are whole tenths of a second apart
+_TENTHS = 10  # tenths in a second; epochs lie on whole tenths
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +59,7 @@ class RinexExport:
 def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
     """Write the results of a sky into a new folder.
 
-    The results are of a whole campaign; the folder must not exist.
+    The results must be those of a whole campaign. The folder must not exist.
 
     Raises `VestigeError` if the results are not those of a sky, no satellite was tracked, or `folder` exists.
     """
@@ -93,7 +95,7 @@ def _epochs(
     svids = results["svid"].values.tolist()
     range_m = values(results, "e1_pseudorange_m", "epoch", "satellite")
     doppler_hz = values(results, "e1_doppler_hz", "epoch", "satellite")
-    tenths = np.rint(results["time_s"].values * _TENTHS).astype(np.int64)  # RINEX wants the exact one
+    tenths = np.rint(results["time_s"].values * _TENTHS).astype(np.int64)  # RINEX needs the exact epoch
     for row in np.flatnonzero(tracked.any(axis=1)):
         whole, rest = divmod(int(tenths[row]), _TENTHS)
         seen = {

@@ -1,8 +1,8 @@
-"""Run a plan: chunks of epochs on workers, results into a store, at any time interruptible.
+"""Run a plan: workers measure chunks of epochs, and a store keeps the results. A run may be interrupted at any time.
 
-The coordinator (this process) runs through the epochs in order, hands each chunk's inputs to a worker, and takes the
-results back in order. At most `IN_FLIGHT` chunks for each worker are handed out and not yet written, so memory does not
-grow with the length of the run. Which worker measures a chunk, and when, has no influence on any bit of the results.
+The coordinator (this process) runs through the epochs in order, sends each chunk's inputs to a worker, and takes the
+results back in order. For each worker, at most `IN_FLIGHT` chunks are sent and not yet written. Memory therefore does
+not grow with the length of the run. The results have the same bits with any worker and any timing.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from vestige.campaign.store.store import Store, make_store, open_store
 from vestige.errors import VestigeError
 from vestige.folder_lock import only_writer
 
-IN_FLIGHT = 3  # chunks for each worker: one runs, one waits, one may be held back by a slower neighbour
+IN_FLIGHT = 3  # chunks for each worker: one runs, one waits to run, one may wait for an earlier chunk
 
 ExecutorChoice = Literal["threads", "processes"] | Executor
 
@@ -39,12 +39,12 @@ class RunProgress:
 
     epochs_done: int  # epochs in the store
     epochs_total: int
-    epochs_resumed: int  # those of them that were there when this run began
+    epochs_resumed: int  # epochs that were in the store when this run began
     elapsed_s: float  # since this run began
 
     @property
     def rate_epochs_per_s(self) -> float:
-        """Epochs measured in a second; NaN before the first."""
+        """Epochs measured in a second; NaN before the first chunk."""
         measured = self.epochs_done - self.epochs_resumed
         return measured / self.elapsed_s if measured and self.elapsed_s > 0 else float("nan")
 
@@ -70,34 +70,35 @@ def run(
     Parameters
     ----------
     store
-        A folder, made if it does not exist. If it holds a part of the same work, that part is kept.
+        Folder, which is made if it does not exist. Stored results of the same work are kept.
     workers
-        Threads or processes to start; with an executor of your own, how many calls it runs at the same time.
+        Number of threads or processes to start. For your own executor: number of calls that it runs at the same time.
     executor
-        `threads` where kernels release the GIL, `processes` where they do not, or any executor (see `cluster.connect`),
-        which is left open. `processes` import the main module anew: a script needs `if __name__ == "__main__":`.
-        For `threads`, set the variables of `executors.ONE_THREAD` before numpy is loaded, as the command line does.
+        `threads` if the kernels release the GIL, `processes` if they do not, or any executor (see `cluster.connect`).
+        Your own executor is left open. Processes import the main module again: a script needs
+        `if __name__ == "__main__":`. For `threads`, set the variables of `executors.ONE_THREAD` before numpy is
+        loaded, as the command line does.
     chunk_epochs
         Epochs in one call of `measure`, for a new store.
     progress
-        Called at the beginning and after each chunk.
+        Function that is called at the beginning and after each chunk.
     enough
-        Called with the columns of each chunk in order, stored ones included. The first chunk for which it is true is
-        the last one that is returned, and what comes after it is not measured: the store stays unfinished, to be
-        continued by a call that wants more.
+        Function that is called with the columns of each chunk in order, including stored chunks. The results end with
+        the first chunk for which the function is true, and later chunks are not measured. The store stays unfinished;
+        a later call may continue it.
 
     Raises
     ------
     InputFileError
-        If `store` is something else, or the store of another scenario, seed or source of vestige, or another process
-        writes it.
+        If `store` is no store, belongs to another scenario, seed or source of vestige, or is written by another
+        process.
     VestigeError
-        If workers are lost, or have another source of vestige or, where it matters, another processor.
+        If workers are lost, have another source of vestige, or have another processor where the bits depend on it.
     KeyboardInterrupt
-        As raised by Ctrl-C. Like every exception from here it has a note (`__notes__`) that says how much is stored;
-        the same call continues there.
+        If the user presses Ctrl-C. This exception, like every other, has a note (`__notes__`) with the number of
+        stored epochs. The same call continues the run.
     """
-    # an empty folder is replaced by the new store, and with it the lock of whoever is about to write there
+    # a new store replaces an empty folder; the lock prevents this while another process is about to write there
     with only_writer(Path(store)) if Path(store).is_dir() else nullcontext():
         make_store(Path(store), plan, chunk_epochs=chunk_epochs)
     with only_writer(Path(store)):
@@ -112,7 +113,7 @@ def _run(
     progress: Callable[[RunProgress], None] | None,
     enough: Callable[[Columns], bool] | None,
 ) -> xarray.Dataset:
-    """Measure what a store lacks; see `run`."""
+    """Measure the chunks that a store lacks; see `run`."""
     finished = opened.finished(verify=True)
     resumed = done = sum(len(opened.epochs(chunk)) for chunk in finished)
     returned = 0
@@ -165,9 +166,10 @@ def measure_chunks(
     chunk_epochs: int = CHUNK_EPOCHS,
     skip: Collection[int] = (),
 ) -> Generator[tuple[int, Columns]]:
-    """Yield number and results of each chunk, in order, whatever the workers.
+    """Yield number and results of each chunk, in order, with any number of workers.
 
-    Who has seen enough closes this iterator: the epochs seen by then do not depend on the number of workers.
+    A caller that needs no more chunks closes this iterator. The chunks until then do not depend on the number of
+    workers.
     """
     left = [chunk for chunk in range(-(-plan.n_epochs // chunk_epochs)) if chunk not in skip]
     if not left:
@@ -180,7 +182,7 @@ def measure_chunks(
                 chunk, future = pending[0]
                 results = future.result()
                 pending.popleft()
-                pending.extend(islice(submitted, 1))  # before the yield: workers go on while the results are written
+                pending.extend(islice(submitted, 1))  # before the yield: workers continue while the results are written
                 yield chunk, results
         finally:
             for _, future in pending:
@@ -190,7 +192,7 @@ def measure_chunks(
 def _submitted(
     plan: Plan, pool: Executor, chunk_epochs: int, chunks: Sequence[int]
 ) -> Iterator[tuple[int, Future[Columns]]]:
-    """Hand out `chunks`, one a step; the preparation runs through all the epochs before them."""
+    """Submit `chunks` and yield each with its future; the preparation runs through all epochs before them."""
     preparation = plan.prepare()
     wanted = frozenset(chunks)
     expected = build_id(plan)
@@ -203,6 +205,6 @@ def _submitted(
 
 
 def _stored(opened: Store) -> str:
-    """Return how much is on disk: a run may be stopped between writing a chunk and counting it."""
+    """Return a message with the number of epochs on disk; a chunk may be written but not yet counted in memory."""
     done = sum(len(opened.epochs(chunk)) for chunk in opened.finished(verify=False))
     return f"{done} of {opened.n_epochs} epochs are stored in {opened.path}; the same run again continues there"

@@ -2,23 +2,27 @@
 
 Theory of operation
 -------------------
-A run is one campaign with one attack; *attacked* are its epochs from the attack's start to its stop. `levels.py` has
-what the processor says: statuses, and with every RECS the ranges that are in use, with the largest error that the
-attack made of them since the RECS before. What the RECS after the stop says of that time counts as well. An error is
-*harmful* beyond twice what the range test allows, 2κσ: smaller ones may pass because the noise of E6 makes up for them.
-These words are said of a run, and more than one may be true:
+A run is one campaign with one attack. Its epochs from the attack's start to its stop are *attacked*. `levels.py` has
+the processor's statuses, and for every RECS the ranges in use with their largest error by the attack since the previous
+RECS. The first RECS after the stop counts as well, because it judges the last part of the attack. An error is *harmful*
+if it exceeds twice the limit of the range test, 2κσ. The noise of E6 can hide a smaller error from this test. More than
+one of these outcomes may be true for a run:
 
-    detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite while the attack acts or with the RECS after
+    detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite in attacked epochs or with the next RECS
     missed       a harmful range was in use at any time
-    protected    none was in the last quarter of the attack
-    mitigated    protected, and in the last quarter more than half of the ranges were in use: the receiver goes on
-    denied       in more than half of the attacked RECS of a satellite there was no verdict (NOT_AVAILABLE)
+    protected    no harmful range was in use in the last quarter of the attack
+    mitigated    protected, and more than half of the ranges were in use in the last quarter of the attack
+    denied       more than half of the attacked RECS of the satellites in view had no verdict (NOT_AVAILABLE)
 
-**False alarms.** A user sees alarms that are held: one begins where none stood before. Their budget is an upper limit,
-and nearly all of it is that of the range check, whose σ is wider than the errors: it is given apart. So the failures of
-single tests are counted beside them: of the checks whose probability is the budget's choice, against the number that it
-gives them; of those among them that are exact (`AlarmShare.exact`), on both sides; and of the range check, against
-its upper limit. `budgets` has the same of every check by its name, after confirmation.
+**False alarms.** A user's alarm begins when no alarm was active in the previous epoch. The budget of alarms is an upper
+limit. Nearly all of it belongs to the range check, whose assumed σ is larger than the real error. The budget of the
+range check is therefore given separately. Failures of single tests are compared with their budgets in three groups:
+
+* the checks whose probability can be chosen;
+* the checks among these whose probability is exact (`AlarmShare.exact`), against a lower and an upper limit;
+* the range check, whose budget is an upper limit.
+
+`budgets` has the failures and the budget of every check by its name, after confirmation.
 """
 
 from __future__ import annotations
@@ -44,7 +48,7 @@ if TYPE_CHECKING:
 
 HALF = 0.5
 HARMLESS = "no alarm, no harm"
-_LAST = 0.25  # share of the attack's RECS: how it ends
+_LAST = 0.25  # last part of the attack's RECS, as a share
 _HARMFUL = 2.0  # times κσ
 
 
@@ -52,18 +56,18 @@ _HARMFUL = 2.0  # times κσ
 class OutcomeCounts:
     """Counts of alarms and failed tests of a run beside their budgets; the counts of many runs are summed."""
 
-    duration_s: float  # how long the epochs that count are: those of the attack, or all if there is none
-    # alarms that began in them, and how many the budget allows
+    duration_s: float  # duration of the attacked epochs, or of all epochs without an attack
+    # alarms that began in these epochs, and the number that the budget allows
     alarms: int
     budget_alarms: float
-    budget_range_alarms: float  # the range check's part of that
-    # tests that failed, of the checks whose p_fa is chosen, and how many the budget gives them
+    budget_range_alarms: float  # the range check's part of `budget_alarms`
+    # failed tests of the checks whose p_fa can be chosen, and the number that the budget allows
     failures: int
     budget_failures: float
-    # the same of those among them whose budget is exact
+    # failed tests of the checks among these whose p_fa is exact, and the number that the budget allows
     exact_failures: int
     budget_exact_failures: float
-    # the same of the range check, whose p_fa is an upper limit
+    # failed tests of the range check, whose p_fa is an upper limit, and the number that the budget allows
     range_failures: int
     budget_range_failures: float
 
@@ -72,20 +76,20 @@ class OutcomeCounts:
 class RunOutcome(OutcomeCounts):
     """Outcome of one run at one level."""
 
-    # see the top of this module; without an attack only `detected` can be true, by chance
+    # outcomes as defined in the docstring of this module; without an attack only `detected` can be true, by chance
     detected: bool
     mitigated: bool
     protected: bool
     missed: bool
     denied: bool
-    time_to_detect_s: float  # from the first attacked epoch to the first with an alarm; NaN if there is none
-    # each check that failed, with the time of its first failure after the first attacked epoch in s, the earliest
-    # first: `C/N0 0; RAIM 31`.
+    time_to_detect_s: float  # from the first attacked epoch to the first alarm; NaN without alarm
+    # each failed check with the time of its first failure in s after the first attacked epoch, in order of time:
+    # `C/N0 0; RAIM 31`
     checks: str
-    # each check with its tests that failed, after confirmation, and how many its own budget gives them:
+    # each check with its failed tests after confirmation, and the number that its own budget allows:
     # `E6 power 3 2.9; RAIM 0 0.01`
     budgets: str
-    # errors of largest magnitude of a range and of a position that were in use; NaN if nothing was
+    # largest errors of a range and of a position in use, by magnitude; NaN if no range or position was in use
     worst_range_m: float
     worst_position_m: float
 
@@ -112,7 +116,7 @@ class JudgedRun(Protocol):
 
     @property
     def range_error_m(self) -> Float[np.ndarray, "n m"]:
-        """Error that the attack makes of the range in use, the largest since the RECS before; NaN where none is."""
+        """Largest error of the range in use by the attack since the previous RECS; NaN if no range is in use."""
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
@@ -120,7 +124,7 @@ class JudgedRun(Protocol):
 
     @property
     def budget(self) -> Mapping[CheckName | str, AlarmShare]:
-        """Share of each check of the budget of false alarms."""
+        """Share of each check in the budget of false alarms."""
 
     @property
     def tests(self) -> Mapping[CheckName | str, Bool[np.ndarray, "*n"]]:
@@ -131,7 +135,7 @@ class JudgedRun(Protocol):
         """Epochs and satellites at which each check failed."""
 
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
-        """Return the checks that failed in some of the epochs, each with the first of them, the earliest first."""
+        """Return the checks that failed in the selected epochs, each with its first failed epoch, in order of time."""
 
 
 def run_outcome(
@@ -143,8 +147,8 @@ def run_outcome(
 ) -> RunOutcome:
     """Return the outcome of one run at one level.
 
-    `attacked` says which epochs count, `limit_m` is what the range test allows, κσ, and `position_m` the error of the
-    position in use, NaN where there is none.
+    `attacked` selects the epochs that count. `limit_m` is the limit of the range test, κσ. `position_m` is the error of
+    the position in use, in m; NaN if no position is in use.
     """
     alarm = is_alarm(found.status).any(axis=1)
     here = np.flatnonzero(attacked)
@@ -190,7 +194,7 @@ def run_outcome(
 
 
 def _failures(found: JudgedRun, attacked: Bool[np.ndarray, " n"], names: Set[CheckName | str]) -> tuple[int, float]:
-    """Return how many tests of checks failed, and how many the budget gives them."""
+    """Return the number of failed tests of some checks in attacked epochs, and the number that the budget allows."""
     made = [name for name in found.failed if name in names and name in found.budget]
     return (
         sum(int(np.count_nonzero(found.failed[name][attacked])) for name in made),
@@ -199,7 +203,7 @@ def _failures(found: JudgedRun, attacked: Bool[np.ndarray, " n"], names: Set[Che
 
 
 def _by_check(found: JudgedRun, attacked: Bool[np.ndarray, " n"]) -> Iterator[tuple[str, int, float]]:
-    """Yield each check that has a budget, with how many of its tests failed and how many its budget gives them."""
+    """Yield each check that has a budget, with its number of failed tests and the number that its budget allows."""
     for name, failed in found.failed.items():
         if name in found.budget:
             tests = int(np.count_nonzero(found.tests[name][attacked]))
@@ -218,7 +222,7 @@ def outcome_word(detected: bool, mitigated: bool, missed: bool, denied: bool) ->
 
 
 def _recs_of(attacked: Bool[np.ndarray, " n"], recs: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return the RECS that an attack can have to do with: it acted since the RECS before, be it over by now."""
+    """Return the epochs with RECS for which an attack acted since the previous RECS, even if the attack has ended."""
     places = np.flatnonzero(recs)
     acted = np.diff(np.cumsum(attacked)[places], prepend=0) > 0
     found = np.zeros(recs.size, np.bool_)
@@ -227,7 +231,7 @@ def _recs_of(attacked: Bool[np.ndarray, " n"], recs: Bool[np.ndarray, " n"]) -> 
 
 
 def worst_of(values: Float[np.ndarray, "..."]) -> float:
-    """Return the value of largest magnitude; NaN if none is known."""
+    """Return the value of largest magnitude; NaN if no value is finite."""
     known = values[np.isfinite(values)]
     return float(known[np.argmax(np.abs(known))]) if known.size else nan
 
@@ -235,10 +239,10 @@ def worst_of(values: Float[np.ndarray, "..."]) -> float:
 def outcomes_of(
     scenario: CampaignScenario, results: xarray.Dataset, levels: Sequence[int], window_s: tuple[float, float]
 ) -> tuple[RunOutcome, ...]:
-    """Return the outcome of one campaign in a window of time, a level each.
+    """Return the outcome of one campaign in a time window at each level.
 
-    The scenario is of a sky, or with a processor of level 2 or 3; at level 1 alone it is any. The window ends before
-    its second time.
+    Level 1 takes any scenario. Levels above 1 need a sky, or a processor of level 2 or 3. `window_s` is in s after the
+    start, without its end.
     """
     time_s = results["time_s"].values
     counted = (time_s >= window_s[0]) & (time_s < window_s[1])
@@ -258,7 +262,7 @@ def outcomes_of(
 def _position_error_m(
     scenario: CampaignScenario, results: xarray.Dataset, found: LevelVerdicts
 ) -> Float[np.ndarray, " n"]:
-    """Return how far the position that a level authenticates is from the true one, in m; NaN where there is none."""
+    """Return the distance in m of the authenticated position from the true position; NaN without such a position."""
     if found.position is None:
         return np.full(results.sizes["epoch"], np.nan)
     place_m = true_place_m(scenario, results["time_s"].values, results["truth_clock_m"].values)
@@ -266,7 +270,7 @@ def _position_error_m(
 
 
 def window_of(scenario: CampaignScenario) -> tuple[float, float]:
-    """Return when the attacks of a scenario act, from the first start to the last stop; always if there are none."""
+    """Return the first start and the last stop of the attacks in s; 0 and infinity without attacks."""
     starts_s = [attack.start_s for attack in scenario.attack]
     stops_s = [attack.stop_s for attack in scenario.attack]
     return min(starts_s, default=0.0), max(stops_s, default=np.inf)

@@ -24,21 +24,21 @@ def run_scenario(
 ) -> Results:
     """Run a campaign, keep its results in a folder, and return them; `vestige run` does the same.
 
-    A run that was stopped goes on when it is called again, and ends with the same bits. The number of workers changes
-    no bit either.
+    The same call continues a run that was stopped. The results have the same bits as those of a run that was not
+    stopped, with any number of workers.
 
     Parameters
     ----------
     scenario
-        Campaign, or the path of its file.
+        Campaign, or path of its scenario file.
     store
-        Folder of the results (zarr). It is made if it does not exist.
+        Folder of the results (zarr); `run` makes it if it does not exist.
     settings
-        Values that replace those of the file, `table.key=value` each. They need a file.
+        Values that replace those of the scenario file, each as `table.key=value`. Settings need a scenario file.
     workers
         Number of threads or processes.
     executor
-        `"threads"`, `"processes"`, or an executor of your own, which is left open. With processes, a script needs
+        `"threads"`, `"processes"`, or your own executor, which is left open. With processes, a script needs
         `if __name__ == "__main__":`.
     progress
         Function that is called at the beginning and after each chunk of epochs.
@@ -51,7 +51,7 @@ def run_scenario(
     Raises
     ------
     InputFileError
-        If the file describes no scenario, or the folder holds something else than a part of this campaign.
+        If the file describes no scenario, or the folder contains anything but results of this campaign.
     VestigeError
         If the scenario is no campaign, or workers are lost.
     ValueError

@@ -1,8 +1,8 @@
-"""A campaign scenario as a plan: a simulated receiver measures, its processor judges, and the truth stands beside it.
+"""Plan of a campaign scenario: a simulated receiver measures, its processor judges, and the results add the truth.
 
-`measure` makes the snapshots of a chunk and has the processor measure them, on any worker. `judge` has it assess them
-in order of time, and joins what it says with the truth. Nothing here decides anything: what a check says, what is an
-alarm and which range is in use is the processor's word, at the level of the scenario.
+`measure` makes the snapshots of a chunk on any worker, and the processor measures these snapshots. In `judge`, the
+processor assesses the measurements in order of time. The processor alone decides about checks, alarms and ranges in
+use, at the level of the scenario.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from vestige.scenario.scenario_processor import Overhead, navigation_text, overh
 from vestige.source_version import processor_name
 
 _log = logging.getLogger(__name__)
-_MANY_EPOCHS = 10_000  # in a chunk, where a store costs more time than what it stores
+_MANY_EPOCHS = 10_000  # epochs in a chunk if writing the store takes longer than measuring
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
 _RAYS, _FOUND = ("epoch", "satellite", "ray"), ("detector", "epoch", "satellite")
 _FLAGS = {"e6_saturated": {"flag_values": [-1, 0, 1], "flag_meanings": "no_samples no yes"}}
@@ -85,12 +85,12 @@ class ScenarioPlan:
     """A campaign scenario, ready to run."""
 
     scenario: CampaignScenario
-    # Whether `truth_phase_rad` is measured under attack: that needs the arrival of E6 at every epoch, not RECS alone.
+    # whether `truth_phase_rad` is measured under attack; this needs the arrival of E6 at all epochs, not only RECS
     with_phases: bool = True
 
     @property
     def simulations(self) -> tuple[Simulation, ...]:
-        """The receiver, once for each of its satellites."""
+        """Simulations of the receiver, one for each satellite."""
         return self.scenario.simulations
 
     @property
@@ -100,7 +100,7 @@ class ScenarioPlan:
 
     @property
     def chunk_epochs(self) -> int:
-        """Epochs in a chunk unless the user says otherwise: more where an epoch takes microseconds."""
+        """Default number of epochs in a chunk; the number is larger if an epoch takes only microseconds."""
         drawn = self.scenario.fidelity == "correlators" and self.scenario.constellation is None
         return _MANY_EPOCHS if drawn else CHUNK_EPOCHS
 
@@ -116,7 +116,7 @@ class ScenarioPlan:
 
     @property
     def coords(self) -> Mapping[str, Coord]:
-        """The axes other than `epoch`."""
+        """Coordinates of the axes other than `epoch`, by name."""
         simulation = self.simulations[0]
         svids = np.array([one.svid for one in self.simulations])
         offsets_m = self._judged.processor.offsets_m
@@ -142,7 +142,7 @@ class ScenarioPlan:
 
     @property
     def attrs(self) -> Mapping[str, Any]:
-        """Identity of the work."""
+        """Attributes that identify the work; see `Plan`."""
         text = self.scenario.model_dump_json()
         processor, receiver = self.scenario.processor, self.scenario.receiver
         navigation = self._navigation
@@ -169,7 +169,7 @@ class ScenarioPlan:
 
     @cached_property
     def _navigation(self) -> str | None:
-        """The ephemerides of the satellites, so that results do not depend on a file that may be gone."""
+        """Ephemerides of the satellites, stored because their file may be deleted later."""
         return navigation_text(self.scenario)
 
     @cached_property
@@ -178,17 +178,17 @@ class ScenarioPlan:
 
     @cached_property
     def _judged(self) -> Judged:
-        """Settings of the campaign that decide which columns there are."""
+        """The campaign with the processor that judges its columns."""
         processor = receiver_processor(self.scenario, self._overhead, self._navigation)
         _log.info("%s", processor.limits)
         return Judged(scenario=self.scenario, processor=processor, svids=tuple(one.svid for one in self.simulations))
 
     def prepare(self) -> _Preparation:
-        """Return the truth at its beginning."""
+        """Return the simulation of the truth before the first epoch."""
         return _Preparation(self._receiver.truth())
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
-        """Return the measurements of the epochs from `first` on, and the truth: all columns but those of `judge`."""
+        """Return all columns except those of `judge` for the epochs from `first` on: measurements and truth."""
         with blamed_on_own_parts():
             return self._measured(first, inputs)
 
@@ -228,7 +228,7 @@ class ScenarioPlan:
     def judge(
         self, state: ReceiverState | None, first: int, columns: Mapping[str, np.ndarray]
     ) -> tuple[ReceiverState, Mapping[str, np.ndarray]]:
-        """Return the state after some epochs, and all their columns, from those of `measure` or from all of them."""
+        """Return the state after some epochs, and all their columns; `columns` has those of `measure`, or all."""
         n = columns["time_s"].size
         measured = measured_block(self._judged, first + np.arange(n, dtype=np.int64), columns)
         block, after = self._judged.processor.assess(state, measured, self._receiver.assistance)
@@ -241,7 +241,7 @@ class ScenarioPlan:
         }
 
     def _detections(self, measured: MeasurementBlock) -> dict[str, np.ndarray]:
-        """Return the result of each detector for the banks."""
+        """Return the result of each detector on the correlator banks."""
         correlated = measured.availability == Availability.CORRELATED
         found = [
             replace(self._judged.processor, detector=detector()).detect(measured.banks, correlated)
@@ -255,7 +255,7 @@ class ScenarioPlan:
         }
 
     def _front_end(self, snapshots: SnapshotBlock) -> dict[str, np.ndarray]:
-        """Return what the front end of E6 said around the RECS; without samples it is ideal, and only checks ask."""
+        """Return power, gain and saturation of the E6 front end; unknown values are NaN or −1."""
         unknown = np.full(len(snapshots.time), np.nan)
         sampled = self.scenario.fidelity == "samples"
         if not (sampled or self._receiver.with_taps or self.scenario.processor.checks):
@@ -270,7 +270,7 @@ class ScenarioPlan:
 
 
 class _Preparation:
-    """The truth, epoch after epoch, as inputs of `measure`."""
+    """Simulation of the truth in order of epochs; the truth is the input of `measure`."""
 
     def __init__(self, truth: tuple[TruthProcess | TruthAround, ...]) -> None:
         self._truth = truth
@@ -281,7 +281,7 @@ class _Preparation:
 
 
 def _side_by_side(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Return columns of single satellites side by side; those of the receiver are the same for all."""
+    """Return columns of all satellites from columns of single satellites; columns of the receiver stay unchanged."""
     return {
         name: first if name in _OF_RECEIVER else np.stack([values[name] for values in each], axis=1)
         for name, first in each[0].items()

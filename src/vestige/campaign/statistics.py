@@ -1,9 +1,9 @@
-"""Counts of a campaign and how sure they are.
+"""Counts of a campaign and their confidence intervals.
 
-Every probability is estimated from k successes in n independent trials. Its interval is the exact one of Clopper and
-Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects p at level α exactly if p lies outside the interval
-of confidence 1 − α. The campaign has to make trials independent: epochs that share a slow error (an ionosphere with a
-time constant of hours) are fewer trials than they look.
+Every probability is estimated from k successes in n independent trials. Its interval is the exact interval of Clopper
+and Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects p at level α exactly if p lies outside the
+interval of confidence 1 − α. The campaign must make trials independent. Epochs that share a slow error, such as an
+ionosphere with a time constant of hours, are not independent trials: the true interval is then wider.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     import xarray
 
 CONFIDENCE = 0.95
-CLUSTER_M = (-27.0, -18.0)  # ± 0.3 taps of 15 m about the early detector's cluster at −22.5 m [WFO, Sec. VI-A]
-PERCENTILES = (0.01, 0.1, 1.0, 50.0, 99.0, 99.9, 99.99)  # those that [WFO, Sec. VI-A] gives, and their mirrors
+CLUSTER_M = (-27.0, -18.0)  # ± 0.3 taps of 15 m around the early detector's cluster at −22.5 m [WFO, Sec. VI-A]
+PERCENTILES = (0.01, 0.1, 1.0, 50.0, 99.0, 99.9, 99.99)  # values of [WFO, Sec. VI-A], and 100 minus these values
 E6_CHIP_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
-READ_EPOCHS = 10_000  # read at once, so that memory does not grow with the length of the campaign
+READ_EPOCHS = 10_000  # epochs that are read at once, so that memory does not grow with the campaign
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proportion:
-    """`successes` in `trials`, and the interval of the probability behind them, at `confidence`."""
+    """`successes` in `trials`, and the interval from `low` to `high` of their probability at `confidence`."""
 
     successes: int
     trials: int
@@ -42,14 +42,14 @@ class Proportion:
 
     @property
     def value(self) -> float:
-        """The estimate; NaN without trials."""
+        """Estimate of the probability; NaN without trials."""
         return self.successes / self.trials if self.trials else float("nan")
 
 
 def binomial_intervals(
     successes: Int[np.ndarray, " n"], trials: Int[np.ndarray, " n"] | int, *, confidence: float = CONFIDENCE
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the ends of `binomial_interval` for counts side by side."""
+    """Return the ends of `binomial_interval` for arrays of counts."""
     tail, rest = (1 - confidence) / 2, trials - successes
     low = np.where(successes > 0, betaincinv(np.maximum(successes, 1), rest + 1, tail), 0.0)
     high = np.where(rest > 0, betaincinv(successes + 1, np.maximum(rest, 1), 1 - tail), 1.0)
@@ -59,8 +59,9 @@ def binomial_intervals(
 def binomial_interval(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """Return the exact interval of a probability after `successes` in `trials`.
 
-    Its ends are the p for which a count as large (or as small) as this has probability (1 − confidence)/2. It contains
-    the truth with at least this confidence; without trials it is (0, 1).
+    At the lower end, a count of at least `successes` has probability (1 − confidence)/2. At the upper end, a count of
+    at most `successes` has this probability. The interval contains the true probability with at least this confidence;
+    without trials the interval is (0, 1).
 
     Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
     """
@@ -72,7 +73,7 @@ def binomial_interval(successes: int, trials: int, *, confidence: float = CONFID
 
 
 def binomial_test(successes: int, trials: int, probability: float) -> float:
-    """Return the two-sided p-value of `successes` in `trials` of `probability`: twice the smaller tail, at most 1.
+    """Return the two-sided p-value of `successes` in `trials` for `probability`: twice the smaller tail, at most 1.
 
     Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 ≤ probability ≤ 1.
     """
@@ -92,19 +93,19 @@ def proportion(successes: int, trials: int) -> Proportion:
 
 
 def count_interval(count: float) -> tuple[float, float, float]:
-    """Return a count and the ends of the exact interval of its mean, if it is a Poisson count."""
+    """Return a Poisson count and the ends of the exact interval of its mean."""
     tail = (1 - CONFIDENCE) / 2
     low = float(chdtri(2 * count, 1 - tail)) / 2 if count else 0.0
     return float(count), low, float(chdtri(2 * count + 2, tail)) / 2
 
 
 def enough(successes: int, trials: int, wished_width: float) -> bool:
-    """Return whether the interval after `successes` in `trials` is at most `wished_width` wide: a sweep may stop there.
+    """Return whether the interval after `successes` in `trials` is at most `wished_width` wide, so a sweep may stop.
 
-    To get the same answer from any number of workers, ask after each chunk in the order of the chunks, and leave out
-    the chunks after the one that was enough. Stopping on the width, which is a function of the estimate, makes the
-    interval's confidence nominal: a sequence stops a little more easily where the estimate is nearer to 0 or 1 than
-    the truth.
+    Call this function after each chunk in the order of the chunks, and leave out all chunks after the first that is
+    enough. The result then does not depend on the number of workers. The width depends on the estimate: a sequence
+    stops slightly earlier if the estimate is nearer to 0 or 1 than the truth. The confidence of the interval is
+    therefore only nominal.
 
     Raises `ValueError` unless 0 ≤ successes ≤ trials and wished_width > 0.
     """
@@ -120,16 +121,16 @@ class Summary:
 
     detector: str
     epochs: int
-    # detections among all decisions (epochs × satellites that were correlated): the probability of detection, or
-    # that of a false alarm if there is no signal
+    # detections among all decisions (correlated epochs × satellites): with a signal the probability of detection,
+    # without a signal the probability of a false alarm
     detections: Proportion
     misses: int  # decisions without a detection
-    cluster: Proportion  # detections whose range offset lies in `cluster_m`, of all detections
-    cluster_m: tuple[float, float]  # the range in m, ends included
-    # statistics of the detections; NaN without any
+    cluster: Proportion  # detections with a range offset in `cluster_m`, among all detections
+    cluster_m: tuple[float, float]  # limits of the cluster in m, included
+    # range offsets of the detections; NaN without detections
     range_offset_mean_m: float
     range_offset_std_m: float
-    percentiles_m: dict[float, float]  # percent to range offset in m, linear between detections
+    percentiles_m: dict[float, float]  # range offset in m by percentage, linear between detections
 
 
 def detectors_of(results: xarray.Dataset) -> tuple[str, ...]:
@@ -143,9 +144,9 @@ def summarise(
     *,
     percentiles: Sequence[float] = PERCENTILES,
 ) -> Summary:
-    """Return what one detector did: detections, misses, and where the range offsets lie.
+    """Return the detections, misses and range offsets of one detector.
 
-    Where `noise_power` is NaN nothing was correlated and nothing is decided.
+    Epochs and satellites with NaN as `noise_power` do not count, because they were not correlated.
 
     Raises `ValueError` if the results do not have this detector.
     """
@@ -176,18 +177,18 @@ def summarise(
 
 
 def _exceedances(block: xarray.Dataset, taps: Complex[np.ndarray, "epochs satellites taps"]) -> tuple[int, int]:
-    """Return how many taps exceed the threshold, of how many that are not NaN."""
+    """Return the number of taps that exceed the threshold, and the number of taps that are not NaN."""
     exceeding, correlated = exceeds_threshold(taps, block["noise_power"].values, float(block.attrs["threshold_sigma"]))
     return int(np.count_nonzero(exceeding)), int(np.count_nonzero(correlated))
 
 
 def false_alarms(results: xarray.Dataset) -> Proportion:
-    """Return how many decisions of single taps on noise alone exceed the threshold.
+    """Return the proportion of single taps with noise only that exceed the threshold.
 
-    Only taps more than a chip apart are counted, so that the trials are independent: their noise has the replicas'
-    correlation, a triangle that ends at one chip (a narrow filter draws it out a little). If there is a signal, only
-    taps more than a chip before the line of sight and any spoofing signal are counted: they hold none of them, nor
-    reflections, which come later.
+    Only taps more than a chip apart are counted, so that the trials are independent. The correlation of their noise is
+    a triangle that ends at one chip; a narrow filter makes the triangle slightly wider. If there is a signal, only taps
+    more than a chip before the line of sight and before any spoofing signal are counted. Reflections arrive later, so
+    these taps contain noise only.
     """
     apart = E6_CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))
@@ -202,12 +203,12 @@ def false_alarms(results: xarray.Dataset) -> Proportion:
     return proportion(exceeding, trials)
 
 
-# terms of the hand-over's error: positive where the line of sight is later in E6 than predicted
+# terms of the prediction's error with their signs; a positive error means that E6 arrives later than predicted
 _LATE = (("iono_diff", 1), ("bias", 1), ("e1_noise", -1), ("e1_multipath", -1))
 
 
 def _first_arrival_m(block: xarray.Dataset) -> Float[np.ndarray, "epochs satellites"]:
-    """Return how much later than predicted the first signal arrives, which may be a spoofing signal."""
+    """Return the delay in m of the first signal after its prediction; a spoofing signal may be the first."""
     if "truth_spoofer_offset_m" not in block:
         return np.sum([sign * block[f"truth_{name}_m"].values for name, sign in _LATE], axis=0)
     forged = block["forged"].values[:, None, None]

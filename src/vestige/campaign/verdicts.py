@@ -1,8 +1,8 @@
-"""The verdicts of a campaign, counted: how often each status, how often an alarm without an attack.
+"""Counts of the verdicts of a campaign: each status, and false alarms.
 
-A verdict is due where a RECS was sent by a satellite in view. An alarm (`ALARMS`) in such an epoch without an attack is
-a false one; with an attack somewhere, the epochs before and after it say how often. Verdicts that are NOT_AVAILABLE are
-no trials: nothing was decided.
+A verdict is due in an epoch with RECS for each satellite in view. An alarm (`ALARMS`) in such an epoch is false if no
+attack acts. In a campaign with an attack, the epochs before and after the attack give the rate of false alarms.
+NOT_AVAILABLE verdicts do not count as trials, because the receiver decided nothing.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from vestige.scenario.scenario_processor import Overhead, receiver_processor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerdictCounts:
-    """Number of verdicts of each status in a campaign, and the rate of false alarms."""
+    """Number of verdicts of each status in a campaign, and the proportion of false alarms."""
 
     due: int  # verdicts that were due
     of: dict[Status, int]
     attacked: int  # verdicts that were due under attack
-    false_alarms: Proportion  # alarms without an attack, of the verdicts without an attack that were available
-    recs_a_day: float  # RECS of one satellite in a day: times `false_alarms`, the false alarms of a satellite in a day
+    false_alarms: Proportion  # alarms without an attack, among the available verdicts without an attack
+    recs_a_day: float  # RECS of one satellite in a day, for `false_alarms_a_day`
 
     @property
     def false_alarms_a_day(self) -> tuple[float, float, float]:
-        """False alarms of one satellite in a day, and the ends of the interval."""
+        """False alarms of one satellite in a day, and the ends of their interval."""
         rate = self.false_alarms
         return rate.value * self.recs_a_day, rate.low * self.recs_a_day, rate.high * self.recs_a_day
 
 
 def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
-    """Return how often a campaign had each status, in epochs in which a verdict was due."""
+    """Return the number of due verdicts of each status in a campaign."""
     due = due_verdicts(results)
     status = results["status"].transpose("epoch", "satellite").values
     attacked = attacked_epochs(results)
@@ -63,7 +63,7 @@ def range_limit_m(results: xarray.Dataset) -> float:
 
 
 def results_digest(results: xarray.Dataset) -> str:
-    """Return the SHA-256 of all names, types and values: equal for equal bits, however the store is cut."""
+    """Return the SHA-256 of all names, types and values; the hash does not depend on the chunks of the store."""
     digest = hashlib.sha256()
     for name in sorted(map(str, results.variables)):
         values = results[name].values

@@ -1,1 +1,1 @@
-"""The columns of the results."""
+"""Columns of the results of a campaign."""

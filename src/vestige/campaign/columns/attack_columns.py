@@ -1,4 +1,4 @@
-"""Truth of the attacks as columns of the results; the attacks have an axis of their own."""
+"""Columns of the results with the truth of the attacks, along the axis `attack`."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ ATTACK_COLUMNS = column_table(
 
 
 def attack_coords(simulation: Simulation) -> dict[str, Coord]:
-    """Return the axis of the attacks: their numbers and kinds, and whose E6 chips never match; nothing without any."""
+    """Return the coordinates of the attacks: number, kind, and whether E6 chips are invented; none without attack."""
     attacks = simulation.spoofer.attacks
     if not attacks:
         return {}
     names = np.array([f"{number} {attack.kind}" for number, attack in enumerate(attacks)])
-    made = [attack.spoofing_signal(Band.E6, np.zeros(1)) for attack in attacks]  # whichever satellite it is for
+    made = [attack.spoofing_signal(Band.E6, np.zeros(1)) for attack in attacks]  # equal for all satellites
     forged = np.array([one is not None and one.forged_chips for one in made])
     return {
         "attack": Coord(dim="attack", values=names, long_name="attack"),
@@ -45,12 +45,12 @@ def attack_coords(simulation: Simulation) -> dict[str, Coord]:
 
 
 def phase_columns(arrived: Arrival) -> dict[str, np.ndarray]:
-    """Return the phase among `ATTACK_COLUMNS` of one satellite, whose chips of each epoch arrive as `arrived` says."""
+    """Return the phase column of `ATTACK_COLUMNS` of one satellite; `arrived` is the arrival of E6 at each epoch."""
     return {"truth_phase_rad": np.angle(arrived.carrier)}
 
 
 def attack_columns(truth: TruthBlock, e1_multipath_m: Float[np.ndarray, " n"]) -> dict[str, np.ndarray]:
-    """Return the values of `ATTACK_COLUMNS` of one satellite but for those of `phase_columns`."""
+    """Return the values of `ATTACK_COLUMNS` of one satellite, except those of `phase_columns`."""
     on_air = np.concatenate([truth.e1_attack.power_db, truth.e6.power_db], axis=1) > -np.inf
     return {
         "truth_prediction_error_m": truth.iono_diff_m + truth.bias_m - e1_error_m(truth, e1_multipath_m),

@@ -38,7 +38,7 @@ JUDGED_COLUMNS = column_table(
 
 
 def judged_columns(block: VerdictBlock) -> dict[str, np.ndarray]:
-    """Return the values of `JUDGED_COLUMNS`; a check of the receiver stands beside every satellite."""
+    """Return the values of `JUDGED_COLUMNS`; the result of a check of the receiver is repeated for every satellite."""
     names = [spec.name for spec in block.specs]
     shape = (len(names), *block.status.shape)
     statistic, threshold = np.full((2, *shape), np.nan, np.float32)
@@ -50,7 +50,7 @@ def judged_columns(block: VerdictBlock) -> dict[str, np.ndarray]:
         axes = (slice(None), None) if series.of_receiver else ()
         statistic[place], threshold[place] = series.statistic[axes], series.threshold[axes]
         result[place] = np.where(failed, 1, np.where(series.run, 0, -1))[axes]
-    for values in (statistic, threshold):  # the sign of a NaN depends on where in a vector it was computed
+    for values in (statistic, threshold):  # the sign of a NaN may depend on its index in a vector
         values[np.isnan(values)] = np.nan
     return {
         "status": block.status,

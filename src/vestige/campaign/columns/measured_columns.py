@@ -1,7 +1,8 @@
-"""Measurement columns of the results; verdicts made again from these columns are the same.
+"""Measurement columns of the results, from which the same verdicts can be made again.
 
-The workers call `measured_columns`. `measured_block` is called when verdicts are made: by the campaign as its chunks
-come in, and later by a plot or the threat table, at any mitigation level. It reads no column that begins with `truth_`.
+The workers call `measured_columns`. `measured_block` reads the columns to make verdicts. The campaign calls
+`measured_block` for each chunk; plots and the threat table call it later, at any mitigation level. `measured_block`
+reads no column that begins with `truth_`.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ MEASURED_COLUMNS = column_table(
     attrs=_AVAILABILITY,
 )
 
-# what the checks of levels 2 and 3 look at beside
+# additional measurements for the checks of levels 2 and 3
 E1_COLUMNS = column_table(
     ("e1_doppler_hz", _SATELLITE, "float64", "Hz", "Doppler on E1, positive when the satellite approaches"),
     ("e1_taps", (*_SATELLITE, "e1_tap"), "complex64", "1", "E1 correlators; noise without interference is 1"),
@@ -91,7 +92,7 @@ _FINDS = {
 
 
 def measured_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str, np.ndarray]:
-    """Return the values of `MEASURED_COLUMNS` but for `time_s`."""
+    """Return the values of `MEASURED_COLUMNS` except `time_s`."""
     snapshots = measured.snapshots
     too_late = measured.availability == Availability.NOT_PROVEN
     return {
@@ -110,7 +111,7 @@ def measured_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str
 
 
 def e1_columns(snapshots: SnapshotBlock, finds: SearchFinds) -> dict[str, np.ndarray]:
-    """Return the values of `E1_COLUMNS` of a simulated receiver, and of what its searches would find."""
+    """Return the values of `E1_COLUMNS`; `finds` are the results that the receiver's searches would have."""
     if snapshots.e1.taps is None:
         raise TypeError("E1 of this receiver is not tracked between RECS")
     return {
@@ -140,9 +141,9 @@ def osnma_columns(snapshots: SnapshotBlock, pages: PagesReceived) -> dict[str, n
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """A campaign whose columns are judged."""
+    """A campaign and the processor that judges its columns."""
 
-    scenario: CampaignScenario | StoredScenario  # the campaign's scenario, or the one that its results hold
+    scenario: CampaignScenario | StoredScenario  # scenario of the campaign, or scenario from its results
     processor: AcasProcessor
     svids: tuple[int, ...]
 
@@ -150,7 +151,8 @@ class Judged:
 def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns) -> MeasurementBlock:
     """Return the receiver's measurements in some epochs.
 
-    The columns are of those epochs, with the axes of the results: `epoch` first, but for the axis `detector`.
+    The columns contain these epochs only, with the axes of the results. `epoch` is the first axis, or the second after
+    `detector`.
     """
     scenario, processor = of.scenario, of.processor
     if scenario.processor.checks:
@@ -200,7 +202,7 @@ def _double(values: np.ndarray) -> Float[np.ndarray, "*n"]:
 
 
 def _known(columns: Columns, name: str, shape: tuple[int, ...]) -> Float[np.ndarray, "n m"]:
-    """Return a column; NaN if the results do not hold it."""
+    """Return a column; NaN if the results do not have this column."""
     return _double(columns[name]) if name in columns else np.full(shape, np.nan)
 
 
@@ -255,7 +257,7 @@ def _searches(scenario: CampaignScenario | StoredScenario, columns: Columns, rec
 
 
 def _of_sky(scenario: CampaignScenario | StoredScenario, time: GalileoTimes, columns: Columns) -> dict[str, Any]:
-    """Return what a snapshot of a sky has beside that of a single line of sight."""
+    """Return the additional fields of a snapshot block of a sky; none for a single line of sight."""
     if "osnma_pages" not in columns:
         return {}
     start = scenario.start_time

@@ -1,7 +1,7 @@
-"""Columns that only a user's check may need, so that stored results hold everything that such a check sees.
+"""Columns that only user's checks may need, so that stored results contain all evidence for such a check.
 
-vestige's own checks do not look at these quantities, so results hold them only if the scenario has checks of the
-user's. They are kept to the bit: a campaign and `vestige.simulate` give such a check the same evidence.
+vestige's own checks do not use these quantities. Results contain these columns only if the scenario has user's checks.
+The columns are stored without rounding: a campaign and `vestige.simulate` give a user's check the same evidence.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ OWN_CHECK_COLUMNS = column_table(
 
 
 def own_check_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str, np.ndarray]:
-    """Return the values of `OWN_CHECK_COLUMNS`; `start` is that of the scenario."""
+    """Return the values of `OWN_CHECK_COLUMNS`; `start` is the start time of the scenario."""
     snapshots = measured.snapshots
     return {
         "e1_carrier_phase_cycles": snapshots.e1.carrier_phase_cycles,
@@ -44,7 +44,7 @@ def own_check_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[st
 
 
 def require_own_check_columns(columns: Mapping[str, np.ndarray]) -> None:
-    """Raise `VestigeError` if results of a scenario with checks of the user's lack what these may ask."""
+    """Raise `VestigeError` if results of a scenario with user's checks lack a column that such a check may use."""
     missing = [name for name in OWN_CHECK_COLUMNS if name not in columns]
     if missing:
         raise VestigeError(

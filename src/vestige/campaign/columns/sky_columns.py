@@ -1,17 +1,19 @@
-"""Additional result columns under a sky: directions of the satellites, position fixes and their errors.
+"""Additional result columns of a sky: directions of the satellites, position fixes and their errors.
 
-The processor fixes its position at every epoch from all E1 pseudoranges (`all`), and at every epoch with RECS from the
-ranges that may be used, of satellites whose navigation data OSNMA authenticates (`authenticated`). The second is known
-when the OSNMA key is: `available_at_s`. Both take the broadcast orbits for right. E1 holds, beside noise and multipath,
-the ionosphere's residual e/(γ − 1) that belongs to the e of E6 − E1; it is common to both bands and no part of the
-range check.
+The processor makes two position fixes. The fix `all` uses all E1 pseudoranges at every epoch. At every epoch with RECS,
+the fix `authenticated` uses the ranges in use of satellites with navigation data that OSNMA authenticates.
+This fix is known when its OSNMA key is received: `available_at_s`. Both fixes assume correct broadcast orbits.
 
-The receiver assumes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² of each pseudorange, with
-M and A of `receiver.elevation`, and that a share of the ionosphere's variance is common to all (`ionosphere_common` of
-`[position]`). The covariance P of the fix knows of that share; the weights do not, nor do RAIM and solution separation,
-which take their σ from the weights. The NEES, xᵀP⁻¹x, combines the errors of the three coordinates and the clock. For a
-consistent fix it is χ² with 4 degrees of freedom. With multipath it is less, because σ_multipath is an upper limit that
-covers the tails.
+E1 pseudoranges contain noise, multipath and a residual of the ionosphere. The residual is e/(γ − 1), where e is the
+residual of E6 − E1. The residual is common to both bands, so it does not affect the range check.
+
+The receiver assumes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² for each pseudorange, with
+M and A of `receiver.elevation`. A part of the ionosphere's variance is assumed common to all satellites
+(`ionosphere_common` of `[position]`). The covariance P of the fix includes this common part. The weights do not include
+it, and RAIM and solution separation take their σ from the weights.
+
+The NEES, xᵀP⁻¹x, combines the errors of the three coordinates and the clock. For a consistent fix, the NEES is χ² with
+4 degrees of freedom. With multipath the NEES is smaller, because σ_multipath is an upper limit that covers the tails.
 """
 
 from __future__ import annotations
@@ -62,14 +64,14 @@ SKY_COLUMNS = column_table(
 
 
 def sky_coords() -> dict[str, Coord]:
-    """Return the axes of the fixes."""
+    """Return the coordinates of the axes of the position fixes."""
     labels = {"fix": FIXES, "axis": ("x", "y", "z"), "local_axis": _AXES, "dilution": _DILUTIONS}
     texts = {"fix": "satellites of a fix", "axis": "ECEF axis", "local_axis": "local axis", "dilution": "dilution"}
     return {name: Coord(dim=name, values=np.array(values), long_name=texts[name]) for name, values in labels.items()}
 
 
 def view_columns(truth: Sequence[TruthBlock]) -> dict[str, np.ndarray]:
-    """Return where the satellites are; NaN out of view."""
+    """Return azimuth and elevation of the satellites; NaN for satellites out of view."""
 
     def degrees(name: str) -> Float[np.ndarray, "n m"]:
         return np.stack(
@@ -82,7 +84,7 @@ def view_columns(truth: Sequence[TruthBlock]) -> dict[str, np.ndarray]:
 def fix_columns(
     scenario: CampaignScenario, block: VerdictBlock, columns: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return the values of the columns of the fixes, and what the receiver believes of its pseudoranges."""
+    """Return the columns of the fixes, and the standard deviations that the receiver assumes for its pseudoranges."""
     measured, position = block.measured, block.position
     if measured.fix is None or position is None:
         raise ValueError("a sky has orbits")
@@ -104,7 +106,7 @@ def fix_columns(
 def true_place_m(
     scenario: CampaignScenario, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Return where the receiver of a sky is at times on its own clock."""
+    """Return the true ECEF position of the receiver of a sky in m, at times on the receiver's own clock."""
     return scenario.receiver_motion(time_s, clock_m).position_m
 
 
@@ -117,9 +119,9 @@ class _Truth(NamedTuple):
 
 
 def _fix_columns(rows: Int64[np.ndarray, " k"], fixes: FixBlock, truth: _Truth) -> dict[str, np.ndarray]:
-    """Return the columns of one fix of all epochs, NaN in those that are not among `rows`."""
+    """Return the columns of one fix for all epochs; NaN, or 0 for a count, in epochs that are not in `rows`."""
     fix, (place_m, clock_m, drift_mps) = fixes.fix, (values[rows] for values in truth)
-    # with the true place where there is no fix, axes are always defined
+    # epochs without a fix get the true position, so that the local axes are always defined
     placed = replace(fix, position_m=np.where(fix.valid[:, None], fix.position_m, place_m))
     local = dilution(local_geometry(placed))
     error = np.concatenate([fix.position_m - place_m, (fix.clock_m - clock_m)[:, None]], axis=1)
@@ -148,6 +150,6 @@ def _fix_columns(rows: Int64[np.ndarray, " k"], fixes: FixBlock, truth: _Truth) 
 
 
 def _nees(fix: Fix, error: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, " n"]:
-    """Return eᵀP⁻¹e, NaN without a fix."""
+    """Return the NEES, xᵀP⁻¹x, of the errors x; NaN in epochs without a fix."""
     covariance = np.where(fix.valid[:, None, None], fix.covariance_m2, np.eye(UNKNOWNS))
     return np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0])

@@ -1,9 +1,9 @@
-"""Several machines: the executor of a dask cluster, for `run(plan, store, executor=connect("tcp://…"))`.
+"""Executor of a dask cluster, to run a campaign on several machines: `run(plan, store, executor=connect("tcp://…"))`.
 
-dask knows which worker holds what. When one dies, the scheduler gives its chunks to another, also those that were
-measured and not fetched yet; a chunk that is measured twice gives the same bits. The cluster's machines need the same
-source of vestige, and where bits depend on it the
-same kind of processor (both checked with every chunk), and nothing else: no shared disk, no data.
+If a worker is lost, the dask scheduler gives its chunks to another worker, including measured chunks that were not yet
+fetched. A chunk that is measured twice gives the same bits. All machines need the same source of vestige, and the same
+kind of processor if the bits depend on the processor. Both are checked with every chunk. The machines need no shared
+disk and no data.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss)://(?P<host>\[[0-9a-fA-F:.%]+\]|[^\s:/\[\]]+):(?P<port>[0-9]{1,5})")
-CONNECT_S = 10.0  # a scheduler that is there answers in milliseconds
-NO_WORKERS_S = 10.0  # a worker that is started again is there sooner
+CONNECT_S = 10.0  # a running scheduler answers in milliseconds
+NO_WORKERS_S = 10.0  # a worker that is started again connects sooner
 LOOK_EVERY_S = 2.0
 
 
 class ClusterExecutor(Executor):
-    """Calls on the workers of a dask cluster; closing it ends the connection and leaves the cluster running.
+    """Executor on a dask cluster; `shutdown` ends the connection and leaves the cluster running.
 
-    dask has an executor of its own, whose futures never end when the connection to the scheduler breaks while a result
-    is fetched. These do.
+    dask has its own executor. If the connection to the scheduler breaks while a result is fetched, the futures of
+    dask's executor never end. The futures of this executor end with `BrokenExecutor`.
     """
 
     def __init__(self, client: Any, address: str, warn: Callable[[str], None]) -> None:
@@ -46,14 +46,14 @@ class ClusterExecutor(Executor):
 
     @property
     def workers(self) -> int:
-        """Number of calls that the cluster runs at the same time, at present."""
+        """Number of calls that the cluster can run at the same time now."""
         return sum(self._client.nthreads().values())
 
     def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
-        """Return the future of a call; its outcome is `BrokenExecutor` if the cluster could not finish it."""
+        """Return the future of a call; the future raises `BrokenExecutor` if the cluster could not finish the call."""
         outer: Future[R] = Future()
-        # One object, because dask looks for its own futures inside of arguments. Not pure, because equal calls would
-        # share a result, and to find them dask hashes everything.
+        # dask searches arguments for its own futures, so `partial` makes one object of them. With `pure=True`, dask
+        # would hash all arguments to share the results of equal calls.
         try:
             inner = self._client.submit(partial(fn, *args, **kwargs), pure=False)
         except Exception as error:
@@ -65,12 +65,12 @@ class ClusterExecutor(Executor):
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002  (no use for them)
-        """End the connection; calls that have not ended are cancelled."""
+        """End the connection and cancel the calls that have not ended."""
         self._closed.set()
         self._client.close()
 
     def _pass_on(self, inner: Any, outer: Future[R]) -> None:
-        """Give `outer` the outcome of a dask future; what dask says of its own troubles becomes `BrokenExecutor`."""
+        """Give `outer` the outcome of a dask future; errors of dask itself become `BrokenExecutor`."""
         killed_worker = import_module("distributed").KilledWorker
         if not outer.set_running_or_notify_cancel():
             return
@@ -79,16 +79,16 @@ class ClusterExecutor(Executor):
         except (CancelledError, killed_worker, OSError) as error:
             gone = self._client.status != "running"
             outer.set_exception(BrokenExecutor(self._gone if gone else f"{type(error).__name__}: {error}"))
-        except BaseException as error:  # raised again where the result is asked for
+        except BaseException as error:  # `outer.result()` raises this error again
             outer.set_exception(error)
 
     def _watch(self) -> None:
-        """Say when the cluster has had no workers for a while, and when it has some again."""
+        """Warn when the cluster has had no workers for `NO_WORKERS_S`, and when it has workers again."""
         without_s, told = 0.0, False
         while not self._closed.wait(LOOK_EVERY_S):
             try:
                 workers = self.workers
-            except Exception:  # the connection has ended: the calls that wait say so
+            except Exception:  # the connection has ended; the waiting calls raise the error
                 return
             without_s = 0.0 if workers else without_s + LOOK_EVERY_S
             if not workers and not told and without_s >= NO_WORKERS_S:
@@ -101,7 +101,7 @@ class ClusterExecutor(Executor):
 def connect(address: str, *, warn: Callable[[str], None] = lambda _line: None) -> ClusterExecutor:
     """Return an executor on the dask cluster whose scheduler is at `address`, e.g. `tcp://host:8786`.
 
-    It is a context manager; leaving it ends the connection:
+    The executor is a context manager, and its exit ends the connection:
 
         with connect("tcp://host:8786") as cluster:
             run(plan, store, executor=cluster, workers=cluster.workers)
@@ -111,15 +111,15 @@ def connect(address: str, *, warn: Callable[[str], None] = lambda _line: None) -
     address
         Address of the scheduler.
     warn
-        Called from a thread of its own with one line when the cluster has had no workers for `NO_WORKERS_S`, and when
-        it has some again: calls wait meanwhile.
+        Function that is called with one line when the cluster has had no workers for `NO_WORKERS_S`, and when the
+        cluster has workers again. Calls wait in between. A separate thread calls the function.
 
     Raises
     ------
     UnsupportedError
         If dask.distributed is not installed.
     VestigeError
-        If no scheduler answers, or it has no worker.
+        If no scheduler answers, or the scheduler has no workers.
     """
     try:
         distributed = import_module("distributed")
@@ -135,11 +135,11 @@ def connect(address: str, *, warn: Callable[[str], None] = lambda _line: None) -
 
 
 def _check_answer(address: str) -> None:
-    """Raise if nobody listens at an address. A dask client that cannot connect complains once more when it is freed."""
+    """Raise if no scheduler answers; a dask client without connection would print a second error when it is deleted."""
     match = _ADDRESS.fullmatch(address)
     if match is None or not int(match["port"]) < 1 << 16:
         raise VestigeError(f"--scheduler: found {address!r}, expected an address such as tcp://host:8786")
     try:
         socket.create_connection((match["host"].strip("[]"), int(match["port"])), timeout=CONNECT_S).close()
-    except (OSError, UnicodeError) as error:  # UnicodeError: a name that no network can have
+    except (OSError, UnicodeError) as error:  # UnicodeError: the name is not valid in any network
         raise VestigeError(f"{address}: no dask scheduler answers ({error})") from error

@@ -1,4 +1,4 @@
-"""A plan at once and in memory: for campaigns of some minutes, of which a table needs thousands."""
+"""Run a plan in memory and without chunks, for short campaigns; a threat table needs thousands of these."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vestige.campaign.plan import Plan, judged
 def direct_results(plan: Plan, *, judge: bool = True) -> xarray.Dataset:
     """Return the results of a plan as `run` does, without a store.
 
-    Whoever judges at several levels does it later, and wants no columns of `Plan.judge`.
+    With `judge=False`, the results have no columns of `JudgedPlan.judge`; use this to judge at several levels later.
     """
     columns = plan.measure(0, plan.prepare().advance(0, plan.n_epochs))
     if judge:

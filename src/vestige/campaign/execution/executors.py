@@ -1,6 +1,6 @@
-"""Workers: what runs in them, and how local ones are started and ended.
+"""Workers: the function that they run, and the start and end of local workers.
 
-This module is imported by every worker process, so it imports nothing heavy.
+Every worker process imports this module, so the module imports no large packages.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
     from vestige.campaign.plan import Plan
 
-# The campaign is parallel over chunks; libraries that start threads of their own only get into each other's way.
+# The campaign is parallel over chunks. Libraries that start their own threads would only slow the workers down.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def measure_chunk(
     plan: Plan, first: int, inputs: Mapping[str, Any], expected: Mapping[str, str]
 ) -> Mapping[str, np.ndarray]:
-    """Return what `plan.measure` returns, if this worker has the `expected` build_id: source and processor.
+    """Return the result of `plan.measure`, if this worker has the `expected` build_id.
 
-    Raises `VestigeError` if it has another one: its results could not be mixed with the others.
+    Raises `VestigeError` if the worker has another build_id: its results may have other bits.
     """
     found = build_id(plan)
     for name, value in expected.items():
@@ -44,9 +44,9 @@ def measure_chunk(
 
 @contextmanager
 def local_executor(kind: str, workers: int) -> Iterator[Executor]:
-    """Give an executor with `workers` threads or processes; leaving it waits for the calls that are running.
+    """Yield an executor with `workers` threads or processes; the exit of the context waits for running calls.
 
-    Processes are started afresh (`spawn`), because a fork of a process with threads may inherit a lock for ever.
+    Processes are started with `spawn`, because a fork of a process with threads may inherit a locked lock.
     """
     if workers < 1:
         raise ValueError(f"{workers} workers")
@@ -66,7 +66,7 @@ def local_executor(kind: str, workers: int) -> Iterator[Executor]:
 
 @contextmanager
 def _environment(variables: Mapping[str, str]) -> Iterator[None]:
-    """Set environment variables for the processes that are started meanwhile (they are read when numpy is loaded)."""
+    """Set environment variables in this context; new processes read the variables when they load numpy."""
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)
     try:
@@ -80,7 +80,7 @@ def _environment(variables: Mapping[str, str]) -> Iterator[None]:
 
 
 def _start_process() -> None:
-    """Leave Ctrl-C to the coordinator, and end with it even if it is killed."""
+    """Ignore Ctrl-C, which the coordinator handles, and end this process when the coordinator ends or is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

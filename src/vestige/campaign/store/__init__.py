@@ -1,1 +1,1 @@
-"""Results on disk."""
+"""Results of campaigns on disk."""

@@ -1,6 +1,6 @@
-"""Identity of a build: source of vestige, the user's parts and the processor, which all affect the bits of results.
+"""Identity of a build: source of vestige, user's parts and processor, which affect the bits of results.
 
-The kind of processor matters for sums of samples alone.
+The kind of processor affects only sums of samples.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from vestige.source_version import processor_name, vestige_version
 if TYPE_CHECKING:
     from vestige.campaign.plan import Plan
 
-PROCESSOR = "processor"  # attribute of a plan whose bits depend on it
-PARTS = "own_parts"  # attribute of a plan with parts of the user's: `module:Name@digest` of each
+PROCESSOR = "processor"  # attribute of a plan with bits that depend on the processor
+PARTS = "own_parts"  # attribute of a plan with user's parts, each as `module:Name@digest`
 
 
 def build_id(plan: Plan) -> dict[str, str]:
-    """Return what must be equal wherever chunks of one plan are measured, by attribute of the store."""
+    """Return the attributes that must be equal on all machines that measure chunks of one plan."""
     processor: Mapping[str, str] = {PROCESSOR: processor_name()} if PROCESSOR in plan.attrs else {}
     parts: Mapping[str, str] = {PARTS: str(plan.attrs[PARTS])} if PARTS in plan.attrs else {}
     return {"vestige_version": vestige_version(), **processor, **parts}

@@ -1,9 +1,10 @@
-"""The results of a campaign, opened: columns, the scenario as it was parsed, and what is missing or damaged.
+"""Results of a campaign: columns, the parsed scenario, and the missing or damaged epochs.
 
     results = open_results("night.zarr", partial=True)
     results.scenario.processor.level, results.dataset["status"], results.damaged
 
-`open_results` is the one way into a store. Whatever is in the folder, it returns `Results` or raises one line.
+Use `open_results` to open every store. For any content of the folder, this function returns `Results` or raises an
+error with a message of one line.
 """
 
 from __future__ import annotations
@@ -31,11 +32,11 @@ from vestige.scenario.toml.toml_file import LARGEST_NUMBER
 _NO_EPOCHS = np.zeros(0, dtype=np.int64)
 
 
-NAVIGATION_TEXT = "navigation"  # attribute of the results of a sky: the ephemerides of its satellites
+NAVIGATION_TEXT = "navigation"  # attribute with the ephemerides of the satellites, for results of a sky
 
 
 class RunAttributes(BaseModel):
-    """Attributes of a run that the results hold beside the scenario."""
+    """Attributes of a run that are stored in addition to the scenario."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
@@ -44,17 +45,17 @@ class RunAttributes(BaseModel):
     # false-alarm probability of one correlator, and its threshold in standard deviations of one dimension
     p_fa: Annotated[float, Field(gt=0, lt=1)]
     threshold_sigma: Annotated[float, Field(gt=0, le=1000)]
-    # whether E6-C was on air, and its C/N0; None without it
+    # whether E6-C was transmitted, and its C/N0; None without a signal
     signal: bool
     cn0_dbhz: FiniteFloat | None = None
-    integration_s: Annotated[float, Field(gt=0, le=10)]  # length of a correlation
+    integration_s: Annotated[float, Field(gt=0, le=10)]  # duration of a correlation
     fidelity: Fidelity
     satellites_expected: Annotated[int, Field(ge=1, le=100)]
     cn0_e1_expected_dbhz: FiniteFloat
-    vestige_version: str = ""  # the source that made the results; empty if they were not stored
-    processor: str | None = None  # the kind of processor on which bits depend; None if they do not
-    navigation: str | None = None  # RINEX text of the ephemerides of a sky; None of a single line of sight
-    own_parts: str = ""  # the parts of the user's, `module:Name@digest` of each, with spaces between them
+    vestige_version: str = ""  # source of vestige that made the results; empty if the results were not stored
+    processor: str | None = None  # kind of processor; None if the bits do not depend on the processor
+    navigation: str | None = None  # RINEX text of the ephemerides of a sky; None for a single line of sight
+    own_parts: str = ""  # user's parts, each as `module:Name@digest`, with spaces between the parts
 
     @model_validator(mode="after")
     def _strength_of_a_signal(self) -> RunAttributes:
@@ -64,29 +65,29 @@ class RunAttributes(BaseModel):
 
 
 class CheckColumns(NamedTuple):
-    """A check of stored results."""
+    """Results of one check in a campaign."""
 
-    result: Int8[np.ndarray, "n m"]  # 1 where it failed, after confirmation, 0 where it passed, −1 where it was not run
-    # in the unit of the check; NaN where it was not run
+    result: Int8[np.ndarray, "n m"]  # 1 if the check failed, after confirmation; 0 if it passed; −1 if it was not run
+    # in the unit of the check; NaN if the check was not run
     statistic: Float[np.ndarray, "n m"]
     threshold: Float[np.ndarray, "n m"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """The results of a campaign of n epochs and m satellites; `open_results` and `run` return them.
+    """Results of a campaign of n epochs and m satellites; `open_results` and `run` return such results.
 
     Attributes
     ----------
     path
         Folder of the results.
     dataset
-        All columns with their labels, units and attributes; values are read from disk when they are used. If epochs are
-        missing, the coordinate `epoch` says which ones are here.
+        All columns with their coordinates, units and attributes; values are read from disk when they are used. If
+        epochs are missing, the coordinate `epoch` has the numbers of the available epochs.
     n_epochs
-        How many epochs the campaign has when it has ended.
+        Number of epochs of the complete campaign.
     damaged
-        Epochs whose values do not agree with their hash; they are not in `dataset`.
+        Ranges of epochs with values that do not agree with their hash; `dataset` does not contain these epochs.
 
     Examples
     --------
@@ -106,38 +107,38 @@ class Results:
 
     @property
     def scenario(self) -> StoredScenario:
-        """The scenario. Raises `VestigeError` if the results have none."""
+        """Scenario of the campaign. Raises `VestigeError` if the results have no scenario."""
         return scenario_of(self.dataset)
 
     @property
     def attributes(self) -> RunAttributes:
-        """Attributes of the run beside the scenario. Raises `VestigeError` if the results lack them."""
+        """Attributes of the run. Raises `VestigeError` if an attribute is missing or out of its range."""
         return attributes_of(self.dataset)
 
     @property
     def epochs(self) -> Int64[np.ndarray, " n"]:
-        """Numbers of the epochs that are here."""
+        """Numbers of the available epochs."""
         found = self.dataset.coords.get(EPOCH)
         return np.arange(self.n_epochs) if found is None else np.asarray(found.values, dtype=np.int64)
 
     @property
     def time_s(self) -> Float[np.ndarray, " n"]:
-        """Time of each epoch after the start."""
+        """Time of each epoch after the start, in s."""
         return values(self.dataset, "time_s")
 
     @property
     def status(self) -> Int8[np.ndarray, "n m"]:
-        """Position in `Status` of the verdict of each epoch and satellite, at the mitigation level of the scenario."""
+        """Verdict of each epoch and satellite at the level of the scenario, as index in `Status`."""
         return values(self.dataset, "status", EPOCH, "satellite").astype(np.int8)
 
     @property
     def state(self) -> Int8[np.ndarray, "n m"]:
-        """Position in `Status` of what the receiver shows its user of each satellite after each epoch."""
+        """State of each satellite that the receiver shows its user after each epoch, as index in `Status`."""
         return values(self.dataset, "state", EPOCH, "satellite").astype(np.int8)
 
     @property
     def range_in_use_m(self) -> Float[np.ndarray, "n m"]:
-        """Pseudorange of each satellite that may be used; NaN where none may."""
+        """Pseudorange in m that may be used; NaN if no range of the satellite may be used."""
         return values(self.dataset, "range_in_use_m", EPOCH, "satellite")
 
     def check(self, name: str) -> CheckColumns:
@@ -166,9 +167,7 @@ class Results:
 def open_results(
     path: Path | str, *, partial: bool = False, damaged: Literal["refuse", "leave out"] = "refuse", verify: bool = True
 ) -> Results:
-    """Return the results of a campaign.
-
-    `run` and `vestige run` write such results.
+    """Return the results of a campaign that `run` or `vestige run` has stored.
 
     Parameters
     ----------
@@ -177,20 +176,20 @@ def open_results(
     partial
         Whether a campaign that has not ended is accepted.
     damaged
-        How epochs are treated whose values do not agree with their hash. With `leave out` they are missing like those
-        of a campaign that has not ended, which needs `partial`, and `Results.damaged` has them.
+        Treatment of epochs with values that do not agree with their hash. `refuse` raises an error. `leave out` needs
+        `partial`: the damaged epochs are then missing in the results, and `Results.damaged` lists them.
     verify
-        Whether all values are read once and compared with their hashes; a million epochs take some seconds.
+        Whether all values are read once and compared with their hashes. A million epochs take some seconds.
 
     Returns
     -------
     Results
-        Columns of n epochs × m satellites, which are read when they are used, and the scenario.
+        Columns of n epochs × m satellites, and the scenario. Columns are read when they are used.
 
     Raises
     ------
     InputFileError
-        If there is no such store, it is damaged, or the campaign has not ended and `partial` is not set.
+        If there is no such store, the store is damaged, or the campaign has not ended and `partial` is not set.
 
     Examples
     --------
@@ -220,12 +219,12 @@ def open_results(
 
 
 def open_dataset(path: Path) -> xarray.Dataset:
-    """Return the content of a zarr store, not read yet.
+    """Return the content of a zarr store; values are read when they are used.
 
-    Raises `InputFileError` if it is no store, or its metadata are damaged.
+    Raises `InputFileError` if the folder is no store, or its metadata are damaged.
     """
     check_files(path)
-    try:  # nothing for dask, no consolidated metadata (they are no part of zarr v3), and a unit `s` stays a number
+    try:  # without dask; zarr v3 has no consolidated metadata; values with the unit `s` stay numbers
         return xarray.open_dataset(
             path, engine="zarr", chunks=None, consolidated=False, decode_times=False, decode_timedelta=False
         )
@@ -236,9 +235,9 @@ def open_dataset(path: Path) -> xarray.Dataset:
 def load_small(path: Path, expected: str) -> xarray.Dataset:
     """Return a zarr store of some 100 kB at most, such as a threat table, with all values in memory.
 
-    `expected` says what it should be, for the message.
+    `expected` describes the expected store in the message of an error.
 
-    Raises `InputFileError` if it is no such store, is damaged, or claims to be larger.
+    Raises `InputFileError` if the folder is no such store, the store is damaged, or its metadata give a larger size.
     """
     check_files(path, expected)
     try:
@@ -254,13 +253,13 @@ def load_small(path: Path, expected: str) -> xarray.Dataset:
 def scenario_of(results: xarray.Dataset) -> StoredScenario:
     """Return the scenario of results.
 
-    Raises `VestigeError` if they have none, or it is not the one of which they have the digest.
+    Raises `VestigeError` if the results have no scenario, or the scenario does not agree with its digest.
     """
     return stored_scenario(scenario_text(results))
 
 
 def scenario_text(results: xarray.Dataset) -> str:
-    """Return the JSON text of the scenario of results, with the errors of `scenario_of`."""
+    """Return the JSON text of the scenario of results; the errors are those of `scenario_of`."""
     text = results.attrs.get("scenario")
     if not isinstance(text, str) or hashlib.sha256(text.encode()).hexdigest() != results.attrs.get("scenario_digest"):
         raise VestigeError("results of a campaign: scenario: found no text that agrees with its digest, expected one")
@@ -268,9 +267,9 @@ def scenario_text(results: xarray.Dataset) -> str:
 
 
 def attributes_of(results: xarray.Dataset) -> RunAttributes:
-    """Return what results say of their run.
+    """Return the attributes of the run that made the results.
 
-    Raises `VestigeError` if something is missing or out of its range.
+    Raises `VestigeError` if an attribute is missing or out of its range.
     """
     try:
         return RunAttributes.model_validate(results.attrs)
@@ -284,7 +283,7 @@ def attributes_of(results: xarray.Dataset) -> RunAttributes:
 
 
 def values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, "*n"]:
-    """Return a variable as float64, epochs first, or along the axes named."""
+    """Return a variable as float64 with the axes `dims`; by default, `epoch` is the first axis."""
     found = results[name]
     order = dims or (EPOCH, *(str(dim) for dim in found.dims if dim != EPOCH))
     return found.transpose(*order).values.astype(np.float64)
@@ -295,7 +294,7 @@ def _numbers(store: Store, chunks: Iterable[int]) -> list[np.ndarray]:
 
 
 def _check_attributes(path: Path, dataset: xarray.Dataset) -> None:
-    """Raise if a number among the attributes is none that a computation can use."""
+    """Raise if a number among the attributes is not finite or too large for a computation."""
     for name, value in dataset.attrs.items():
         if isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
             raise InputFileError(path, name, value, "a finite number of reasonable size")

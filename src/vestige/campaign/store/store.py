@@ -1,11 +1,14 @@
-"""The results of a campaign on disk: one zarr store, written chunk by chunk, that any interruption leaves usable.
+"""The results of a campaign on disk: a zarr store, written chunk by chunk, that stays usable after any interruption.
 
-The store is a zarr v3 group with one array for each column, full length from the beginning and cut along `epoch` into
-the campaign's chunks, so that a chunk is a set of files of its own. A finished chunk is recorded in `progress/digest`,
-an array with one number for each chunk: a 64-bit hash of the chunk's values, written after them; 0 is not finished.
-On resuming, the values are read again and hashed. So it does not matter how a run ended (`kill -9` between two files,
-a power failure that lost what had been written, a store that was copied in part): what does not agree with its hash is
-computed again. A new store is made beside its place and renamed, so a store is there as a whole or not at all.
+The store is a zarr v3 group with one array for each column. Each array has its full length from the beginning, and is
+divided along `epoch` into the campaign's chunks. Each chunk therefore has its own files. The array `progress/digest`
+has one number for each chunk: a 64-bit hash of the chunk's values, or 0 if the chunk is not finished. The hash is
+written after the values.
+
+A resumed run reads the values again and compares their hash. Chunks that do not agree with their hash are computed
+again. A run may therefore end in any way: by `kill -9` between two files, by a power failure that loses written data,
+or with a store that was copied only in part. A new store is made in a temporary folder and then renamed, so a path
+never has half of a store.
 """
 
 from __future__ import annotations
@@ -51,15 +54,15 @@ from vestige.errors import InputFileError
 from vestige.scenario.limits import MAX_EPOCHS
 
 MENDS = "the same run again mends it"
-_DIGITS = 10  # digits of a number of a chunk
+_DIGITS = 10  # upper limit of the digits of a chunk number, not included
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Store:
-    """An open store; `open_store` makes it."""
+    """An open store, as `open_store` returns it."""
 
     path: Path
-    attrs: Mapping[str, Any]  # what the store says of the work whose results it holds
+    attrs: Mapping[str, Any]  # attributes that identify the work
     columns: Mapping[str, zarr.Array[Any]]  # the arrays with an axis `epoch`
     digests: zarr.Array[Any]  # one hash for each chunk
     n_epochs: int
@@ -86,13 +89,13 @@ class Store:
         return {name: np.asarray(array[self._region(array, chunk)]) for name, array in self.columns.items()}
 
     def finished(self, *, verify: bool) -> frozenset[int]:
-        """Return the chunks that are recorded as finished; with `verify` only those whose values agree with it."""
+        """Return the chunks that are recorded as finished; with `verify`, only chunks that agree with their hash."""
         digests = {chunk: self._recorded(chunk) for chunk in self._touched()}
         recorded = [chunk for chunk, digest in digests.items() if digest != UNFINISHED]
         return frozenset(chunk for chunk in recorded if not verify or self._holds(chunk, digests[chunk]))
 
     def _touched(self) -> list[int]:
-        """Return the chunks of which there is a record: what a store claims beyond them costs nothing."""
+        """Return the chunks that have a file in `progress/digest`; the other chunks need not be read."""
         names = (path.name for path in (self.path / PROGRESS / DIGEST / "c").glob("*"))
         numbers = (int(name) for name in names if name.isascii() and name.isdecimal() and len(name) < _DIGITS)
         return sorted(number for number in numbers if number < self.n_chunks)
@@ -101,7 +104,7 @@ class Store:
         try:
             check_chunk(self.path, f"{PROGRESS}/{DIGEST}", self.digests, (chunk,))
             return int(np.asarray(self.digests[chunk]))
-        except Exception:  # a torn file raises anything, and all of it means: not recorded
+        except Exception:  # a damaged file may raise any error; the chunk then counts as not recorded
             return UNFINISHED
 
     def _holds(self, chunk: int, digest: int) -> bool:
@@ -109,7 +112,7 @@ class Store:
             for name, array in self.columns.items():
                 check_chunk(self.path, name, array, tuple(chunk if dim == EPOCH else 0 for dim in _dims(array)))
             return _digest(self.read(chunk)) == digest
-        except Exception:  # as above
+        except Exception:  # a damaged file may raise any error; the chunk then counts as damaged
             return False
 
     def _region(self, array: zarr.Array[Any], chunk: int) -> tuple[slice, ...]:
@@ -118,7 +121,7 @@ class Store:
 
 
 def make_store(path: Path, plan: Plan, *, chunk_epochs: int) -> None:
-    """Make the store of a plan, without values, if nothing or an empty folder is there."""
+    """Make the store of a plan, without values, if the path does not exist or is an empty folder."""
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
         return
     if plan.n_epochs < 1 or chunk_epochs < 1:
@@ -127,25 +130,25 @@ def make_store(path: Path, plan: Plan, *, chunk_epochs: int) -> None:
     try:
         private = TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent)
     except OSError as error:
-        error.filename = str(path)  # the name that the user knows
+        error.filename = str(path)  # path that the user has given
         raise
     with private as folder:
         write_skeleton(Path(folder) / "store", plan, min(chunk_epochs, plan.n_epochs))
         try:
             (Path(folder) / "store").rename(path)
         except OSError:
-            if not (path / METADATA).exists():  # else another process was faster, and its store is as good
+            if not (path / METADATA).exists():  # otherwise another process has made the same store first
                 raise
 
 
 def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
-    """Return the store of a plan: a new one, or the one that is there, if it is of the same work.
+    """Return the store of a plan: a new store, or an existing store of the same work.
 
-    Metadata and labels that were damaged are written again. The caller is the only one who writes (`only_writer`).
+    Damaged metadata and coordinates are written again. The caller must be the only process that writes (`only_writer`).
 
-    Folders above the path are made. A store that is there keeps its own `chunk_epochs`.
+    Missing parent folders are made. An existing store keeps its own `chunk_epochs`.
 
-    Raises `InputFileError` if `path` is something else, or the store of another scenario, seed or source of vestige.
+    Raises `InputFileError` if `path` is no store, or the store of another scenario, seed or source of vestige.
     """
     path = Path(path)
     make_store(path, plan, chunk_epochs=chunk_epochs)
@@ -161,9 +164,9 @@ def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
 
 
 def kept_chunk_epochs(path: Path | str, wanted: int) -> int | None:
-    """Return the epochs in a chunk of a store that is there already, if they are others than wanted.
+    """Return the number of epochs in a chunk of an existing store, if this number differs from `wanted`.
 
-    None if there is no store, or one that must be mended first.
+    The result is None if the numbers agree, there is no store, or the store is damaged.
     """
     try:
         store = open_existing(Path(path), mode="r")
@@ -173,9 +176,9 @@ def kept_chunk_epochs(path: Path | str, wanted: int) -> int | None:
 
 
 def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
-    """Return the store that is there, of whatever work.
+    """Return an existing store of any work.
 
-    Raises `InputFileError` if there is none, or its metadata or labels are damaged.
+    Raises `InputFileError` if there is no store, or its metadata or coordinates are damaged.
     """
     check_files(path)
     try:
@@ -207,7 +210,7 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
         raise
     except zarr.errors.GroupNotFoundError as error:
         raise InputFileError(path, "store", "no zarr store", EXPECTED_RESULTS) from error
-    except Exception as error:  # damaged metadata raise anything
+    except Exception as error:  # damaged metadata may raise any error
         raise InputFileError(
             path, "store", f"{type(error).__name__}: {error}", f"{EXPECTED_RESULTS}; {MENDS}"
         ) from error
@@ -215,7 +218,7 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
 
 
 def _check_sizes(store: Store) -> None:
-    """Raise ValueError if a store claims more than a campaign writes."""
+    """Raise ValueError if the metadata of a store give sizes that a campaign does not write."""
     if not 1 <= store.chunk_epochs <= store.n_epochs <= MAX_EPOCHS:
         raise ValueError(f"{store.n_epochs} epochs in chunks of {store.chunk_epochs}, at most {MAX_EPOCHS} are written")
     if store.digests.shape != (store.n_chunks,) or store.digests.chunks != (1,):
@@ -234,7 +237,7 @@ def _check_sizes(store: Store) -> None:
 def _check_identity(store: Store, plan: Plan) -> None:
     found = {name: value for name, value in store.attrs.items() if name not in (CHUNK, WORK)}
     expected = {**identity(plan), **store_schema(plan)}
-    # The shortest first: that the seed differs says more than the text of the scenario in which it stands.
+    # shortest attribute first: the seed is a clearer message than the text of the whole scenario
     for name in sorted(expected | found, key=lambda name: (len(str(expected.get(name))), name)):
         if found.get(name) != expected.get(name):
             advice = (
@@ -250,7 +253,7 @@ def _dims(array: zarr.Array[Any]) -> tuple[str | None, ...]:
 
 
 def _digest(results: Mapping[str, np.ndarray]) -> int:
-    """Return a 64-bit hash of names and values, never `UNFINISHED`."""
+    """Return a 64-bit hash of names and values that is never `UNFINISHED`."""
     digest = hashlib.blake2b(digest_size=8)
     for name in sorted(results):
         digest.update(name.encode())

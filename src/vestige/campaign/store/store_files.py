@@ -1,7 +1,7 @@
 """Validation of a store's files before any value is read: regular files of the size that a campaign writes.
 
-A store may come from anywhere. So its metadata decide nothing alone: an array is read only if what it claims to hold
-is what a campaign writes, and a compressed chunk only if it unpacks to the size of its values.
+A store may come from an unknown source, so its metadata are not trusted. An array is read only if a campaign would
+write the same sizes and codecs. A compressed chunk is read only if its unpacked size is the size of its values.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from vestige.errors import InputFileError
 
 EXPECTED_RESULTS = "the results of a campaign (zarr v3, written by vestige)"
 METADATA = "zarr.json"
-MAX_METADATA_BYTES = 1 << 24  # scenario and ephemerides stand there: some 100 kB
-MAX_CHUNK_BYTES = 1 << 30  # size of one column; 2000 epochs of 36 satellites and 63 taps have 36 MB
-# size of a coordinate (satellites, taps, reflections, detectors) or of one number of a chunk
+MAX_METADATA_BYTES = 1 << 24  # metadata contain scenario and ephemerides, some 100 kB
+MAX_CHUNK_BYTES = 1 << 30  # size of a chunk of one column; 2000 epochs of 36 satellites and 63 taps have 36 MB
+# size of a coordinate (satellites, taps, reflections, detectors) or of a small table
 MAX_LABELS_BYTES = 1 << 20
-_CODECS = {"bytes", "vlen-utf8", "zstd"}  # those that are written
+_CODECS = {"bytes", "vlen-utf8", "zstd"}  # codecs of stores that vestige writes
 _FRAME = b"\x28\xb5\x2f\xfd"  # magic number of zstd [RFC8878]
 _LONGEST_FRAME_HEADER = 18
 
 
 def check_files(folder: Path, expected: str = EXPECTED_RESULTS) -> None:
-    """Return nothing if a store has regular files and folders only, and none of its metadata is too long.
+    """Check that a store has only regular files and folders, and that no metadata file is too long.
 
-    Opening a pipe would wait for ever, and a link may lead anywhere.
+    A pipe would block the program for ever when it is opened. A link may lead to any other file.
 
-    Raises `InputFileError` if it is not so; with the file.
+    Raises `InputFileError` with the path of the first wrong file.
     """
     if not folder.is_dir():
         raise InputFileError(folder, "store", "a file" if folder.exists() else "nothing", expected)
@@ -55,16 +55,16 @@ def _unreadable(error: OSError) -> None:
 def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
     """Return the arrays in the root of a store by name, opened one by one.
 
-    `group.arrays()` opens them at once, and after a damaged one Python complains about the others when it ends.
+    `group.arrays()` opens all arrays at once. If one is damaged, Python prints warnings about the others at its exit.
 
-    Raises `ValueError` if the metadata of one are damaged; with its name.
+    Raises `ValueError` with the name of the array if its metadata are damaged.
     """
     names = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
     arrays = {}
     for name in names:
         try:
             member = group[name]
-        except Exception as error:  # damaged metadata raise anything
+        except Exception as error:  # damaged metadata may raise any error
             raise ValueError(f"{name}/{METADATA}: {error}") from error
         if isinstance(member, zarr.Array):
             arrays[name] = member
@@ -72,9 +72,9 @@ def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
 
 
 def check_array(name: str, array: zarr.Array[Any], *, at_most: int = MAX_CHUNK_BYTES) -> None:
-    """Return nothing if an array is packed as a campaign packs it, and a chunk of it has at most so many bytes.
+    """Check that an array has the codecs of a campaign, and that a chunk has at most `at_most` bytes.
 
-    Raises `ValueError` if it is not so.
+    Raises `ValueError` if the array has another codec or larger chunks.
     """
     codecs = {str(codec.to_dict()["name"]) for codec in array.metadata.codecs}  # type: ignore[union-attr]
     if not codecs <= _CODECS:
@@ -84,7 +84,7 @@ def check_array(name: str, array: zarr.Array[Any], *, at_most: int = MAX_CHUNK_B
 
 
 def check_small_array(folder: Path, name: str, array: zarr.Array[Any]) -> None:
-    """Return nothing if an array of labels, or of a table, may be read as a whole; else raise ValueError."""
+    """Check that an array of coordinates or of a table is small enough to be read at once; else raise ValueError."""
     check_array(name, array, at_most=MAX_LABELS_BYTES)
     if (size := _values_bytes(array, array.shape)) > MAX_LABELS_BYTES:
         raise ValueError(f"{name}: {size} bytes, at most {MAX_LABELS_BYTES} bytes are written")
@@ -93,16 +93,16 @@ def check_small_array(folder: Path, name: str, array: zarr.Array[Any]) -> None:
 
 
 def check_chunk(folder: Path, name: str, array: zarr.Array[Any], index: tuple[int, ...]) -> None:
-    """Return nothing if the file of a chunk is not there, or unpacks to the size of the chunk's values.
+    """Check that the file of a chunk is missing, or that its unpacked size is the size of the chunk's values.
 
-    Raises `ValueError` if it unpacks to another size, or does not say to which.
+    Raises `ValueError` if the file has another unpacked size, or does not state its unpacked size.
     """
     path = folder.joinpath(name, "c", *map(str, index))
     try:
         with path.open("rb") as file:
             head, length = file.read(_LONGEST_FRAME_HEADER), os.fstat(file.fileno()).st_size
     except FileNotFoundError:
-        return  # zarr has its fill value there, and the hash says whether that was meant
+        return  # zarr uses its fill value, and the hash shows whether the file was ever written
     text = _is_text(array)
     expected = MAX_LABELS_BYTES if text else _values_bytes(array, array.chunks)
     unpacked = _unpacked_bytes(head)
@@ -120,7 +120,7 @@ def _is_text(array: zarr.Array[Any]) -> bool:
 
 
 def _unpacked_bytes(head: bytes) -> int | None:
-    """Return to how many bytes a zstd frame says that it unpacks; None if it does not say so or is none."""
+    """Return the unpacked size in bytes that a zstd frame states; None if it states no size or is no frame."""
     if len(head) < 6 or not head.startswith(_FRAME):
         return None
     flags = head[4]

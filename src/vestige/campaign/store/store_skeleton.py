@@ -1,7 +1,7 @@
-"""A store without values: the metadata and labels that follow from a plan, written when it is made or when damaged.
+"""A store without values: metadata and coordinates that follow from a plan.
 
-They are the same bytes for the same plan. So what a disk or a copy has lost of them is written again, if the rest says
-beyond doubt that the store is of this plan: its values are kept.
+The same plan gives the same bytes. Metadata that were damaged on the disk or lost in a copy can therefore be written
+again, and the values of the store are kept. This is done only if the rest of the store certainly belongs to the plan.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from vestige.campaign.store.build_id import build_id
 from vestige.campaign.store.store_files import MAX_CHUNK_BYTES, METADATA
 from vestige.errors import VestigeError
 
-PROGRESS = "progress"  # a group of its own: xarray shows the arrays of the root only
+PROGRESS = "progress"  # separate group, because xarray shows only the arrays of the root
 DIGEST = "digest"
 CHUNK = "chunk_epochs"
-WORK = "work"  # digest of what identifies the work
+WORK = "work"  # digest of the attributes that identify the work
 UNFINISHED = 0
 COLUMN, COORD = "column ", "coordinate "
 
 
 def identity(plan: Plan) -> dict[str, Any]:
-    """Return what must be equal in two runs with equal results, as JSON knows it."""
+    """Return the attributes that must be equal in two runs with equal results, as JSON types."""
     return {**_json(plan.attrs), **build_id(plan)}
 
 
 def work_digest(attributes: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of what identifies the work of a store."""
+    """Return the SHA-256 of the attributes that identify the work of a store."""
     return hashlib.sha256(json.dumps(dict(attributes), sort_keys=True).encode()).hexdigest()
 
 
 def store_schema(plan: Plan) -> dict[str, Any]:
-    """Return what the arrays of a store must be, as text."""
+    """Return the required type, axes and coordinates of the arrays of a store as text, and the number of epochs."""
     columns = {
         COLUMN + name: column_text(column.dtype, column.dims, shape_of(plan, column, plan.n_epochs))
         for name, column in plan.columns.items()
@@ -51,19 +51,19 @@ def store_schema(plan: Plan) -> dict[str, Any]:
 
 
 def column_text(dtype: object, dims: tuple[str | None, ...], shape: tuple[int, ...]) -> str:
-    """Return type and axes of a column as text."""
+    """Return the type and the axes of a column as text."""
     return f"{dtype} " + ", ".join(f"{dim} {length}" for dim, length in zip(dims, shape, strict=True))
 
 
 def coord_text(dim: str | None, values: Any) -> str:
-    """Return axis and values of a coordinate as text."""
+    """Return the axis and the values of a coordinate as text."""
     return f"{dim} {np.asarray(values).tolist()}"
 
 
 def write_skeleton(path: Path, plan: Plan, chunk_epochs: int) -> None:
     """Write a store without values into a new folder.
 
-    Raises `VestigeError` if a chunk would be larger than one that is read.
+    Raises `VestigeError` if a chunk would be too large to be read again (`MAX_CHUNK_BYTES`).
     """
     row_bytes = {
         name: int(np.prod(shape_of(plan, column, 1))) * np.dtype(column.dtype).itemsize
@@ -103,9 +103,9 @@ def write_skeleton(path: Path, plan: Plan, chunk_epochs: int) -> None:
 
 
 def mended(path: Path, plan: Plan) -> bool:
-    """Write the damaged metadata and labels of a store again, and return whether that was possible.
+    """Write the damaged metadata and coordinates of a store again, and return whether this was possible.
 
-    It is possible if the attributes of the store or the digest of them beside its progress are those of the plan.
+    The repair is possible if the attributes of the store, or their digest in the group `progress`, agree with the plan.
     """
     root, own = _attributes(path), _attributes(path / PROGRESS)
     if root != identity(plan) and own.get(WORK) != work_digest(identity(plan)):
@@ -126,7 +126,7 @@ def mended(path: Path, plan: Plan) -> bool:
 
 
 def _chunk_lengths(path: Path, plan: Plan) -> Iterator[Any]:
-    """Yield the epochs in a chunk of each column, as far as the metadata say them."""
+    """Yield the number of epochs in a chunk of each column with metadata that can be read."""
     for name, column in plan.columns.items():
         try:
             content = json.loads((path / name / METADATA).read_bytes())
@@ -136,7 +136,7 @@ def _chunk_lengths(path: Path, plan: Plan) -> Iterator[Any]:
 
 
 def _attributes(path: Path) -> dict[str, Any]:
-    """Return the attributes of a group; none if its metadata are damaged."""
+    """Return the attributes of a group; an empty dictionary if its metadata are damaged."""
     try:
         found = json.loads((path / METADATA).read_bytes())["attributes"]
     except (OSError, ValueError, LookupError, TypeError, RecursionError):

@@ -1,16 +1,16 @@
-"""Sweeps: one campaign for each value of a setting, each as long as its count needs.
+"""Sweeps: one campaign for each value of a setting; a campaign ends when its count is accurate enough.
 
-A sweep is a folder. Each value has a store of its own, `receiver.cn0_dbhz=28.zarr`, exactly what `run` writes for that
-one scenario: it is resumed, opened and drawn like any other. The folder also has `sweep.csv` with a row for each value.
-Curves are drawn from this table; it is written anew after each value. If the scenario has an attack, a level above 1 or
-checks of the user, a row also says what came of it, as the threat table does of each of its runs (`run_outcome.py`).
+A sweep is a folder. Each value has its own store, such as `receiver.cn0_dbhz=28.zarr`. `run` writes the same store for
+that scenario, so the store can be resumed, opened and plotted in the same way. The folder also has `sweep.csv` with a
+row for each value. Curves are drawn from this table, which is written again after each value. If the scenario has an
+attack, a level above 1 or user's checks, a row also has the outcome of the run (`run_outcome.py`).
 
-A value is finished when its scenario's epochs are measured, or earlier, when the interval of its count is narrow
-enough. This rule is evaluated after each chunk in the order of the chunks, so the epochs that count depend neither on
+A value is finished when its scenario's epochs are measured, or earlier if the interval of its count is narrow enough.
+This rule is evaluated after each chunk in the order of the chunks. The epochs that count therefore depend neither on
 the number of workers nor on interruptions.
 
-All values share the scenario's seed, so neighbouring points share their noise and err to the same side; a sweep of
-`seed` shows how far.
+All values share the scenario's seed. Neighbouring points therefore have the same noise, and similar errors. A sweep of
+`seed` shows the size of these errors.
 """
 
 from __future__ import annotations
@@ -44,15 +44,15 @@ if TYPE_CHECKING:
 
 SWEEP_TABLE = "sweep.csv"
 _MAX_FILE_BYTES = 1 << 24  # 1000 campaigns have 1 MB
-_FIRST_RESULT = "cn0_dbhz"  # column of the table behind the keys of the sweep
+_FIRST_RESULT = "cn0_dbhz"  # first column of the table after the keys of the sweep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Width:
     """Required width of the confidence interval of a count."""
 
-    # upper minus lower end: of the probability, or, if `relative`, as a part of the estimate of the rarer of detection
-    # and miss.
+    # upper minus lower end of the interval of the probability; if `relative`, divided by the estimated probability of
+    # detection or miss, whichever is rarer
     width: float
     relative: bool = False
 
@@ -69,19 +69,19 @@ class Row:
     """Result of one campaign of a sweep."""
 
     settings: Mapping[str, Value]
-    store: str  # name of its store in the folder of the sweep
+    store: str  # name of the campaign's store in the folder of the sweep
     cn0_dbhz: float
     p_fa: float
     integration_s: float
     signal: bool
-    detector: str  # the one of the scenario, whose count ends a campaign
+    detector: str  # detector of the scenario; its count ends the campaign
     epochs: int
-    detections: Mapping[str, Proportion]  # for each detector. Without a signal, banks with a false alarm.
+    detections: Mapping[str, Proportion]  # by detector; without a signal, banks with a false alarm
     p_d_theory: float  # Marcum Q on a tap; NaN without signal
-    false_alarms: Proportion  # share of single taps, on noise alone
+    false_alarms: Proportion  # single taps with noise only that exceed the threshold
     level: int
-    # what came of it at that level, from the first start of an attack to the last stop; None without an attack at
-    # level 1 without checks of the user's, and of a campaign that was ended early.
+    # outcome at that level from the first start of an attack to the last stop; None for a campaign that ended early,
+    # and at level 1 without an attack and without user's checks
     outcome: RunOutcome | None
 
 
@@ -97,12 +97,12 @@ def run_sweep(
 ) -> Iterator[Row]:
     """Yield one row for each campaign as soon as it is finished, and keep `sweep.csv` with the rows so far.
 
-    Each campaign has its settings and the scenario with them. What the folder holds already is not measured again. A
-    campaign may stop where its interval has the `width`; without it all its epochs are measured. `progress` is called
-    with the name of a campaign's store and its progress.
+    `campaigns` has the settings of each campaign, and the scenario with these settings. Stored epochs are not measured
+    again. A campaign stops when its interval has reached `width`; without `width`, all its epochs are measured.
+    `progress` is called with the name of a campaign's store and the progress of the campaign.
 
-    Raises `InputFileError` if `folder` is the store of one campaign, or holds a sweep of other keys, whose table would
-    be lost.
+    Raises `InputFileError` if `folder` is the store of one campaign, or has a sweep of other keys. The table of that
+    sweep would be lost.
     """
     _check_folder(folder, {key for settings, _ in campaigns for key in settings})
     rows: list[Row] = []
@@ -154,7 +154,7 @@ def _outcome(scenario: CampaignScenario, results: xarray.Dataset) -> RunOutcome 
 
 
 class _Counter:
-    """Counts the detections of one detector chunk by chunk, and says when they are enough."""
+    """Counter of the detections of one detector; a call adds a chunk and returns whether the count is enough."""
 
     def __init__(self, processor: ProcessorTable, width: Width) -> None:
         self._detector, self._width = list(processor.detectors).index(processor.detector), width
@@ -168,7 +168,7 @@ class _Counter:
 
 
 def _check_folder(folder: Path, keys: set[str]) -> None:
-    """Raise if a sweep of these keys would write over, or into, something else."""
+    """Raise if a sweep of these keys would overwrite another table or write into the store of a campaign."""
     if (folder / "zarr.json").exists():
         raise InputFileError(folder, "sweep", "the store of one campaign", "a folder of its own for the sweep")
     if not (folder / SWEEP_TABLE).exists():
@@ -187,7 +187,7 @@ def _check_folder(folder: Path, keys: set[str]) -> None:
 
 
 def _write_table(path: Path, rows: Sequence[Row]) -> None:
-    """Write all rows; the file is there as a whole or not at all."""
+    """Write all rows; an interruption leaves the old file or the complete new file."""
     table = [_cells(row) for row in rows]
     with replacement(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(dict.fromkeys(name for cells in table for name in cells)))
@@ -196,7 +196,7 @@ def _write_table(path: Path, rows: Sequence[Row]) -> None:
 
 
 def _cells(row: Row) -> dict[str, object]:
-    """Return a row of the table. Without signal nothing can be detected, so there are no such columns."""
+    """Return the cells of a row by column; without a signal there are no columns of detections."""
     detected: dict[str, object] = {"trials": next(iter(row.detections.values())).trials}
     for detector, counted in row.detections.items():
         detected |= {f"detections_{detector}": counted.successes}
@@ -219,7 +219,7 @@ def _cells(row: Row) -> dict[str, object]:
 
 
 def _outcome_cells(row: Row) -> dict[str, object]:
-    """Return the outcome of an attack, or of a level above 1, under the names that `threats.csv` has."""
+    """Return the cells of the outcome with the column names of `threats.csv`; none without an outcome."""
     found = row.outcome
     if found is None:
         return {}

@@ -1,4 +1,4 @@
-"""Axes of a sweep: keys of a scenario, the values that each takes, and their combinations."""
+"""Axes of a sweep: keys of a scenario, the values of each key, and all combinations."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ Value = bool | int | float | str
 MAX_CAMPAIGNS = 1000
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*:\s*({_NUMBER})\s*:\s*({_NUMBER})\s*")
-_LARGEST_INTEGER = 2**63  # in magnitude; TOML v1.0.0 promises no more
-_MAX_NAME = 200  # characters; file systems end at 255
+_LARGEST_INTEGER = 2**63  # upper limit of the magnitude, from TOML v1.0.0
+_MAX_NAME = 200  # characters; file systems allow up to 255
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """One key of a scenario and the values that it takes."""
+    """One key of a scenario and its values in a sweep."""
 
     key: str
     values: tuple[Value, ...]
 
 
 def parse_axis(text: str) -> Axis:
-    """Return what `key=start:stop:step` (ends included) or `key=a,b,c` (TOML values) says.
+    """Return the axis that `key=start:stop:step` (ends included) or `key=a,b,c` (TOML values) describes.
 
-    Raises `VestigeError` if it says nothing of the kind, or some value twice.
+    Raises `VestigeError` if the text has another form, or contains a value twice.
     """
     key, equals, listed = (part.strip() for part in text.partition("="))
     if not key or not equals:
@@ -48,9 +48,9 @@ def parse_axis(text: str) -> Axis:
 
 
 def grid(axes: Sequence[Axis]) -> tuple[dict[str, Value], ...]:
-    """Return the settings of every campaign: each combination of the axes' values, the last axis fastest.
+    """Return the settings of every campaign: all combinations of the values; the last axis changes fastest.
 
-    Raises `VestigeError` if two axes have one key, or there are more than `MAX_CAMPAIGNS`.
+    Raises `VestigeError` if two axes have the same key, or there are more than `MAX_CAMPAIGNS` campaigns.
     """
     keys = [axis.key for axis in axes]
     if len(set(keys)) < len(keys):
@@ -61,9 +61,9 @@ def grid(axes: Sequence[Axis]) -> tuple[dict[str, Value], ...]:
 
 
 def store_name(settings: Mapping[str, Value]) -> str:
-    """Return the name of a campaign's store: its settings, with what a file name cannot hold as `%XX`.
+    """Return the name of a campaign's store: its settings, with characters that a file name cannot have as `%XX`.
 
-    Raises `VestigeError` if it is too long for a file name.
+    Raises `VestigeError` if the name is too long for a file.
     """
     text = ",".join(f"{key}={_toml(value)}" for key, value in settings.items())
     name = quote(text, safe="=,+", errors="surrogateescape") + ".zarr"
@@ -73,12 +73,12 @@ def store_name(settings: Mapping[str, Value]) -> str:
 
 
 def as_settings(settings: Mapping[str, Value]) -> tuple[str, ...]:
-    """Return settings as `load_scenario` takes them."""
+    """Return settings in the form that `load_scenario` takes."""
     return tuple(f"{key}={_toml(value)}" for key, value in settings.items())
 
 
 def _range(start: str, stop: str, step: str) -> tuple[Value, ...]:
-    """Return start, start + step, … up to stop, in decimal arithmetic: 0.1 added ten times is 1."""
+    """Return start, start + step, … up to stop; decimal arithmetic avoids rounding errors."""
     first, last, by = Decimal(start), Decimal(stop), Decimal(step)
     if not by or (last - first) / by < 0:
         raise ValueError(f"steps of {step} from {start} never come to {stop}")
@@ -91,7 +91,7 @@ def _range(start: str, stop: str, step: str) -> tuple[Value, ...]:
 def _list(text: str) -> tuple[Value, ...]:
     try:
         (values,) = parse_toml(f"values = [{text}]").values()
-    except ValueError as error:  # no TOML, or a text that closes the list and goes on
+    except ValueError as error:  # the text is no TOML, or continues after the end of the list
         raise ValueError(f"found {text!r}, expected start:stop:step or TOML values a,b,c") from error
     if not values or not all(isinstance(value, Value) for value in values):
         raise ValueError(f"found {text!r}, expected numbers, texts or booleans")
