@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from vestige.cli.options import number_option, options_together
+from vestige.cli.options import choice_option, number_option, options_together
 
 if TYPE_CHECKING:
     from vestige.sample_processor.tracking.settings import TrackingSettings
@@ -27,40 +27,17 @@ LOOP_NAMES = (
 
 loop_options = options_together(
     number_option("--pll-bandwidth-hz", (0.1, 100), default=15.0, help="One-sided noise bandwidth of the PLL."),
-    click.option("--pll-order", type=click.Choice(["2", "3"]), default="3", help="Order of the PLL."),
+    choice_option("--pll-order", ["2", "3"], default="3", help="Order of the PLL."),
     number_option("--fll-bandwidth-hz", (0.1, 60), default=10.0, help="One-sided noise bandwidth of the FLL."),
     number_option("--dll-bandwidth-hz", (0.01, 20), default=1.0, help="One-sided noise bandwidth of the DLL."),
-    click.option(
-        "--pll-discriminator",
-        type=click.Choice(["normalized quadrature", "arctan2", "arctan"]),
-        default="normalized quadrature",
-        help="Discriminator of the PLL.",
+    choice_option(
+        "--pll-discriminator", ["normalized quadrature", "arctan2", "arctan"], help="Discriminator of the PLL."
     ),
-    click.option(
-        "--dll-discriminator",
-        type=click.Choice(["early-minus-late power", "dot product"]),
-        default="early-minus-late power",
-        help="Discriminator of the DLL.",
-    ),
-    click.option(
-        "--integration-ms",
-        type=click.Choice(["4", "20"]),
-        default="4",
-        help="Coherent integration time in ms.",
-    ),
+    choice_option("--dll-discriminator", ["early-minus-late power", "dot product"], help="Discriminator of the DLL."),
+    choice_option("--integration-ms", ["4", "20"], help="Coherent integration time in ms."),
     number_option("--early-late-chips", (0.01, 0.66), default=0.16, help="Early-to-late spacing of the DLL in chips."),
-    click.option(
-        "--correlators",
-        type=click.Choice(["5", "7", "9", "11"]),
-        default="5",
-        help="Number of correlators of each satellite.",
-    ),
-    click.option(
-        "--replica",
-        type=click.Choice(["BOC(1,1)", "CBOC"]),
-        default="BOC(1,1)",
-        help="Subcarrier of the replica.",
-    ),
+    choice_option("--correlators", ["5", "7", "9", "11"], help="Number of correlators of each satellite."),
+    choice_option("--replica", ["BOC(1,1)", "CBOC"], help="Subcarrier of the replica."),
 )
 
 

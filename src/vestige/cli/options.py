@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +51,11 @@ PATH = click.Path(path_type=Path)
 def number_option(name: str, limits: tuple[float, float | None], **attributes: Any) -> Callable[..., Any]:
     """Return an option whose value is a number within two limits; the upper limit may be None."""
     return click.option(name, type=FiniteRange(*limits), **attributes)
+
+
+def choice_option(name: str, choices: Sequence[str], **attributes: Any) -> Callable[..., Any]:
+    """Return an option with a fixed list of values; the first value is the default unless `default` is given."""
+    return click.option(name, type=click.Choice(choices), **{"default": choices[0], **attributes})
 
 
 class WidthType(click.ParamType[tuple[float, bool]]):

@@ -12,6 +12,7 @@ from vestige.cli.loop_options import LOOP_NAMES, loop_options
 from vestige.cli.options import (
     PATH,
     assistance_option,
+    choice_option,
     cipher_mode_option,
     detector_option,
     group_delay_option,
@@ -96,12 +97,7 @@ _READ = ("public_key", "merkle_tree", "second_channel", "navigation", "accelerat
 
 
 _level_options = options_together(
-    click.option(
-        "--level",
-        type=click.Choice(["1", "2", "3"]),
-        default="1",
-        help="Mitigation level: decides which checks run.",
-    ),
+    choice_option("--level", ["1", "2", "3"], help="Mitigation level: decides which checks run."),
     click.option(
         "--check",
         "checks",
@@ -122,9 +118,9 @@ _level_options = options_together(
         default=0.01,
         help="Level 3: standard deviation of the accelerometer's bias in m/s².",
     ),
-    click.option(
+    choice_option(
         "--search-ms",
-        type=click.Choice(["1", "2", "4", "8", "16"]),
+        ["1", "2", "4", "8", "16"],
         default="4",
         help="Level 3: coherent integration time of the exhaustive search in ms.",
     ),
@@ -174,10 +170,9 @@ _e6_options = options_together(
     number_option(
         "--kappa", (0.1, 10), default=3.0, help="Limit of the range check, in standard deviations of the error budget."
     ),
-    click.option(
+    choice_option(
         "--budget",
-        type=click.Choice(["uncorrected", "corrected"]),
-        default="uncorrected",
+        ["uncorrected", "corrected"],
         help="Error budget of the range check: without or with corrections of the ionosphere.",
     ),
     number_option(
