@@ -20,8 +20,13 @@ from vestige.sample_processor.tracking.channel_kernel import (
     PERIOD,
     track_channels,
 )
+from vestige.sample_processor.tracking.correlator_bank_kernel import (
+    REMOVED_STEPS,
+    bank_replicas,
+    bank_vectors,
+    segments_in_half_chip,
+)
 from vestige.sample_processor.tracking.loop_gains import loop_gains
-from vestige.sample_processor.tracking.replica_kernel import half_chip_windows
 from vestige.sample_processor.tracking.settings import (
     DLL_DISCRIMINATORS,
     PERIODS_PER_SECONDARY,
@@ -133,8 +138,8 @@ class Channel:
 
     Notes
     -----
-    `run` takes consecutive samples and keeps none of them. The caller must repeat the samples that the channel still
-    needs, from `first_sample` on.
+    `run` takes consecutive samples and keeps none of them. It keeps the sums over the samples of a code period that is
+    not yet complete.
     """
 
     def __init__(
@@ -150,11 +155,12 @@ class Channel:
         self.svid = found.svid
         self.lags = np.array(correlator_lags(settings, rate), np.int64)
         self._secondary = secondary_code(E1C, found.svid).astype(np.float64)
-        self._pilot = half_chip_windows(primary_code(E1C, found.svid))
-        self._data = half_chip_windows(primary_code(E1B, found.svid))
+        codes = primary_code(E1C, found.svid), primary_code(E1B, found.svid)
+        self._starts, self._slots = bank_vectors(self.lags)
+        self._replicas = bank_replicas(*codes, settings.replica)
         self._constants = self._constants_of(settings, batch, bandwidth_hz or rate)
         self._state = self._start(found, batch)
-        self._total = np.zeros(self.lags.size, np.complex128)
+        self._pilot, self._total = np.zeros((2, self.lags.size), np.complex128)
 
     def _constants_of(self, settings: TrackingSettings, batch: SampleBatch, bandwidth_hz: float) -> np.ndarray:
         interval_s = settings.integration_periods * E1C.period_s
@@ -181,7 +187,7 @@ class Channel:
             "min_phase_lock": settings.min_phase_lock,
             "slip_phase_lock": settings.slip_phase_lock,
             "patience": round(settings.patience_s / (PERIODS_PER_SECONDARY * E1C.period_s)),
-            "high": 0.0 if settings.replica == "BOC(1,1)" else float(np.sqrt(1 / 11)),
+            "segments": segments_in_half_chip(settings.replica),
         }.items():
             constants[name] = value
         return constants
@@ -197,6 +203,7 @@ class Channel:
         state = np.zeros(1, CHANNEL_STATE)
         for name, value in {
             "first_sample": batch.first_sample + skipped,
+            "next_sample": batch.first_sample + skipped,
             "code_phase": max(phase + skipped * rate - period * CODE_LENGTH, 0.0),
             "code_rate": rate,
             "carrier_step": (constants["intermediate_hz"] + found.doppler_hz) / batch.sample_rate_hz,
@@ -209,8 +216,13 @@ class Channel:
 
     @property
     def first_sample(self) -> int:
-        """Number of the first sample that the channel still needs."""
+        """Number of the first sample of the code period that is not yet complete."""
         return int(self._state["first_sample"][0])
+
+    @property
+    def next_sample(self) -> int:
+        """Number of the first sample that the channel needs next; earlier samples have no effect."""
+        return int(self._state["next_sample"][0])
 
     @property
     def lost(self) -> bool:
@@ -223,24 +235,24 @@ class Channel:
         return float(self._state["doppler_hz"][0])
 
     def run(self, samples: Complex64[np.ndarray, " n"], first: int) -> TrackedPeriods:
-        """Track all code periods that lie completely in some samples; arguments and errors as for `track_together`."""
+        """Track some samples; return the code periods that end in them; arguments as for `track_together`."""
         return track_together([self], samples, first)[0]
 
 
 def track_together(
     channels: Sequence[Channel], samples: Complex64[np.ndarray, " n"], first: int
 ) -> list[TrackedPeriods]:
-    """Track all code periods of some channels that lie completely in the same samples.
+    """Track the same samples with some channels; return the code periods of each channel that end in the samples.
 
     The result of a channel does not depend on the other channels. Together they are faster, because they share the
-    cache.
+    running sums of the samples.
 
     Parameters
     ----------
     channels
-        Channels with the same number of correlators.
+        Channels with the same settings, for samples of the same rate and centre frequency.
     samples
-        Samples of E1, from the smallest `first_sample` of the channels or earlier.
+        Samples of E1, from the smallest `next_sample` of the channels or earlier.
     first
         Number of the first sample.
 
@@ -251,13 +263,14 @@ def track_together(
     """
     if not channels:
         return []
-    needed = min(channel.first_sample for channel in channels)
+    needed = min(channel.next_sample for channel in channels)
     if first > needed:
         raise ValueError(f"samples begin with number {first}, but a channel needs {needed}")
     x: Float32[np.ndarray, " n"] = samples.view(np.float32)
     constants, states = np.zeros(len(channels), CONSTANTS), np.zeros(len(channels), CHANNEL_STATE)
     for i, channel in enumerate(channels):  # faster than np.concatenate, which compares field types
         constants[i], states[i] = channel._constants[0], channel._state[0]
+    pilots = np.stack([channel._pilot for channel in channels])
     totals = np.stack([channel._total for channel in channels])
     most = int(samples.size / (constants["sample_rate_hz"].min() * E1C.period_s) * 1.01) + 2
     periods = np.zeros((len(channels), most), PERIOD)
@@ -266,17 +279,20 @@ def track_together(
     track_channels(
         x,
         first,
+        round(constants["intermediate_hz"][0] / constants["sample_rate_hz"][0] * REMOVED_STEPS),
         np.stack([channel._secondary for channel in channels]),
-        np.stack([channel._pilot for channel in channels]),
-        np.stack([channel._data for channel in channels]),
+        np.stack([channel._replicas for channel in channels]),
         np.stack([channel.lags for channel in channels]),
+        np.stack([channel._starts for channel in channels]),
+        np.stack([channel._slots for channel in channels]),
         constants,
         states,
+        pilots,
         totals,
         periods,
         banks,
         done,
     )
-    for channel, state, total in zip(channels, states, totals, strict=True):
-        channel._state[0], channel._total[:] = state, total
+    for channel, state, pilot, total in zip(channels, states, pilots, totals, strict=True):
+        channel._state[0], channel._pilot[:], channel._total[:] = state, pilot, total
     return [TrackedPeriods(periods[i, :n], banks[i, :n]) for i, n in enumerate(done)]

@@ -3,8 +3,9 @@
 Theory of operation
 -------------------
 The code oscillator cuts the samples into code periods. Period k begins with the first sample whose code phase is not
-negative. Each period gives the bank P_j of E1-C, with the secondary chip removed, and the prompt of E1-B. After every
-integration the discriminators give the errors, from the early (E), prompt (P) and late (L) correlator:
+negative. A period is correlated as its samples arrive, by `correlator_bank_kernel`, and gives the bank P_j of E1-C,
+with the secondary chip removed, and the prompt of E1-B. After every integration the
+discriminators give the errors, from the early (E), prompt (P) and late (L) correlator:
 
     carrier phase     Im P / (2π A)                  of the pilot, which has no data; at most a quarter of a cycle;
                       or arg(P) / (2π), or arctan(Im P / Re P) / (2π)
@@ -29,12 +30,19 @@ from __future__ import annotations
 import numpy as np
 
 from vestige.kernel_cache import njit
-from vestige.sample_processor.tracking.replica_kernel import correlate_period
+from vestige.sample_processor.tracking.correlator_bank_kernel import (
+    REMOVED_STEPS,
+    add_to_bank,
+    bank_workspace,
+    piece_length,
+    removed_cycles,
+    running_sums,
+)
 from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 
 CODE_LENGTH = 4092.0  # chips of E1-B and E1-C
 PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
-_PIECE = 1 << 15  # samples, 256 kB; a piece and a code period stay in the second-level cache
+_RATE_MARGIN = 1.001  # how much the code rate may increase while some samples are tracked
 _AMPLITUDE_TIME_S = 0.2  # time over which the amplitude of the prompt is smoothed
 _CN0_SHARE = 0.1  # share of the newest 100 ms in the smoothed signal and noise: 1 s
 _TURNED = 0.3  # share of the amplitude; a smaller in-phase part means that the carrier has slipped, or is about to slip
@@ -44,7 +52,9 @@ _LOCK_SHARE = 0.3  # share of a new value in the smoothed phase lock: 0.3 s
 # state that a channel carries from period to period
 CHANNEL_STATE = np.dtype(
     [
-        ("first_sample", "i8"),  # first sample of the next code period
+        ("first_sample", "i8"),  # first sample of the present code period
+        ("next_sample", "i8"),  # first sample of that period that has not been correlated
+        ("data", "c16"),  # prompt of E1-B over the samples before it
         ("code_phase", "f8"),  # code phase of that sample, in chips
         ("code_rate", "f8"),  # chips per sample
         ("carrier_cycles", "f8"),  # carrier phase of that sample
@@ -52,7 +62,7 @@ CHANNEL_STATE = np.dtype(
         ("doppler_hz", "f8"),  # integrator of the carrier loop
         ("doppler_rate", "f8"),  # second integrator of an order-3 loop, in Hz/s
         ("code_drift", "f8"),  # integrator of the code loop in chips/s; not used by order 1
-        ("period", "i8"),  # number of the next code period; 0 starts a secondary code
+        ("period", "i8"),  # number of the present code period; 0 starts a secondary code
         ("mode", "i8"),
         ("integrated", "i8"),  # periods in the present integration
         ("pulled_in", "i8"),  # integrations since the channel started
@@ -98,7 +108,7 @@ CONSTANTS = np.dtype(
         ("min_phase_lock", "f8"),
         ("slip_phase_lock", "f8"),
         ("patience", "i8"),  # number of secondary codes
-        ("high", "f8"),  # BOC(6,1) part of the replica
+        ("segments", "i8"),  # segments of the replica in a half chip
     ]
 )
 
@@ -122,12 +132,12 @@ PERIOD = np.dtype(
 
 @njit(cache=True, nogil=True)
 def track_channels(
-    x, x_first, secondary, pilot_windows, data_windows, lags, constants, states, totals, periods, banks, done
+    x, x_first, shift, secondary, replicas, lags, starts, slots, constants, states, pilots, totals, periods, banks, done
 ):
-    """Track as many code periods of some channels as the samples contain.
+    """Correlate all samples with the replicas of some channels, and close their loops.
 
-    All channels process a piece of `_PIECE` samples before any channel goes to the next piece. So the samples are read
-    from memory once and not once for each channel. The pieces change no number, because channels are independent.
+    All channels process a piece of the samples before any channel goes to the next piece, because they share the
+    running sums of the samples.
 
     Parameters
     ----------
@@ -135,34 +145,49 @@ def track_channels(
         float32[2 · n], real and imaginary parts of the samples in turn.
     x_first
         Number of the first sample.
+    shift
+        Frequency that is removed from all samples, in 2⁻³² cycles per sample.
     secondary
         float64[channel, 25], the secondary codes of E1-C.
-    pilot_windows, data_windows
-        uint32[channel, window], `half_chip_windows` of E1-C and E1-B.
+    replicas
+        float32[channel, 2, segment], `bank_replicas` of E1-C and E1-B.
     lags
         int64[channel, k], the positions of the correlators in samples.
+    starts, slots
+        `bank_vectors` of the lags of each channel.
     constants, states
         `CONSTANTS`[channel] and `CHANNEL_STATE`[channel]; the states are updated.
-    totals
-        complex128[channel, k], the banks of the unfinished integrations; updated.
+    pilots, totals
+        complex128[channel, k], the banks of the present code periods, without the secondary code, and of the unfinished
+        integrations; updated.
     periods, banks
-        `PERIOD`[channel, m] and complex64[channel, m, k], filled; m is at least the number of periods in the samples.
+        `PERIOD`[channel, m] and complex64[channel, m, k], filled; m is at least the number of periods that can end in
+        the samples.
     done
-        int64[channel], zeros; the number of tracked periods is added.
+        int64[channel], zeros; the number of code periods that ended is added.
     """
+    work = bank_workspace()
     x_end = x_first + x.size // 2
-    for piece_end in range(min(x_first + _PIECE, x_end), x_end + _PIECE, _PIECE):
+    length = x.size
+    for i in range(states.size):
+        length = min(length, piece_length(2 * constants[i].segments * states[i].code_rate * _RATE_MARGIN, lags[i]))
+    for first in range(x_first, x_end, length):
+        end = min(first + length, x_end)
+        running_sums(x[2 * (first - x_first) : 2 * (end - x_first)], first, shift, work)
         for i in range(states.size):
-            done[i] += _track_periods(
-                x,
-                x_first,
-                piece_end,
+            done[i] += _track_piece(
+                work,
+                first,
+                end,
+                shift,
                 secondary[i],
-                pilot_windows[i],
-                data_windows[i],
+                replicas[i],
                 lags[i],
+                starts[i],
+                slots[i],
                 constants[i],
                 states[i],
+                pilots[i],
                 totals[i],
                 periods[i, done[i] :],
                 banks[i, done[i] :],
@@ -170,34 +195,38 @@ def track_channels(
 
 
 @njit(cache=True, nogil=True)
-def _track_periods(x, x_first, begin_before, secondary, pilot_windows, data_windows, lags, c, s, total, periods, banks):
-    """Track the code periods of a channel that begin before a sample and lie completely in `x`; return their number."""
-    pilot = np.empty(lags.size, np.complex128)
-    x_end = x_first + x.size // 2
+def _track_piece(
+    work, piece_first, piece_end, shift, secondary, replicas, lags, starts, slots, c, s, pilot, total, periods, banks
+):
+    """Track a channel to the end of a piece of samples; return the number of code periods that end in the piece."""
     n_done = 0
-    while s.mode != LOST and n_done < periods.size and s.first_sample < begin_before:
+    while s.mode != LOST and s.next_sample < piece_end:
         count = np.int64(np.ceil((CODE_LENGTH - s.code_phase) / s.code_rate))
-        begin = s.first_sample - x_first
-        if s.first_sample + count > x_end:
-            break
-        data = correlate_period(
-            x[2 * begin : 2 * (begin + count)],
-            pilot_windows,
-            data_windows,
-            c.high,
-            2 * s.code_phase,
-            2 * s.code_rate,
-            s.carrier_cycles,
-            s.carrier_step,
+        done = s.next_sample - s.first_sample
+        new = min(s.first_sample + count, piece_end) - s.next_sample
+        s.data += add_to_bank(
+            work,
+            s.next_sample - piece_first,
+            new,
+            replicas,
+            2 * c.segments * (s.code_phase + done * s.code_rate),
+            2 * c.segments * s.code_rate,
+            s.carrier_cycles + done * s.carrier_step - removed_cycles(s.next_sample, shift),
+            s.carrier_step - shift / REMOVED_STEPS,
             lags,
+            starts,
+            slots,
             pilot,
         )
+        s.next_sample += new
+        if done + new < count:
+            break
         pilot *= secondary[s.period % PERIODS_PER_SECONDARY]
         out = periods[n_done]
         out.number, out.first_sample = s.period, s.first_sample
         out.code_phase, out.code_rate = s.code_phase, s.code_rate
         out.carrier_cycles, out.carrier_step, out.doppler_rate = s.carrier_cycles, s.carrier_step, s.doppler_rate
-        out.data = data
+        out.data = s.data
         for k in range(lags.size):
             banks[n_done, k] = pilot[k]
 
@@ -213,6 +242,7 @@ def _track_periods(x, x_first, begin_before, secondary, pilot_windows, data_wind
             s.integrated, total[:] = 0, 0.0
         out.cn0_dbhz, out.phase_lock = s.cn0_dbhz, s.phase_lock
         out.locked = s.mode == TRACKING and s.noise > 0.0 and s.slipped == 0
+        s.data, pilot[:] = 0.0, 0.0
         n_done += 1
     return n_done
 

@@ -39,7 +39,7 @@ from vestige.navigation.inav.coding.channel_coding import page_symbols
 from vestige.navigation.inav.page import OSNMA_BYTES, encode_page
 from vestige.records import SampleBatch
 from vestige.sample_processor.tracking.channel import TrackedPeriods
-from vestige.sample_processor.tracking.replica_kernel import correlate_period, half_chip_windows
+from vestige.sample_processor.tracking.correlator_bank_kernel import bank_replicas, bank_vectors, correlate
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.theory.scer.partial_correlations import FIRST_CHIPS, ReferenceMetric, metric_threshold, metric_value
@@ -102,8 +102,9 @@ def partial_prompts(
     if not 1 <= first_chips < E1B.code_length:
         raise ValueError(f"the first part has 1 to {E1B.code_length - 1} chips, found {first_chips}")
     x = np.ascontiguousarray(batch.samples).view(np.float32)
-    pilot, data = half_chip_windows(primary_code(E1C, svid)), half_chip_windows(primary_code(E1B, svid))
+    replicas = bank_replicas(primary_code(E1C, svid), primary_code(E1B, svid))
     lags, bank = np.zeros(1, np.int64), np.zeros(1, np.complex128)
+    starts, slots = bank_vectors(lags)
     numbers, parts = [], []
     for one in tracked.periods[tracked.periods["locked"]]:
         phase, rate = float(one["code_phase"]), float(one["code_rate"])
@@ -113,16 +114,16 @@ def partial_prompts(
         if begin < 0 or end > batch.samples.size:
             continue
         both = [
-            correlate_period(
+            correlate(
                 x[2 * start : 2 * stop],
-                pilot,
-                data,
-                0.0,
+                replicas,
                 2 * (phase + (start - begin) * rate),
                 2 * rate,
                 float(one["carrier_cycles"]) + (start - begin) * float(one["carrier_step"]),
                 float(one["carrier_step"]),
                 lags,
+                starts,
+                slots,
                 bank,
             )
             / (stop - start)

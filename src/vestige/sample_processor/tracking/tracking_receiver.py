@@ -20,7 +20,6 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Complex64
 
 from vestige.constants import E1_CODE_PERIOD_S, MAX_SVID, MEDIAN_TRAVEL_TIME_S, SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.navigation.inav.page import InavPage
@@ -39,7 +38,6 @@ from vestige.time import GalileoTime
 EPOCHS_PER_S = 10
 # duration of samples between two looks at the loops; longer batches would need new memory each time
 TRACKED_STRETCH_S = 0.2
-_SEAM_S = 0.0085  # duration of the previous stretch that is joined to the next: more than two code periods
 _SEARCHED_PERIODS = 8  # code periods in which satellites are searched: enough for 30 dBHz
 _LOST_EVERY = 5  # stretches from one search for lost satellites to the next
 _FORGOTTEN_S = 120.0  # time after which a lost satellite counts as untracked, because its Doppler has changed
@@ -89,7 +87,6 @@ class TrackingReceiver:
     outlook: Outlook = field(default_factory=Outlook)
     tracks: dict[int, ChannelTrack] = field(default_factory=dict)
     time_is_told: bool = False  # whether a message has given the time
-    _rest: Complex64[np.ndarray, " n"] = field(default_factory=lambda: np.empty(0, np.complex64))
     _stretch: int = 0
     _end_sample: int | None = None  # number of the last sample plus 1
     _origin: tuple[int, GalileoTime] | None = None  # number and time of the first sample
@@ -145,24 +142,16 @@ class TrackingReceiver:
         self._seen.clear()
         self._lost_at.clear()
         self._last_epoch = None
-        self._rest = np.empty(0, np.complex64)
         self._stretch, self._origin, self.time_is_told = 0, None, False
 
     def _take(
         self, batch: SampleBatch, run_all: Callable[..., Iterator[dict[int, list[ReceivedPage]]]]
     ) -> TrackedStretch:
         running = self._alive()
-        seam = np.concatenate((self._rest, batch.samples[: round(_SEAM_S * batch.sample_rate_hz)]))
-        seam_first = batch.first_sample - self._rest.size
 
         def run(tracks: list[ChannelTrack]) -> dict[int, list[ReceivedPage]]:
-            early = [track for track in tracks if track.channel.first_sample < batch.first_sample]
-            pages: dict[int, list[ReceivedPage]] = {track.svid: [] for track in tracks}
-            for some, samples, first in ((early, seam, seam_first), (tracks, batch.samples, batch.first_sample)):
-                found = track_together([track.channel for track in some], samples, first)
-                for track, tracked in zip(some, found, strict=True):
-                    pages[track.svid] += track.take(tracked)
-            return pages
+            found = track_together([track.channel for track in tracks], batch.samples, batch.first_sample)
+            return {track.svid: track.take(tracked) for track, tracked in zip(tracks, found, strict=True)}
 
         shares = [running[worker :: self.workers] for worker in range(min(self.workers, len(running)))]
         found = {svid: received for share in run_all(run, shares) for svid, received in share.items()}
@@ -173,9 +162,6 @@ class TrackingReceiver:
             self.outlook.take(page)
         epochs = self._epochs(batch, power)
         self._last_epoch = epochs[-1] if epochs else self._last_epoch
-        end = batch.first_sample + batch.samples.size
-        needed = min((track.channel.first_sample for track in self._alive()), default=end)
-        self._rest = batch.samples[min(needed, end) - batch.first_sample :].copy()
         return TrackedStretch(epochs=epochs, pages=placed)
 
     def _alive(self) -> list[ChannelTrack]:

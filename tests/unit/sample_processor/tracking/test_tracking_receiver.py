@@ -96,12 +96,12 @@ def test_channels_together_are_as_each_alone(sky: SampleBatch) -> None:
         assert tracked.periods.tobytes() == alone.periods.tobytes()
         assert np.array_equal(tracked.banks, alone.banks)
     with pytest.raises(ValueError, match="a channel needs"):
-        track_together(channels[0], sky.samples, sky.samples.size)
+        track_together(channels[0], sky.samples, sky.samples.size + 1)
     assert track_together([], sky.samples, 0) == []
 
 
 def test_a_signal_that_ends_is_lost_and_found_again() -> None:
-    whole = _sky(duration_s=3.8)
+    whole = _sky(duration_s=4.8)
     samples = whole.samples.copy()
     rng = np.random.default_rng(9)
     off = slice(int(1.0 * RATE_HZ), int(2.2 * RATE_HZ))
@@ -113,7 +113,8 @@ def test_a_signal_that_ends_is_lost_and_found_again() -> None:
     seen = {round(epoch.time - START, 1): set(epoch.observations) for epoch in epochs}
     assert seen[0.9] == {11, 30}
     assert seen[2.0] == set()
-    assert seen[3.7] == {11, 30}
+    # a lost signal is searched every second; the noise decides after which search the loops give up: at 3.5 or 4.5 s
+    assert seen[4.7] == {11, 30}
     back = next(epoch for epoch in epochs if epoch.time - START > 2.3 and 11 in epoch.observations)
     assert 11 in back.slipped
     error_m = back.observations[11].pseudorange_m - (RANGE_M + RATE_MPS * (back.time - START))

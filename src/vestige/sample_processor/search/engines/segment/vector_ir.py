@@ -19,6 +19,8 @@ from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
+from vestige.vector_code import Lanes, splat
+
 LANES = 8  # float32 numbers in a vector of 256 bits
 SHORT_LANES = 16  # int16 numbers in the same vector
 VECTOR_BYTES = 32  # bytes in the same vector
@@ -33,23 +35,6 @@ _SHORT = ir.VectorType(ir.IntType(16), SHORT_LANES)
 _WIDE = ir.VectorType(ir.IntType(32), SHORT_LANES)
 _FLOAT = ir.VectorType(ir.FloatType(), LANES)
 _FLAGS = ("contract",)  # LLVM may fuse a product and a sum into a single instruction
-
-
-class _Lanes:
-    """Loads and stores of vectors at an element of a numba array."""
-
-    def __init__(self, context, builder, array_type, array):
-        self.builder = builder
-        self.data = context.make_array(array_type)(context, builder, array).data
-
-    def at(self, index, vector):
-        return self.builder.bitcast(self.builder.gep(self.data, [index]), vector.as_pointer())
-
-    def load(self, index, vector, align):
-        return self.builder.load(self.at(index, vector), align=align)
-
-    def store(self, value, index, align):
-        self.builder.store(value, self.at(index, value.type), align=align)
 
 
 class _Float:
@@ -192,12 +177,6 @@ def _dft(x):
     return [value for pair in zip(even, odd, strict=True) for value in pair]
 
 
-def _splat(builder, value, vector):
-    one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    mask = ir.Constant(ir.VectorType(ir.IntType(32), vector.count), [0] * vector.count)
-    return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), mask)
-
-
 def _literal(value):
     if not isinstance(value, types.IntegerLiteral):
         raise TypingError("a shape of the DFT must be a literal")
@@ -222,13 +201,13 @@ def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, fi
 
     def codegen(context, builder, signature, arguments):
         n_table, n_entries, lo, plus, minus, hi, flip, zero, start, n_out, where = arguments
-        source = _Lanes(context, builder, signature.args[0], n_table)
-        entry = _Lanes(context, builder, signature.args[1], n_entries)
-        target = _Lanes(context, builder, signature.args[9], n_out)
+        source = Lanes(context, builder, signature.args[0], n_table)
+        entry = Lanes(context, builder, signature.args[1], n_entries)
+        target = Lanes(context, builder, signature.args[9], n_out)
         eight = ir.Constant(_SHORT, [8] * SHORT_LANES)
         less = builder.neg(builder.trunc(zero, ir.IntType(16)))
-        odd_less = _splat(builder, less, _SHORT)
-        word_less = _splat(builder, builder.mul(less, ir.Constant(less.type, 257)), _SHORT)
+        odd_less = splat(builder, less, _SHORT)
+        word_less = splat(builder, builder.mul(less, ir.Constant(less.type, 257)), _SHORT)
         words = [cgutils.alloca_once_value(builder, word_less) for _ in range(SUM_WIDTH // VECTOR_BYTES)]
         odds = [cgutils.alloca_once_value(builder, odd_less) for _ in words]
         for begin, end, combine in ((lo, plus, builder.add), (plus, minus, builder.add), (minus, hi, builder.sub)):
@@ -240,7 +219,7 @@ def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, fi
                     places.append(builder.add(offset, start))
                     flipped = builder.icmp_signed(">=", index, flip)
                     mask = builder.select(flipped, ir.Constant(_BYTE, ROW_TOP), ir.Constant(_BYTE, 0))
-                    masks.append(_splat(builder, mask, _BYTES))
+                    masks.append(splat(builder, mask, _BYTES))
                 for v, (word, odd) in enumerate(zip(words, odds, strict=True)):
                     shift = ir.Constant(start.type, v * VECTOR_BYTES)
                     rows = [source.load(builder.add(place, shift), _BYTES, 1) for place in places]
@@ -266,7 +245,7 @@ def dot(typing_context, x, x_index, y, y_index, count):
 
     def codegen(context, builder, signature, arguments):
         first, x_start, second, y_start, n = arguments
-        sources = [_Lanes(context, builder, signature.args[k], one) for k, one in ((0, first), (2, second))]
+        sources = [Lanes(context, builder, signature.args[k], one) for k, one in ((0, first), (2, second))]
         nothing = ir.Constant(_SHORT, [0] * SHORT_LANES)
         totals = [cgutils.alloca_once_value(builder, nothing) for _ in range(2)]
         with cgutils.for_range_slice(builder, n.type(0), n, ir.Constant(n.type, 2 * SHORT_LANES)) as (i, _):
@@ -296,16 +275,16 @@ def first_dft(
     def codegen(context, builder, signature, arguments):
         re, im, first, stride, _, _, _, factors, turn, target, where = arguments
         unit = _unit(signature.args[9], builder)
-        parts = [_Lanes(context, builder, signature.args[k], part) for k, part in enumerate((re, im))]
-        factor = _Lanes(context, builder, signature.args[7], factors)
-        out_lanes = _Lanes(context, builder, signature.args[9], target)
+        parts = [Lanes(context, builder, signature.args[k], part) for k, part in enumerate((re, im))]
+        factor = Lanes(context, builder, signature.args[7], factors)
+        out_lanes = Lanes(context, builder, signature.args[9], target)
         x = [_Complex(unit, None, None)] * points
         for j in range(count):
             place = builder.add(first, builder.mul(stride, ir.Constant(stride.type, j)))
             x[j] = _Complex(unit, *(unit.of_sum(part, place, bits) for part in parts))
         for r, y in enumerate(_dft(x)):
             w = [
-                _splat(
+                splat(
                     builder,
                     builder.load(builder.gep(factor.data, [builder.add(turn, ir.Constant(turn.type, k))])),
                     unit.vector,
@@ -326,7 +305,7 @@ def first_dft(
 def _second(context, builder, signature, arguments, low, high):
     """Return the DFT outputs low … high (negative ones count from the end) of 16 points at `index`."""
     unit = _unit(signature.args[0], builder)
-    lanes = _Lanes(context, builder, signature.args[0], arguments[0])
+    lanes = Lanes(context, builder, signature.args[0], arguments[0])
     x = []
     for b in range(DFT_POINTS):
         re = builder.add(arguments[1], ir.Constant(arguments[1].type, b * 2 * unit.lanes))
@@ -343,7 +322,7 @@ def second_dft_maximum(typing_context, points, index, low, high, out, out_index)
 
     def codegen(context, builder, signature, arguments):
         unit = _unit(signature.args[4], builder)
-        target = _Lanes(context, builder, signature.args[4], arguments[4])
+        target = Lanes(context, builder, signature.args[4], arguments[4])
         best = target.load(arguments[5], unit.vector, unit.align)
         for z in _second(context, builder, signature, arguments, first, last):
             best = unit.larger(z.power(), best)
@@ -359,7 +338,7 @@ def second_dft_store(typing_context, points, index, low, high, out, out_index, b
     first, last = _literal(low), _literal(high)
 
     def codegen(context, builder, signature, arguments):
-        target = _Lanes(context, builder, signature.args[4], arguments[4])
+        target = Lanes(context, builder, signature.args[4], arguments[4])
         place = arguments[5]
         for z in _second(context, builder, signature, arguments, first, last):
             target.store(z.re, place, z.unit.align)

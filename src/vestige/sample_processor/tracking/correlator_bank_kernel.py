@@ -1,0 +1,273 @@
+"""The compiled inner loops of a tracking channel: samples against the replicas of E1-C and E1-B.
+
+Theory of operation
+-------------------
+**Running sums.** A replica has one value from one edge of the code to the next edge. The replica BOC(1,1) has an edge
+every half chip, so a segment contains six samples at 12.5 MHz. A correlator needs only the sum of the samples of each
+segment, which is the difference of two running sums. The running sums are computed once for all satellites. The work
+for a satellite grows with the number of edges, and not with the sampling rate.
+
+**Correlators at whole samples.** An early or late correlator has the same replica, moved by some samples. So its
+segments begin and end at neighbours of the same running sums, and the whole bank is read with one or two vectors.
+
+**Carrier.** A segment has one carrier phase, that of its middle. With a residual frequency of 10 kHz the carrier turns
+by 0.005 cycles in half a chip. This reduces the amplitude by (0.005 π)² / 6 = 4·10⁻⁵, which is 0.0004 dB. A centre
+frequency other than that of E1 is removed from the samples before they are summed. The frequency that is removed is a
+multiple of the sampling rate over 2³², so that its phase at any sample is an exact integer.
+
+**Precision.** Running sums are float32 and start anew every `PIECE` samples, so that their rounding is 80 dB below the
+noise.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float32, Int8, Int64
+
+from vestige.kernel_cache import njit
+from vestige.sample_processor.tracking.correlator_bank_vectors import SUMS, VECTORS, bank_sums
+
+HALF_CHIPS = 8184  # half chips in a code period of E1-B and E1-C
+PIECE = 8192  # samples whose running sums are computed at once: 64 kB, which the second-level cache holds
+_MARGIN = 64  # segments before and after the code period that a replica contains
+_EDGES = 1024  # largest number of edges of a pass
+_PAD = 64  # samples before and after the running sums that a vector may read
+_LOW, _HIGH = np.sqrt(10 / 11), np.sqrt(1 / 11)  # amplitudes of CBOC [OS-ICD, 2.3.3]
+REMOVED_STEPS = float(1 << 32)  # steps in a cycle of the frequency that is removed from all samples
+
+
+def segments_in_half_chip(replica: str) -> int:
+    """Return the number of segments of a half chip: 1 for BOC(1,1), 6 for CBOC."""
+    return 1 if replica == "BOC(1,1)" else 6
+
+
+def bank_replicas(
+    pilot: Int8[np.ndarray, " 4092"], data: Int8[np.ndarray, " 4092"], replica: str = "BOC(1,1)"
+) -> Float32[np.ndarray, "2 n"]:
+    """Return the values of the replicas of E1-C and E1-B in each segment, continued beyond both ends of the period.
+
+    CBOC adds BOC(6,1) on E1-B and subtracts it on E1-C [OS-ICD, 2.3.3]. BOC(1,1) changes its sign from one half of a
+    chip to the other; BOC(6,1) has three cycles in each half.
+    """
+    n = segments_in_half_chip(replica)
+    rows = []
+    for code, sign in ((pilot, -1.0), (data, 1.0)):
+        slow, quick = np.repeat([1.0, -1.0], n), np.tile([1.0, -1.0], n)
+        pulse = slow if n == 1 else _LOW * slow + sign * _HIGH * quick
+        values = np.kron(code, pulse)
+        rows.append(np.concatenate((values[-_MARGIN:], values, values[:_MARGIN])))
+    return np.array(rows, np.float32)
+
+
+def bank_vectors(lags: Int64[np.ndarray, " k"]) -> tuple[Int64[np.ndarray, " n"], Int64[np.ndarray, " k"]]:
+    """Return the first sample of each vector of the passes of `bank_sums`, and the place of each lag among the sums.
+
+    A vector contains two samples; consecutive correlators share a vector. The first pass contains the lag 0 in
+    `DATA_VECTOR`.
+    """
+    dense = bool(np.all(np.diff(lags) == 1))
+    wanted = sorted({int(lag) // 2 * 2 if dense else int(lag) for lag in lags} | {0}, key=abs)
+    starts = [wanted[1] if len(wanted) > 1 else 0, 0, *wanted[2:]]
+    starts += [0] * (-len(starts) % VECTORS)
+    slots = [2 * starts.index(lag // 2 * 2 if dense else lag) + (lag % 2 if dense else 0) for lag in lags.tolist()]
+    return np.array(starts, np.int64), np.array(slots, np.int64)
+
+
+@njit(cache=True, nogil=True)
+def bank_workspace():
+    """Return arrays for `running_sums` and `add_to_bank`: running sums, edges, carrier, and sums of a pass."""
+    return (
+        np.zeros(2 * (PIECE + 1 + 2 * _PAD), np.float32),
+        np.empty(_EDGES + 1, np.int32),
+        np.empty((2, _EDGES), np.float32),
+        np.empty(SUMS, np.float32),
+    )
+
+
+@njit(cache=True, nogil=True)
+def piece_length(step, lags):
+    """Return the number of samples for which a pass has enough edges; `step` in segments per sample."""
+    return max(min(PIECE, int((_EDGES - 8) / step) - 2 * np.max(np.abs(lags))), 1)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _carrier(cycles_per_segment, carrier):
+    """Fill the cosine and the sine of the angle from segment 0 on; each step doubles the number of segments."""
+    cos, sin = carrier[0], carrier[1]
+    cos[0], sin[0] = 1.0, 0.0
+    n = 1
+    while n < cos.size:
+        angle = 2 * np.pi * ((cycles_per_segment * n) % 1.0)
+        c, s = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+        for i in range(n):
+            a, b = cos[i], sin[i]
+            cos[n + i] = a * c - b * s
+            sin[n + i] = a * s + b * c
+        n *= 2
+
+
+@njit(cache=True, nogil=True)
+def running_sums(x, first_sample, shift, work):
+    """Fill the running sums of at most `PIECE` samples.
+
+    Parameters
+    ----------
+    x
+        float32[2 · n], real and imaginary parts of the samples in turn.
+    first_sample
+        Number of the first sample, from which the phase of the removed frequency follows.
+    shift
+        Frequency that is removed, in 2⁻³² cycles per sample.
+    work
+        `bank_workspace`; its running sums are filled.
+    """
+    running, _, carrier, _ = work
+    re, im = np.float32(0.0), np.float32(0.0)
+    at = 2 * (_PAD + 1)
+    if shift == 0:
+        for i in range(0, x.size, 2):
+            re += x[i]
+            im += x[i + 1]
+            running[at + i], running[at + i + 1] = re, im
+        return
+    cos, sin = carrier[0], carrier[1]
+    _carrier(shift / REMOVED_STEPS, carrier)
+    for block in range(0, x.size, 2 * _EDGES):
+        angle = 2 * np.pi * removed_cycles(first_sample + block // 2, shift)
+        c, s = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+        for k in range(min(_EDGES, (x.size - block) // 2)):
+            i = block + 2 * k
+            u, v = cos[k] * c - sin[k] * s, cos[k] * s + sin[k] * c
+            re += x[i] * u + x[i + 1] * v
+            im += x[i + 1] * u - x[i] * v
+            running[at + i], running[at + i + 1] = re, im
+
+
+@njit(cache=True, nogil=True)
+def removed_cycles(sample, shift):
+    """Return the phase of the removed frequency at a sample, in cycles, 0 to 1."""
+    return ((sample * np.int64(shift)) & np.int64(0xFFFFFFFF)) / REMOVED_STEPS
+
+
+@njit(cache=True, nogil=True)
+def add_to_bank(work, begin, count, replicas, phase, step, cycles, cycles_per_sample, lags, starts, slots, bank):
+    """Add the correlations of some samples to the bank of E1-C; return the correlation with E1-B at lag 0.
+
+    Parameters
+    ----------
+    work
+        `bank_workspace` with the running sums of a piece.
+    begin, count
+        First sample, counted from the beginning of the piece, and number of samples, at most `piece_length`.
+    replicas
+        `bank_replicas`.
+    phase, step
+        Code phase of the first sample and its step, in segments; the phase is in the code period.
+    cycles, cycles_per_sample
+        Carrier phase of the first sample and its step, in cycles, less those of the removed frequency.
+    lags
+        int64[k], the delay of the replica of each correlator in samples, in ascending order.
+    starts, slots
+        `bank_vectors` of the lags.
+    bank
+        complex128[k], to which the sums over the samples are added.
+    """
+    running, edges, carrier, sums = work
+    reach = max(-lags[0], lags[-1])
+    low = int(np.floor(phase - reach * step))
+    n = int(np.floor(phase + (count - 1 + reach) * step)) - low + 1
+    zero = _PAD + begin
+    samples_per_segment = 1.0 / step
+    first_edge = (low - phase) * samples_per_segment
+    for j in range(n + 1):
+        edges[j] = np.int32(zero) + np.int32(np.ceil(first_edge + np.float64(np.int32(j)) * samples_per_segment))
+    per_segment = cycles_per_sample * samples_per_segment
+    _carrier(per_segment, carrier)
+    replica_at = low + _MARGIN
+    # segments that some correlator has only in part
+    head, tail = 0, n
+    while head < n and edges[head] - reach < zero:
+        head += 1
+    while tail > head and edges[tail] + reach > zero + count:
+        tail -= 1
+    middle_of_first = cycles + cycles_per_sample * first_edge + 0.5 * per_segment
+    angle = -2 * np.pi * (middle_of_first % 1.0)
+    turn = complex(np.cos(angle), np.sin(angle))
+    data = 0.0j
+    for begin_part, end_part in ((0, head), (tail, n)):
+        for j in range(begin_part, end_part):
+            rotation = turn * complex(carrier[0, j], -carrier[1, j])
+            data += replicas[1, replica_at + j] * rotation * _segment(running, edges[j], edges[j + 1], zero, count, 0)
+            for k in range(lags.size):
+                moved = rotation * _lag_turn(cycles_per_sample, lags[k])
+                total = _segment(running, edges[j], edges[j + 1], zero, count, lags[k])
+                bank[k] += replicas[0, replica_at + j] * moved * total
+    if head == tail:
+        return data
+    for number in range(0, starts.size, VECTORS):
+        bank_sums(running, edges, replicas, replica_at, carrier, head, tail, starts, number, sums)
+        if number == 0:
+            data += turn * _sum_at(sums, 2 * VECTORS)
+        for k in range(lags.size):
+            if 0 <= slots[k] - 2 * number < 2 * VECTORS:
+                bank[k] += turn * _lag_turn(cycles_per_sample, lags[k]) * _sum_at(sums, slots[k] - 2 * number)
+    return data
+
+
+@njit(cache=True, nogil=True)
+def _sum_at(sums, slot):
+    """Return a sum of `bank_sums`, turned back by the carrier."""
+    with_cos, with_sin = 2 * slot, SUMS // 2 + 2 * slot
+    return complex(sums[with_cos] + sums[with_sin + 1], sums[with_cos + 1] - sums[with_sin])
+
+
+@njit(cache=True, nogil=True)
+def _lag_turn(cycles_per_sample, lag):
+    """Return the rotation of the carrier at a correlator: its samples come later by the lag."""
+    angle = -2 * np.pi * cycles_per_sample * lag
+    return complex(np.cos(angle), np.sin(angle))
+
+
+@njit(cache=True, nogil=True)
+def _segment(running, edge, next_edge, zero, count, lag):
+    """Return the sum of the samples from one edge to the next, moved by a lag, that are among `count` samples."""
+    a = 2 * min(max(edge + lag, zero), zero + count)
+    b = 2 * min(max(next_edge + lag, zero), zero + count)
+    return complex(running[b] - running[a], running[b + 1] - running[a + 1])
+
+
+@njit(cache=True, nogil=True)
+def correlate(x, replicas, phase, step, cycles, cycles_per_sample, lags, starts, slots, bank):
+    """Fill the bank of E1-C with the correlations of consecutive samples; return the correlation with E1-B at lag 0.
+
+    Parameters
+    ----------
+    x
+        float32[2 · n], real and imaginary parts of the samples in turn, all in one code period.
+    replicas, phase, step, cycles, cycles_per_sample, lags, starts, slots, bank
+        As for `add_to_bank`; nothing is removed from the samples.
+    """
+    work = bank_workspace()
+    bank[:] = 0.0
+    data = 0.0j
+    piece = piece_length(step, lags)
+    for first in range(0, x.size // 2, piece):
+        count = min(piece, x.size // 2 - first)
+        running_sums(x[2 * first : 2 * (first + count)], 0, 0, work)
+        data += add_to_bank(
+            work,
+            0,
+            count,
+            replicas,
+            phase + first * step,
+            step,
+            cycles + first * cycles_per_sample,
+            cycles_per_sample,
+            lags,
+            starts,
+            slots,
+            bank,
+        )
+    return data

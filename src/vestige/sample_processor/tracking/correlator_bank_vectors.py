@@ -1,0 +1,82 @@
+"""Vector instructions for the correlator bank, written as LLVM code: products of running sums with two replicas.
+
+`vestige.sample_processor.tracking.correlator_bank_kernel` explains what is computed. The lanes of a vector are the real
+and imaginary parts at two consecutive samples, which are two correlators of a bank.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+# ruff: noqa: ARG001  (an intrinsic declares its arguments in one function and uses them in another)
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+from vestige.vector_code import Lanes, splat
+
+VECTORS = 3  # vectors of a pass; each contains two consecutive samples
+DATA_VECTOR = 1  # the vector whose first sample gives the correlator of the data signal
+SUMS = 4 * 2 * (VECTORS + 1)  # numbers that a pass stores
+_INDEX = ir.IntType(64)
+_VECTOR = ir.VectorType(ir.FloatType(), 4)
+_FLAGS = ("contract",)  # LLVM may fuse a product and a sum into a single instruction
+
+
+@intrinsic
+def bank_sums(typing_context, running, edges, replicas, replica_at, carrier, first, end, starts, starts_at, out):
+    """Store the sums over the segments j = first … end − 1 of the pilot's and the data signal's replica.
+
+    Segment j has D(l) = running[edges[j + 1] + l] − running[edges[j] + l], where `running` contains pairs of a real and
+    an imaginary part. Vector v contains D at l = starts[starts_at + v] and at l + 1. The replicas have the values
+    replicas[0, replica_at + j] (pilot) and replicas[1, replica_at + j] (data signal); the carrier has the cosine
+    carrier[0, j] and the sine carrier[1, j]. `out` gets four numbers for each vector of the pilot and for `DATA_VECTOR`
+    of the data signal: first all sums with the cosine, then all sums with the sine.
+    """
+
+    def codegen(context, builder, signature, arguments):
+        n_running, n_edges, n_replicas, chip_at, n_carrier, begin, stop, n_starts, start_at, n_out = arguments
+        sums = Lanes(context, builder, signature.args[0], n_running)
+        places = Lanes(context, builder, signature.args[1], n_edges)
+        start = Lanes(context, builder, signature.args[7], n_starts)
+        target = Lanes(context, builder, signature.args[9], n_out)
+        signals = _rows(context, builder, signature.args[2], n_replicas)
+        cos_sin = _rows(context, builder, signature.args[4], n_carrier)
+        lags = [start.number(builder.add(start_at, _INDEX(v))) for v in range(VECTORS)]
+
+        def running_sums(j):
+            edge = builder.sext(places.number(j), _INDEX)
+            return [sums.load(builder.shl(builder.add(edge, lag), _INDEX(1)), _VECTOR, 4) for lag in lags]
+
+        def add(total, product):
+            builder.store(builder.fadd(builder.load(total), product, flags=_FLAGS), total)
+
+        nothing = ir.Constant(_VECTOR, [0.0] * _VECTOR.count)
+        totals = [[cgutils.alloca_once_value(builder, nothing) for _ in range(VECTORS + 1)] for _ in cos_sin]
+        before = [cgutils.alloca_once_value(builder, value) for value in running_sums(begin)]
+        with cgutils.for_range_slice(builder, begin, stop, _INDEX(1)) as (j, _):
+            turns = [splat(builder, part.number(j), _VECTOR) for part in cos_sin]
+            pilot, data = (splat(builder, one.number(builder.add(chip_at, j)), _VECTOR) for one in signals)
+            differences = []
+            for value, old in zip(running_sums(builder.add(j, _INDEX(1))), before, strict=True):
+                differences.append(builder.fsub(value, builder.load(old), flags=_FLAGS))
+                builder.store(value, old)
+            products = [builder.fmul(one, pilot, flags=_FLAGS) for one in differences]
+            products.append(builder.fmul(differences[DATA_VECTOR], data, flags=_FLAGS))
+            for turn, row in zip(turns, totals, strict=True):
+                for product, total in zip(products, row, strict=True):
+                    add(total, builder.fmul(product, turn, flags=_FLAGS))
+        for number, total in enumerate(total for row in totals for total in row):
+            target.store(builder.load(total), _INDEX(4 * number), 4)
+        return context.get_dummy_value()
+
+    i64 = types.int64
+    return types.void(running, edges, replicas, i64, carrier, i64, i64, starts, i64, out), codegen
+
+
+def _rows(context, builder, array_type, array):
+    """Return the lanes of the two rows of an array."""
+    length = builder.extract_value(context.make_array(array_type)(context, builder, array).shape, 1)
+    rows = [Lanes(context, builder, array_type, array) for _ in range(2)]
+    rows[1].data = builder.gep(rows[1].data, [length])
+    return rows
