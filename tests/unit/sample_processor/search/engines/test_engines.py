@@ -9,6 +9,7 @@ from engine_vector import CHECKED, MILLISECONDS, N_OFFSETS, direct_powers, engin
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CHIP_SIGMA, CLIP, GRIDS
 from vestige.sample_processor.search.engines.fft_engine import FftEngine
 from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine
+from vestige.sample_processor.search.engines.segment.segment_kernel import ROW_STEP
 from vestige.theory.screen_loss import pass_threshold
 
 
@@ -121,17 +122,19 @@ def test_a_low_threshold_is_not_screened() -> None:
 
 @pytest.mark.parametrize("ms", MILLISECONDS)
 def test_no_signal_is_too_strong_for_the_screen(ms: int) -> None:
-    """Its int16 numbers stop at the ends of their range: no wrap, whatever the Doppler."""
+    """The sums of its segments are cut: no int16 number wraps, whatever the Doppler, and it stays above 28 σ."""
     n = 5115 * ms
     code = (1 - 2 * np.random.default_rng(ms).integers(0, 2, (1, n))).astype(np.int8)
     engine = SegmentEngine(code)
+    largest = 64 // GRIDS[n].stride * np.sqrt(2) * engine.sum_limit / ROW_STEP * 2**engine._shift / 2
+    assert 30_000 < largest < 32_768
     bins = GRIDS[n].bins_hz
-    for amplitude, f in ((16, bins[0]), (16, bins[-2]), (CLIP, bins[bins.size // 2]), (CLIP, bins[7] + 30 / ms)):
+    middle = [(amplitude, bins[bins.size // 2]) for amplitude in range(16, CLIP, 6)]
+    for amplitude, f in (*middle, (16, bins[0]), (16, bins[-2]), (CLIP, bins[7] + 30 / ms)):
         signal = amplitude * code[0] * np.exp(2j * np.pi * (f * np.arange(n) / CHIP_RATE_HZ + 0.07))
         x = np.zeros((1, 2, n + 16), np.int16)
         x[0, 0, 7 : 7 + n], x[0, 1, 7 : 7 + n] = np.rint(signal.real), np.rint(signal.imag)
-        power = engine.powers(x, 16, 7.85)[0, 0, 7]
-        assert 0 < power == engine.powers(x, 16)[0, 0, 7]
+        assert 0 < engine.powers(x, 16, 28.0)[0, 0, 7] == engine.powers(x, 16)[0, 0, 7]
 
 
 @pytest.mark.parametrize("ms", MILLISECONDS)
