@@ -1,33 +1,40 @@
-"""The price of a screen that first looks at half of the chips: the share of detections that a search loses.
+"""The price of a screen that first looks at a part of the chips: the share of detections that a search loses.
 
 Theory of operation
 -------------------
-A correlator output is z = A e^{jφ} + w over all of its chips, and z₁ = √f A e^{jφ} + w₁ over a share f of them. Both
-are in units of their own noise per dimension. If |z₁| > t, the cell is kept and z is compared with the threshold g. The
-correlation of the two is √f, so for a given z
+A correlator output z = A e^{jφ} + w is in units of its noise per dimension. The screen sums up a share f of the chips,
+and adds two outputs half a chip apart, because they share half of their noise. The screen's sum z₁, in units of its own
+noise, and z have the correlation ρ = √(f (1 + ½)/2). If |z₁| > t, both cells are kept, and z is compared with the
+threshold g. If the signal in z₁ is ρ A, for a given z
 
-    z₁ = √f z + √(1−f) v,    v complex Gaussian of unit variance per dimension, whatever A is:
-    P(miss | |z| = S) = P₁(√(f/(1−f)) S, t/√(1−f))
+    z₁ = ρ z + √(1−ρ²) v,    v complex Gaussian of unit variance per dimension, whatever A is:
+    P(miss | |z| = S) = P₁(ρ S/√(1−ρ²), t/√(1−ρ²))
 
-A cell far above the threshold is thus almost never lost, and the loss depends only on S, not on the C/N0. With t = √f g
-− k √(1−f), a cell just at the threshold is k standard deviations above t. The choice of k and f balances the loss
-against the time: noise passes e^{−t²/2} of the cells. Here f = ½ and k = 1.5.
+A cell far above the threshold is thus almost never lost, and the loss depends only on S, not on the C/N0. With t = ρ g
+− k √(1−ρ²), a cell just at the threshold is k standard deviations above t. The choice of k and f balances the loss
+against the time: noise passes e^{−t²/2} of the cells. Here f = ¾, so ρ = ¾, and k = 2. Without the sum of two outputs,
+f = 9/16 has the same correlation, but the screen then needs half again as many additions.
 
 The loss at a C/N0 is the mean of this probability over all S > g. The mean is computed for the strongest cell, with the
-signal anywhere between the points of the grid. The screen's bins are 1/T_I apart, so a bin may be 1/(2 T_I) off the
-frequency of that cell.
+signal anywhere between the points of the grid. Three things change the signal in z₁. The second output of the sum is
+half a chip earlier or later than the strongest cell, so the signal is nearer to it or farther from it. The screen's
+bins are 1/(2 f T_I) apart, those of the cells 1/(2 T_I), so the nearest bin of the screen may be off the frequency of
+the cell. The carrier is not removed within a segment of the screen.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float64
 from scipy.special import i0e
 
 from vestige.theory.marcum_q import Reals, marcum_p
 from vestige.theory.thresholds import threshold
 
-SCREEN_SHARE = 0.5  # f, share of the chips
-_SCREEN_SIGMAS = 1.5  # k
+SCREEN_SHARE = 0.75  # f, share of the chips
+_CORRELATION = float(np.sqrt(SCREEN_SHARE * 0.75))  # ρ
+_REST = float(np.sqrt(1 - _CORRELATION**2))
+_SCREEN_SIGMAS = 2.0  # k
 _STRONGEST = 9.0  # integration limit above the larger of amplitude and threshold; the rest is negligible
 
 
@@ -41,24 +48,26 @@ def pass_threshold(threshold: Reals) -> Reals:
 
     Examples
     --------
-    >>> round(pass_threshold(7.85), 2)
-    4.49
+    >>> round(float(pass_threshold(7.85)), 2)
+    4.56
     """
-    edge = np.sqrt(SCREEN_SHARE) * threshold - _SCREEN_SIGMAS * np.sqrt(1 - SCREEN_SHARE)
+    edge = _CORRELATION * threshold - _SCREEN_SIGMAS * _REST
     return np.maximum(edge, 0.0)[()]
 
 
-def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float) -> float:
+def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float, segment_cycles: float = 0.0) -> float:
     """Return the share of the detections that the screen loses.
 
     Parameters
     ----------
     cn0_dbhz
-        C/N0 of E6-C.
-    C/N0 of E6-C in dBHz.
-        T_I in s.
-    T_I, integration time in s.
+        C/N0 of E6-C in dBHz.
+    integration_s
+        T_I, integration time in s.
+    pfa
         Single-event false-alarm probability of the search.
+    segment_cycles
+        Cycles of the carrier in a segment of the screen at the edge of the band. The Doppler is uniform in the band.
 
     Examples
     --------
@@ -66,20 +75,27 @@ def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float) -> float:
     True
     """
     g = float(threshold(pfa))
-    nodes, weights = np.polynomial.legendre.leggauss(24)
-    share, weights = (nodes + 1) / 2, weights / 2
+    share, of_share = _unit_interval(5)
     amplitude = np.sqrt(2 * 10 ** (cn0_dbhz / 10) * integration_s)
-    # code at most ¼ chip and Doppler at most ¼ cycle off; in half of the cases the screen has no bin at the cell's
-    # frequency
-    between = (1 - 0.25 * share)[:, None, None] * np.sinc(share / 4)[:, None]
-    apart = np.sinc((0.5 - share / 4) / 2) / np.sinc(share / 8)
-    same = np.stack([np.ones_like(apart), apart], axis=1)
-    mean = (amplitude * between)[..., None]
+    # Code and Doppler of the signal are at most ¼ chip and ¼ cycle off. The bins of the screen repeat after four cells.
+    chip, cycle = (share / 4).reshape(-1, 1, 1, 1, 1), (share / 4).reshape(-1, 1, 1, 1)
+    second = np.stack([1 / (1 - chip), (1 - chip * 4 / 3) / (1 - chip)], axis=2)[:, :, :, 0]
+    step = 0.5 / SCREEN_SHARE
+    off = cycle + np.arange(4)[:, None] / 2
+    off -= step * np.rint(off / step)
+    ratio = second * np.sinc(SCREEN_SHARE * off) / np.sinc(SCREEN_SHARE * cycle) * np.sinc(segment_cycles * share)
+    mean = (amplitude * (1 - chip) * np.sinc(cycle))[..., None]
     low, high = g, max(g, amplitude) + _STRONGEST
-    s = low + (high - low) * share
+    nodes, weights = _unit_interval(24)
+    s = low + (high - low) * nodes
     density = s * np.exp(-((s - mean) ** 2) / 2) * i0e(s * mean)
-    ratio = np.sqrt(SCREEN_SHARE / (1 - SCREEN_SHARE))
-    missed = marcum_p(ratio * same[..., None] * s, pass_threshold(g) / np.sqrt(1 - SCREEN_SHARE))
-    of_place = weights[:, None, None] * weights[:, None] * np.full(2, 0.5)
-    detected = np.sum(of_place[..., None] * density * weights)
-    return float(np.sum(of_place[..., None] * density * missed * weights) / detected)
+    missed = marcum_p(_CORRELATION / _REST * ratio[..., None] * s, pass_threshold(g) / _REST)
+    of_place = of_share.reshape(-1, 1, 1, 1, 1) * of_share.reshape(-1, 1, 1, 1) * of_share
+    of_cell = np.broadcast_to(of_place[..., None] * density * weights, missed.shape)
+    return float(np.sum(of_cell * missed) / np.sum(of_cell))
+
+
+def _unit_interval(n: int) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
+    """Return nodes and weights of Gauss's quadrature over 0 … 1."""
+    nodes, weights = np.polynomial.legendre.leggauss(n)
+    return (nodes + 1) / 2, weights / 2

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -59,8 +61,8 @@ def test_correlates_as_the_sums_say(replica: str, rate_hz: float, lags: list[int
     )
     wiped = x.astype(float).view(complex) * np.exp(-2j * np.pi * (cycles + per_sample * np.arange(n)))
     expected = [wiped @ _plain_replica(E1C, half_chips - lag * step, replica) for lag in lags]
-    # A sample in doubt at an edge is 20 · √2. The carrier turns by up to ±π · 0.0025 within a segment: an error of 0.5 %
-    # of the sums of noise, which are 20 · √(2n).
+    # A sample in doubt at an edge is 20 · √2. The carrier turns by up to ±π · 0.0025 within a segment, an error of 0.5 %
+    # in the sums of noise, which are 20 · √(2n).
     error = 60 + 0.01 * 20 * np.sqrt(2 * n)
     np.testing.assert_allclose(bank, expected, atol=error)
     assert data == pytest.approx(wiped @ _plain_replica(E1B, half_chips, replica), abs=error)
@@ -116,7 +118,7 @@ def test_the_sums_do_not_depend_on_how_a_code_period_is_cut() -> None:
     for cuts in ([0, n], [0, 1, 2, 7, 700, 3001, n - 1, n]):
         work, bank, prompt = bank_workspace(), np.zeros(5, np.complex128), 0.0j
         running_sums(x, 0, 0, work)
-        for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+        for a, b in pairwise(cuts):
             prompt += add_to_bank(
                 work, a, b - a, replicas, 0.3 + a * step, step, 0.1 + a * 1e-4, 1e-4, lags, *vectors, bank
             )

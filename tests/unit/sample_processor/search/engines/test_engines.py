@@ -9,7 +9,7 @@ from engine_vector import CHECKED, MILLISECONDS, N_OFFSETS, direct_powers, engin
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CHIP_SIGMA, CLIP, GRIDS
 from vestige.sample_processor.search.engines.fft_engine import FftEngine
 from vestige.sample_processor.search.engines.segment.segment_engine import SegmentEngine
-from vestige.sample_processor.search.engines.segment.segment_kernel import TOP_OF_SCREEN, UNIT_OF_SCREEN
+from vestige.sample_processor.search.engines.segment.segment_kernel import ROW_STEP
 from vestige.theory.screen_loss import pass_threshold
 
 
@@ -34,36 +34,40 @@ def test_segment_engine_is_the_segmented_sum(ms: int) -> None:
     assert np.unravel_index(np.argmax(powers), powers.shape) == (1, 1, 333)
 
 
-_TOP = np.sqrt(TOP_OF_SCREEN * UNIT_OF_SCREEN)  # of a magnitude, 6.7 σ at 16 ms
-
-
 def _middle(n: int) -> slice:
-    """Return the chips that the screen sums up: whole segments, half of them, in the middle."""
+    """Return the chips that the screen sums up: whole segments, three quarters of them, in the middle."""
     segments = {5115: 32, 10_230: 64}.get(n, n // GRIDS[n].segment_chips + 1)
-    quarter = segments // 4 * GRIDS[n].segment_chips
-    return slice(quarter, 3 * quarter)
+    eighth = segments // 8 * GRIDS[n].segment_chips
+    return slice(eighth, 7 * eighth)
+
+
+def _screen_segment_chips(n: int) -> int:
+    return 3 * GRIDS[n].segment_chips * GRIDS[n].split // 2
 
 
 def _screen_phases(n: int, chip_step: int = 1) -> np.ndarray:
-    """Return the carrier as the screen takes it off, segment by segment, at bins twice as far apart."""
+    """Return the carrier as the screen takes it off, segment by segment, at bins 1/(2 T) of the middle apart."""
     grid = GRIDS[n]
-    segment_chips = grid.segment_chips * grid.split
+    segment_chips = _screen_segment_chips(n)
     spacing_hz = grid.stride * CHIP_RATE_HZ / (128 * segment_chips)
-    reach = round((27 if grid.split == 2 else 20) / grid.stride)
+    first, last = (-40, 40) if grid.split == 2 else (-32 // grid.stride, 31 // grid.stride)
     middle = _middle(n)
     segment = np.arange(middle.stop - middle.start)[::chip_step] // segment_chips
-    return np.outer(np.arange(-reach, reach + 1) * spacing_hz, segment * segment_chips / CHIP_RATE_HZ)
+    return np.outer(np.arange(first, last + 1) * spacing_hz, segment * segment_chips / CHIP_RATE_HZ)
 
 
 @pytest.mark.parametrize("ms", MILLISECONDS)
-def test_the_screen_is_the_segmented_sum_of_rounded_rows_over_the_middle_half(ms: int) -> None:
-    """Sums of five chips in steps of eight, up to 15½ of them; int16 moves a magnitude by less than 0.03 σ."""
+def test_the_screen_is_the_segmented_sum_of_rounded_rows_over_the_middle(ms: int) -> None:
+    """Sums of five chips in steps of eight, up to 15½ of them; int16 moves a magnitude by less than 0.03 σ.
+
+    No number wraps, because the sum of a segment is cut.
+    """
     codes, x = engine_vector(ms)
     n = codes.shape[1]
     middle = _middle(n)
     noise = CHIP_SIGMA * np.sqrt(middle.stop - middle.start)
     engine = SegmentEngine(codes)
-    table = np.exp(-2j * np.pi * _screen_phases(n, 5))
+    table = np.exp(-2j * np.pi * _screen_phases(n, _screen_segment_chips(n)))
     for grid in x:
         screened = np.sqrt(engine.screened(grid, N_OFFSETS)[:, list(CHECKED)])
         for code, found in zip(codes, screened, strict=True):
@@ -72,9 +76,10 @@ def test_the_screen_is_the_segmented_sum_of_rounded_rows_over_the_middle_half(ms
             rows = first * np.clip(
                 np.floor(first * sums.reshape(*sums.shape[:-1], -1, 5).sum(-1) / 8) + 0.5, -15.5, 15.5
             )
-            z = 8 * (rows[:, 0] + 1j * rows[:, 1])
-            expected = np.max(np.abs(z @ table.T), axis=1)
-            np.testing.assert_allclose(np.minimum(found, _TOP), np.minimum(expected, _TOP), rtol=0, atol=0.03 * noise)
+            segments = 8 * rows.reshape(*rows.shape[:2], -1, _screen_segment_chips(n) // 5).sum(-1)
+            cut = np.clip(segments, -engine.sum_limit, engine.sum_limit)
+            expected = np.max(np.abs((cut[:, 0] + 1j * cut[:, 1]) @ table.T), axis=1)
+            np.testing.assert_allclose(found, expected, rtol=0, atol=0.03 * noise)
 
 
 @pytest.mark.parametrize("ms", MILLISECONDS)
@@ -86,7 +91,8 @@ def test_rounding_rows_moves_a_magnitude_of_the_screen_by_a_twelfth_of_the_noise
     exact = np.sqrt(direct_powers(codes[:, middle], x[:, :, middle.start :], _screen_phases(n)))
     engine = SegmentEngine(codes)
     moved = np.sqrt([engine.screened(grid, N_OFFSETS)[:, list(CHECKED)] for grid in x]).swapaxes(0, 1)
-    moved = np.minimum(moved, _TOP) - np.minimum(exact, _TOP)
+    top = 12 * CHIP_SIGMA * np.sqrt(middle.stop - middle.start)  # the sums of a stronger signal are cut
+    moved = np.minimum(moved, top) - np.minimum(exact, top)
     noise = CHIP_SIGMA * np.sqrt(middle.stop - middle.start)
     assert np.max(np.abs(moved)) < 0.4 * noise
     assert 0.04 * noise < np.sqrt(np.mean(moved**2)) < 0.12 * noise
@@ -99,10 +105,11 @@ def test_what_passes_the_screen_is_the_sum_over_all_chips_and_the_rest_is_nothin
     threshold = 6.3
     powers = engine.powers(x, N_OFFSETS, threshold)
     middle = _middle(codes.shape[1])
-    least = pass_threshold(threshold) ** 2 * np.mean(x.astype(float) ** 2) * (middle.stop - middle.start)
-    passed = np.array([engine.screened(grid, N_OFFSETS) > least for grid in x]).swapaxes(0, 1)
-    np.testing.assert_array_equal(powers, np.where(passed, engine.powers(x, N_OFFSETS), 0))
-    assert passed[1, 1, 333]
+    joined = np.rint(x.sum(axis=0) / np.sqrt(3)).astype(np.int16)
+    least = pass_threshold(threshold) ** 2 * np.mean(joined.astype(float) ** 2) * (middle.stop - middle.start)
+    passed = engine.screened(joined, N_OFFSETS) > least
+    np.testing.assert_array_equal(powers, np.where(passed[:, None], engine.powers(x, N_OFFSETS), 0))
+    assert passed[1, 333]
     assert 0 < np.mean(passed) < 0.3
 
 
@@ -115,17 +122,19 @@ def test_a_low_threshold_is_not_screened() -> None:
 
 @pytest.mark.parametrize("ms", MILLISECONDS)
 def test_no_signal_is_too_strong_for_the_screen(ms: int) -> None:
-    """Its int16 numbers stop at the ends of their range: no wrap, whatever the Doppler."""
+    """The sums of its segments are cut: no int16 number wraps, whatever the Doppler, and it stays above 28 σ."""
     n = 5115 * ms
     code = (1 - 2 * np.random.default_rng(ms).integers(0, 2, (1, n))).astype(np.int8)
     engine = SegmentEngine(code)
+    largest = 64 // GRIDS[n].stride * np.sqrt(2) * engine.sum_limit / ROW_STEP * 2**engine._shift / 2
+    assert 30_000 < largest < 32_768
     bins = GRIDS[n].bins_hz
-    for amplitude, f in ((16, bins[0]), (16, bins[-2]), (CLIP, bins[bins.size // 2]), (CLIP, bins[7] + 30 / ms)):
+    middle = [(amplitude, bins[bins.size // 2]) for amplitude in range(16, CLIP, 6)]
+    for amplitude, f in (*middle, (16, bins[0]), (16, bins[-2]), (CLIP, bins[7] + 30 / ms)):
         signal = amplitude * code[0] * np.exp(2j * np.pi * (f * np.arange(n) / CHIP_RATE_HZ + 0.07))
         x = np.zeros((1, 2, n + 16), np.int16)
         x[0, 0, 7 : 7 + n], x[0, 1, 7 : 7 + n] = np.rint(signal.real), np.rint(signal.imag)
-        power = engine.powers(x, 16, 7.85)[0, 0, 7]
-        assert 0 < power == engine.powers(x, 16)[0, 0, 7]
+        assert 0 < engine.powers(x, 16, 28.0)[0, 0, 7] == engine.powers(x, 16)[0, 0, 7]
 
 
 @pytest.mark.parametrize("ms", MILLISECONDS)

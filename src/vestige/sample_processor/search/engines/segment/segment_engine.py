@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, Int8, Int16, Int32, Int64
 
-from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS, chip_variance
+from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, CHIP_SIGMA, GRIDS, chip_variance
 from vestige.sample_processor.search.engines.segment.segment_kernel import (
     CHIPS_IN_GROUP,
     PATTERNS,
+    ROW_STEP,
     SCREEN_BLOCK,
     SEGMENTS,
     SHORT_TURN,
     TOP_OF_SCREEN,
-    UNIT_OF_SCREEN,
     complete,
     fill_sign_table,
     screen,
@@ -29,11 +29,12 @@ from vestige.sample_processor.search.engines.segment.vector_ir import (
     ROWS_AT_ONCE,
     VECTOR_BYTES,
 )
-from vestige.theory.screen_loss import pass_threshold
+from vestige.theory.screen_loss import SCREEN_SHARE, pass_threshold
 
 _TABLE_OFFSETS = 131_072  # offsets that share a set of tables
 _PAGE = 4096  # bytes after which cache lines repeat: the rows of a table are spread evenly over the lines
 _CUT = 1.0  # largest rounding of a screened power, in its steps: two squares are rounded down
+_SIGMA_OF_BIN = 1000  # largest σ of a bin of the screen in int16; the smallest is half of it
 _MOST_SCREENED = 0.3  # largest useful share of offsets that noise alone passes; above it a screen costs time
 
 
@@ -46,12 +47,17 @@ class _Plan:
 
 
 class SegmentEngine:
-    """Compute powers of codes of equal length: screen half of the chips, then sum up all chips where the screen passes.
+    """Compute powers of codes of equal length: screen a part of the chips, then sum up all chips where it passes.
 
     Parameters
     ----------
     codes
         Codes of ±1; each has 1, 2, 4, 8 or 16 ms of chips.
+
+    Attributes
+    ----------
+    sum_limit
+        Limit of a segment's sum in the screen, in units of the chips; larger sums are cut.
     """
 
     block = _TABLE_OFFSETS
@@ -64,11 +70,15 @@ class SegmentEngine:
         whole = self._segments * grid.split
         self._missing = whole * grid.segment_chips - codes.shape[1]  # chips that the last segment lacks
         self._codes = np.pad(codes, ((0, 0), (0, self._missing))).astype(np.int16)
-        self._screened = slice(whole // 4 * grid.segment_chips, 3 * whole // 4 * grid.segment_chips)
-        self._table_length = -(-(_TABLE_OFFSETS + whole // 2 * grid.segment_chips) // _PAGE) * _PAGE + _PAGE // PATTERNS
-        self._plans = [
-            _plan(code[self._screened], grid.segment_chips * grid.split, self._table_length) for code in codes
-        ]
+        self._screened = slice(whole // 8 * grid.segment_chips, 7 * whole // 8 * grid.segment_chips)
+        screened_chips = self._screened.stop - self._screened.start
+        self._table_length = -(-(_TABLE_OFFSETS + screened_chips) // _PAGE) * _PAGE + _PAGE // PATTERNS
+        segments = self._segments // 2  # segments of the screen
+        self._plans = [_plan(code[self._screened], screened_chips // segments, self._table_length) for code in codes]
+        sigma = CHIP_SIGMA / (2 * ROW_STEP) * np.sqrt(screened_chips)  # σ of a bin without the shift
+        self._shift = int(np.log2(_SIGMA_OF_BIN / sigma))
+        self.sum_limit = ROW_STEP * (int(np.sqrt(2) * SHORT_TURN / segments) >> self._shift)
+        self._unit = 16_384.0 * (2 * ROW_STEP / (1 << self._shift)) ** 2
         self._turns = _turns(DFT_POINTS)
         self._short_turns = np.rint(np.minimum(SHORT_TURN * _turns(DFT_POINTS // 2), SHORT_TURN - 1)).astype(np.int16)
         segment_s = grid.segment_chips / CHIP_RATE_HZ
@@ -81,29 +91,31 @@ class SegmentEngine:
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
         """Return the largest power over the bins, for every code, grid and offset; chips within ±127.
 
-        The power is zero where the screen finds no cell that can be above the threshold.
+        The screen adds the chips of two grids half a chip apart. The power is zero where the screen finds no cell that
+        can be above the threshold.
         """
         best = np.zeros((len(self._plans), chips.shape[0], n_offsets), np.float32)
         limit = pass_threshold(threshold)
-        if self._grid.bins_hz.size / 2 * np.exp(-(limit**2) / 2) > _MOST_SCREENED:
+        padded = np.pad(chips, ((0, 0), (0, 0), (0, self._missing)))
+        if self._grid.bins_hz.size * SCREEN_SHARE * np.exp(-(limit**2) / 2) > _MOST_SCREENED:
             for grid in range(chips.shape[0]):
                 for code, out in zip(self._codes, best, strict=True):
-                    out[grid] = self._completed(chips[grid], code, np.arange(n_offsets))
+                    out[grid] = self._completed(padded[grid], code, np.arange(n_offsets))
             return best
-        noise = chip_variance(chips) * (self._screened.stop - self._screened.start)
-        least = min(limit**2 * noise, TOP_OF_SCREEN * UNIT_OF_SCREEN)
-        for grid in range(chips.shape[0]):
-            for passed, code, out in zip(self.screened(chips[grid], n_offsets), self._codes, best, strict=True):
-                offsets = np.flatnonzero(passed > least)
-                out[grid, offsets] = self._completed(chips[grid], code, offsets)
+        joined = _joined(chips)
+        noise = chip_variance(joined[None]) * (self._screened.stop - self._screened.start)
+        least = min(limit**2 * noise, TOP_OF_SCREEN * self._unit)
+        for passed, code, out in zip(self.screened(joined, n_offsets), self._codes, best, strict=True):
+            offsets = np.flatnonzero(passed > least)
+            for grid in range(chips.shape[0]):
+                out[grid, offsets] = self._completed(padded[grid], code, offsets)
         return best
 
     def screened(self, chips: Int16[np.ndarray, "2 n"], n_offsets: int) -> Float32[np.ndarray, "codes n_offsets"]:
-        """Return the largest power of the middle half of the chips over the screen's bins."""
+        """Return the largest power of the middle three quarters of the chips over the screen's bins."""
         best = np.empty((len(self._plans), n_offsets), np.float32)
         tables = np.empty((2, PATTERNS, self._table_length), np.uint8)
         begin, end = self._screened.start, self._screened.stop
-        stride, reach = self._grid.stride, self._grid.reach // 2 if self._grid.split == 1 else self._grid.reach
         for first in range(0, n_offsets, _TABLE_OFFSETS):
             count = min(_TABLE_OFFSETS, n_offsets - first)
             rounded = -(-count // SCREEN_BLOCK) * SCREEN_BLOCK
@@ -116,22 +128,29 @@ class SegmentEngine:
             for plan, out in zip(self._plans, best, strict=True):
                 powers = np.zeros(rounded, np.int16)
                 flat = (table.reshape(-1) for table in tables)
-                screen(*flat, plan.entries, plan.bounds, stride, reach, self._short_turns, powers)
+                limits, bins = (self.sum_limit // ROW_STEP, self._shift), (self._grid.stride, self._grid.split)
+                screen(*flat, plan.entries, plan.bounds, *limits, *bins, self._short_turns, powers)
                 powers = powers.reshape(-1, 2, VECTOR_BYTES // 2).swapaxes(1, 2).reshape(-1)  # even, odd interleaved
                 out[first : first + count] = powers[:count]
-        return (best + np.float32(_CUT)) * np.float32(UNIT_OF_SCREEN)
+        return (best + np.float32(_CUT)) * np.float32(self._unit)
 
     def _completed(
         self, chips: Int16[np.ndarray, "2 n"], code: Int16[np.ndarray, " chips"], offsets: Int64[np.ndarray, " some"]
     ) -> Float32[np.ndarray, " some"]:
-        """Return the largest power over the bins at the given offsets, from all chips."""
+        """Return the largest power over the bins at the given offsets, from chips that reach over the last segment."""
         filled = np.zeros(-(-offsets.size // LANES) * LANES, np.int64)
         filled[: offsets.size] = offsets
         powers = np.empty(filled.size, np.float32)
         grid = self._grid
-        filled_chips = np.pad(chips, ((0, 0), (0, self._missing)))
-        complete(*filled_chips, code, grid.segment_chips, self._segments, filled, grid.stride, self._turns, powers)
+        complete(*chips, code, grid.segment_chips, self._segments, filled, grid.stride, self._turns, powers)
         return powers[: offsets.size]
+
+
+def _joined(chips: Int16[np.ndarray, "grids 2 n"]) -> Int16[np.ndarray, "2 n"]:
+    """Return the sum of chips half a chip apart, which share half of their noise, with the σ of a single chip."""
+    if chips.shape[0] == 1:
+        return chips[0]
+    return np.rint((chips[0] + chips[1]) * np.float32(np.sqrt(1 / 3))).astype(np.int16)
 
 
 def _turns(points: int) -> Float32[np.ndarray, " numbers"]:

@@ -25,12 +25,8 @@ PATTERNS = 1 << (CHIPS_IN_GROUP - 1)
 ROW_STEP = 8  # step of a row in units of the chips
 SCREEN_BLOCK = 512  # offsets of the screen that are computed at once
 SEGMENTS = 128  # segments in a group; 64 and 32 for 2 ms and 1 ms
-_SHIFT_BITS = 4  # shift of the screen's sums; σ of a bin is then about 600 to 2400
-UNIT_OF_SCREEN = (
-    16_384.0 * (2 * ROW_STEP / (1 << _SHIFT_BITS)) ** 2
-)  # unit of the powers that `screen` returns, in squared units of the chips
-TOP_OF_SCREEN = 16_000.0  # power of a bin at the ends of int16, which noise does not reach
 SHORT_TURN = 32_768  # the factor 1 in the int16 phase factors: one half, in units of 2⁻¹⁶
+TOP_OF_SCREEN = 16_000.0  # power of a bin that noise does not reach, and that a signal reaches whose sums are cut
 _BINS_STORED = 2 * 27 + 1  # stored bins of each of the two groups
 _ROW = SCREEN_BLOCK + SHORT_LANES  # length of a row of the screen's sums, padded so that rows use different cache lines
 _FIRST_POINTS = 8  # points of the screen's first DFT
@@ -67,11 +63,11 @@ def fill_sign_table(x, table):
 
 
 @njit(cache=True, nogil=True)
-def screen(table_re, table_im, entries, bounds, stride, reach, turns, out):
+def screen(table_re, table_im, entries, bounds, top, shift, stride, split, turns, out):
     """Raise int16 `out` to the largest power over the Doppler bins of the screen at the offsets 0, 1, ….
 
-    Powers are in units of UNIT_OF_SCREEN. The length of `out` is a multiple of SCREEN_BLOCK. In each group of 32
-    offsets the 16 even offsets come first, as in the output of `row_sum`.
+    Powers are in units of 2¹⁴ (2 · ROW_STEP / 2^shift)². The length of `out` is a multiple of SCREEN_BLOCK. In each
+    group of 32 offsets the 16 even offsets come first, as in the output of `row_sum`.
 
     Parameters
     ----------
@@ -79,56 +75,51 @@ def screen(table_re, table_im, entries, bounds, stride, reach, turns, out):
         Flat sign tables.
     entries, bounds
         Plan of the code from `segment_engine._plan`, with 16, 32 or 64 segments.
-    stride, reach
-        Step between the bins that are used, and their range: ±27 if `reach` is larger than 20, else ±20.
+    top, shift
+        Limit of a segment's sum, and its shift. No number wraps if n_segments · top · 2^shift · √2 is below 2¹⁶.
+    stride, split
+        Step between the bins that are used, and their range: −40 … 40 if `split` is 2, else −32 … 31.
     turns
         int16[16 · 8 · 2], exp(−j2π b r / 128) in units of SHORT_TURN.
     """
     sums_re, sums_im = np.empty(bounds.shape[0] * _ROW, np.int16), np.empty(bounds.shape[0] * _ROW, np.int16)
     points = np.empty(DFT_POINTS * _FIRST_POINTS * 2 * SHORT_LANES, np.int16)
     for base in range(0, out.size, SCREEN_BLOCK):
-        _row_sums(table_re, entries, bounds, base, sums_re)
-        _row_sums(table_im, entries, bounds, base, sums_im)
+        _row_sums(table_re, entries, bounds, base, top, shift, sums_re)
+        _row_sums(table_im, entries, bounds, base, top, shift, sums_im)
         for lane in range(0, SCREEN_BLOCK, SHORT_LANES):
-            _screen_bins(sums_re, sums_im, lane, bounds.shape[0], stride, reach, turns, points, out, base + lane)
+            _screen_bins(sums_re, sums_im, lane, bounds.shape[0], stride, split, turns, points, out, base + lane)
 
 
 @njit(nogil=True)
-def _row_sums(table, entries, bounds, base, sums):
+def _row_sums(table, entries, bounds, base, top, shift, sums):
     for k in range(bounds.shape[0]):
         low, plus_end, minus_start, high, first_minus, zero = bounds[k]
         for i in range(0, SCREEN_BLOCK, SUM_WIDTH):
             start, place = base + i, k * _ROW + i
-            row_sum(table, entries, low, plus_end, minus_start, high, first_minus, zero, start, sums, place)
+            row_sum(table, entries, low, plus_end, minus_start, high, first_minus, zero, start, top, shift, sums, place)
 
 
 @njit(nogil=True)
-def _screen_bins(sums_re, sums_im, lane, n_segments, stride, reach, turns, points, out, where):
-    """Raise the maximum to the bins r + 8 g within ±20 or ±27."""
+def _screen_bins(sums_re, sums_im, lane, n_segments, stride, split, turns, points, out, where):
+    """Raise the maximum to the bins r + 8 g."""
     step = DFT_POINTS * _ROW
     for b in range(DFT_POINTS):
         index, turn, to = b * _ROW + lane, 2 * _FIRST_POINTS * b, 2 * SHORT_LANES * b
         if n_segments == 64:
-            first_dft(sums_re, sums_im, index, step, 4, 8, 4, turns, turn, points, to)
+            first_dft(sums_re, sums_im, index, step, 4, 8, turns, turn, points, to)
         elif n_segments == 32:
-            first_dft(sums_re, sums_im, index, step, 2, 8, 4, turns, turn, points, to)
+            first_dft(sums_re, sums_im, index, step, 2, 8, turns, turn, points, to)
         else:
-            first_dft(sums_re, sums_im, index, step, 1, 8, 4, turns, turn, points, to)
+            first_dft(sums_re, sums_im, index, step, 1, 8, turns, turn, points, to)
     for r in range(0, _FIRST_POINTS, stride):
         index = r * DFT_POINTS * 2 * SHORT_LANES
-        if reach > 20:
-            if r < 4:
-                second_dft_maximum(points, index, -3, 3, out, where)
-            elif r == 4:
-                second_dft_maximum(points, index, -3, 2, out, where)
-            else:
-                second_dft_maximum(points, index, -4, 2, out, where)
-        elif r < 4:
-            second_dft_maximum(points, index, -2, 2, out, where)
-        elif r == 4:
-            second_dft_maximum(points, index, -3, 2, out, where)
+        if split == 1:
+            second_dft_maximum(points, index, -4, 3, out, where)
+        elif r == 0:
+            second_dft_maximum(points, index, -5, 5, out, where)
         else:
-            second_dft_maximum(points, index, -3, 1, out, where)
+            second_dft_maximum(points, index, -5, 4, out, where)
 
 
 @njit(cache=True, nogil=True)
@@ -178,11 +169,11 @@ def _first_stage(sums_re, sums_im, start, n_segments, turns, points):
     for b in range(DFT_POINTS):
         index, turn, to = start + b * LANES, 2 * DFT_POINTS * b, 2 * LANES * b
         if n_segments == SEGMENTS:
-            first_dft(sums_re, sums_im, index, step, 8, 16, 0, turns, turn, points, to)
+            first_dft(sums_re, sums_im, index, step, 8, 16, turns, turn, points, to)
         elif n_segments == SEGMENTS // 2:
-            first_dft(sums_re, sums_im, index, step, 4, 16, 0, turns, turn, points, to)
+            first_dft(sums_re, sums_im, index, step, 4, 16, turns, turn, points, to)
         else:
-            first_dft(sums_re, sums_im, index, step, 2, 16, 0, turns, turn, points, to)
+            first_dft(sums_re, sums_im, index, step, 2, 16, turns, turn, points, to)
 
 
 @njit(nogil=True)

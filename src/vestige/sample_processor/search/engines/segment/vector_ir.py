@@ -66,32 +66,29 @@ class _Float:
     def larger(self, a, b):
         return self.builder.select(self.builder.fcmp_ordered(">", a, b), a, b)
 
-    def of_sum(self, lanes, place, shift):
-        sums = lanes.load(place, ir.VectorType(ir.IntType(16), LANES), 2)
-        return self.scaled(self.builder.sitofp(sums, _FLOAT), 2.0**shift)
+    def unbiased(self, a):
+        return a
+
+    def of_sum(self, lanes, place):
+        return self.builder.sitofp(lanes.load(place, ir.VectorType(ir.IntType(16), LANES), 2), _FLOAT)
 
 
 class _Fixed:
-    """Arithmetic on int16 lanes that saturate at the ends of their range; a factor is in units of 2⁻¹⁶."""
+    """Arithmetic on int16 lanes. Sums wrap, so the caller limits the numbers. A factor is in units of 2⁻¹⁶."""
 
     vector, lanes, align = _SHORT, SHORT_LANES, 2
 
     def __init__(self, builder):
         self.builder = builder
 
-    def _saturating(self, name, a, b):
-        kind = ir.FunctionType(_SHORT, [_SHORT, _SHORT])
-        name = f"llvm.{name}.sat.v{SHORT_LANES}i16"
-        return self.builder.call(cgutils.get_or_insert_function(self.builder.module, kind, name), [a, b])
-
     def plus(self, a, b):
-        return self._saturating("sadd", a, b)
+        return self.builder.add(a, b)
 
     def minus(self, a, b):
-        return self._saturating("ssub", a, b)
+        return self.builder.sub(a, b)
 
     def negative(self, a):
-        return self.minus(ir.Constant(_SHORT, [0] * SHORT_LANES), a)
+        return self.builder.neg(a)
 
     def times(self, a, b):
         product = self.builder.mul(self.builder.sext(a, _WIDE), self.builder.sext(b, _WIDE))
@@ -104,14 +101,20 @@ class _Fixed:
         return product if whole == 0 else (self.plus if whole > 0 else self.minus)(product, a)
 
     def square(self, a):
-        twice = self.plus(a, a)  # doubled, so that the square has two more bits
+        kind = ir.FunctionType(_SHORT, [_SHORT, _SHORT])
+        saturating = cgutils.get_or_insert_function(self.builder.module, kind, f"llvm.sadd.sat.v{SHORT_LANES}i16")
+        twice = self.builder.call(saturating, [a, a])  # doubled, so that the square has two more bits
         return self.times(twice, twice)
 
     def larger(self, a, b):
         return self.builder.select(self.builder.icmp_signed(">", a, b), a, b)
 
-    def of_sum(self, lanes, place, shift):
-        return self.builder.shl(lanes.load(place, _SHORT, 2), ir.Constant(_SHORT, [shift] * SHORT_LANES))
+    def unbiased(self, a):
+        """Return a sum of two products without its bias: a product is rounded down, by a half on average."""
+        return self.plus(a, ir.Constant(_SHORT, [1] * SHORT_LANES))
+
+    def of_sum(self, lanes, place):
+        return lanes.load(place, _SHORT, 2)
 
 
 class _Complex:
@@ -159,7 +162,8 @@ class _Complex:
 
     def times(self, w_re, w_im):
         """Return the number times a complex number in lanes."""
-        return self._product(w_re, w_im, self.unit.times)
+        z = self._product(w_re, w_im, self.unit.times)
+        return _Complex(self.unit, z.re, self.unit.unbiased(z.im))  # in the real part the biases cancel
 
     def power(self):
         """Return |z|²."""
@@ -189,8 +193,25 @@ def _unit(array, builder):
 
 
 @intrinsic
-def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, first_minus, zero, base, out, out_index):
+def row_sum(
+    typing_context,
+    table,
+    entries,
+    low,
+    plus_end,
+    minus_start,
+    high,
+    first_minus,
+    zero,
+    base,
+    top,
+    shift,
+    out,
+    out_index,
+):
     """Store SUM_WIDTH sums of ± table[entry + base + i] at `out[out_index:]`, less `zero`.
+
+    A sum is cut at ±`top` and multiplied by 2^`shift`.
 
     Entries low … plus_end are added and minus_start … high subtracted, eight rows at a time in bytes. Between these two
     ranges there may be eight more entries. Among them, entries from `first_minus` on are added as ROW_TOP less the row,
@@ -200,10 +221,10 @@ def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, fi
     """
 
     def codegen(context, builder, signature, arguments):
-        n_table, n_entries, lo, plus, minus, hi, flip, zero, start, n_out, where = arguments
+        n_table, n_entries, lo, plus, minus, hi, flip, zero, start, top, power, n_out, where = arguments
         source = Lanes(context, builder, signature.args[0], n_table)
         entry = Lanes(context, builder, signature.args[1], n_entries)
-        target = Lanes(context, builder, signature.args[9], n_out)
+        target = Lanes(context, builder, signature.args[11], n_out)
         eight = ir.Constant(_SHORT, [8] * SHORT_LANES)
         less = builder.neg(builder.trunc(zero, ir.IntType(16)))
         odd_less = splat(builder, less, _SHORT)
@@ -228,15 +249,20 @@ def row_sum(typing_context, table, entries, low, plus_end, minus_start, high, fi
                     pair = builder.bitcast(reduce(builder.add, rows), _SHORT)
                     builder.store(combine(builder.load(word), pair), word)
                     builder.store(combine(builder.load(odd), builder.lshr(pair, eight)), odd)
+        highest, bits = (builder.trunc(one, ir.IntType(16)) for one in (top, power))
+        lowest, highest, bits = (splat(builder, one, _SHORT) for one in (builder.neg(highest), highest, bits))
         for v, (word, odd) in enumerate(zip(words, odds, strict=True)):
-            place = builder.add(where, ir.Constant(where.type, v * VECTOR_BYTES))
             odd_sum = builder.load(odd)
-            target.store(builder.sub(builder.load(word), builder.shl(odd_sum, eight)), place, 2)
-            target.store(odd_sum, builder.add(place, ir.Constant(place.type, SHORT_LANES)), 2)
+            even_sum = builder.sub(builder.load(word), builder.shl(odd_sum, eight))
+            for k, whole in enumerate((even_sum, odd_sum)):
+                below = builder.select(builder.icmp_signed("<", whole, highest), whole, highest)
+                cut = builder.select(builder.icmp_signed(">", below, lowest), below, lowest)
+                place = builder.add(where, ir.Constant(where.type, v * VECTOR_BYTES + k * SHORT_LANES))
+                target.store(builder.shl(cut, bits), place, 2)
         return context.get_dummy_value()
 
     i64 = types.int64
-    return types.void(table, entries, i64, i64, i64, i64, i64, i64, i64, out, i64), codegen
+    return types.void(table, entries, i64, i64, i64, i64, i64, i64, i64, i64, i64, out, i64), codegen
 
 
 @intrinsic
@@ -261,27 +287,25 @@ def dot(typing_context, x, x_index, y, y_index, count):
 
 
 @intrinsic
-def first_dft(
-    typing_context, sums_re, sums_im, index, step, n_inputs, n_points, shift, turns, turn_index, out, out_index
-):
+def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, n_points, turns, turn_index, out, out_index):
     """Store the DFT over `n_points`, whose first `n_inputs` inputs are not zero, times phase factors.
 
-    Input j is the int16 lanes at `index + j · step`, times 2^shift. Output r is multiplied by turns[turn_index + 2r]
+    Input j is the int16 lanes at `index + j · step`. Output r is multiplied by turns[turn_index + 2r]
     + j turns[turn_index + 2r + 1] and stored at `out[out_index + r · DFT_POINTS · 2 · lanes]`; the imaginary part
-    follows a vector later. Factors and outputs are float32, or int16 in units of 2⁻¹⁶.
+    follows a vector later. Factors are float32, or int16 in units of 2⁻¹⁶; outputs have the same type.
     """
-    count, points, bits = _literal(n_inputs), _literal(n_points), _literal(shift)
+    count, points = _literal(n_inputs), _literal(n_points)
 
     def codegen(context, builder, signature, arguments):
-        re, im, first, stride, _, _, _, factors, turn, target, where = arguments
-        unit = _unit(signature.args[9], builder)
+        re, im, first, stride, _, _, factors, turn, target, where = arguments
+        unit = _unit(signature.args[8], builder)
         parts = [Lanes(context, builder, signature.args[k], part) for k, part in enumerate((re, im))]
-        factor = Lanes(context, builder, signature.args[7], factors)
-        out_lanes = Lanes(context, builder, signature.args[9], target)
+        factor = Lanes(context, builder, signature.args[6], factors)
+        out_lanes = Lanes(context, builder, signature.args[8], target)
         x = [_Complex(unit, None, None)] * points
         for j in range(count):
             place = builder.add(first, builder.mul(stride, ir.Constant(stride.type, j)))
-            x[j] = _Complex(unit, *(unit.of_sum(part, place, bits) for part in parts))
+            x[j] = _Complex(unit, *(unit.of_sum(part, place) for part in parts))
         for r, y in enumerate(_dft(x)):
             w = [
                 splat(
@@ -298,7 +322,7 @@ def first_dft(
         return context.get_dummy_value()
 
     i64 = types.int64
-    signature = types.void(sums_re, sums_im, i64, i64, n_inputs, n_points, shift, turns, i64, out, i64)
+    signature = types.void(sums_re, sums_im, i64, i64, n_inputs, n_points, turns, i64, out, i64)
     return signature, codegen
 
 
