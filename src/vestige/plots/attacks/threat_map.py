@@ -51,7 +51,7 @@ def threat_map(table: xarray.Dataset) -> Axes:
     levels = table["level"].values.tolist()
     lines = _lines(table)
     ax = new_axes(width_cm=MAP_WIDTH_CM, height_cm=_ROUND_CM + _ROW_CM * len(lines))
-    values = {name: table[name].values for name, one in table.data_vars.items() if one.dims == ("scene", "level")}
+    values = {str(name): one.values for name, one in table.data_vars.items() if one.dims == ("scene", "level")}
     names = []
     for place, (name, row) in enumerate(lines):
         names.append(name)
