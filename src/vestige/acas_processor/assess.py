@@ -187,8 +187,8 @@ class _Assessment:
             failed[name] = self._confirmed(series[name])
         self._found = {name: series[name] for name in self._specs if name in series}
         self._failed = {name: failed[name] for name in self._found}
-        judged, self._status = self._combined(self._failed)
-        return judged
+        self._judged, self._status = self._combined(self._failed)
+        return self._judged
 
     def _references(self) -> Mapping[Quantity, Reference]:
         """Return the reference of each quantity at each epoch; an empty mapping if no check of the level needs any."""
@@ -223,15 +223,14 @@ class _Assessment:
         times = self._measured.snapshots.time
         fixes = guess.quiet & (guess.authentic > 0)
         shown = clock_error(self._measured)
-        for epoch in range(self._time_s.size):
-            limit = limits[-1]
-            if fixes[epoch]:
-                fixed_s = FIXED_S if guess.authentic[epoch] >= POSITION_SATELLITES else TRAVEL_TIME_SPREAD_S
-                # The receiver does not correct its clock by the fix: an error that the fix shows remains afterwards.
-                error_s = abs(float(shown.error_s[epoch]))
-                limit = limit.after_fix(times.at(epoch), fixed_s=fixed_s + (error_s if error_s > fixed_s else 0.0))
-            limits.append(limit)
-        return limits
+        for epoch in np.flatnonzero(fixes).tolist():
+            limits += limits[-1:] * (epoch + 1 - len(limits))
+            fixed_s = FIXED_S if guess.authentic[epoch] >= POSITION_SATELLITES else TRAVEL_TIME_SPREAD_S
+            # The receiver does not correct its clock by the fix: an error that the fix shows remains afterwards.
+            error_s = abs(float(shown.error_s[epoch]))
+            remains_s = error_s if error_s > fixed_s else 0.0
+            limits.append(limits[-1].after_fix(times.at(epoch), fixed_s=fixed_s + remains_s))
+        return limits + limits[-1:] * (self._time_s.size + 1 - len(limits))
 
     def _request(self, epochs: Int64[np.ndarray, " k"]) -> SearchRequest:
         return SearchRequest(
@@ -258,11 +257,9 @@ class _Assessment:
         any_failed = np.zeros(self._time_s.size, np.bool_)
         for one in failed.values():
             any_failed |= one if one.ndim == 1 else one.any(axis=1)
-        suspicious = memory.suspicious
-        for epoch in range(self._time_s.size):
-            suspicious = suspicious or bool(any_failed[epoch])
-            if not self._measured.snapshots.recs[epoch]:
-                continue
+        suspicious, first = memory.suspicious, 0
+        for epoch in np.flatnonzero(self._measured.snapshots.recs).tolist():
+            suspicious = suspicious or bool(any_failed[first : epoch + 1].any())
             now: GalileoTime = times.at(epoch)
             since_s = None if memory.searched_at is None else now - memory.searched_at
             due = search_due(since_s, period_s, suspicious=suspicious, found_twice=memory.found_twice)
@@ -273,8 +270,8 @@ class _Assessment:
                 memory = replace(memory, searched_at=now, found_twice=bool(self._exhaustive.twice[epoch].any()))
             else:
                 memory = replace(memory, found_twice=False)
-            suspicious = False
-        return replace(memory, suspicious=suspicious)
+            suspicious, first = False, epoch + 1
+        return replace(memory, suspicious=suspicious or bool(any_failed[first:].any()))
 
     @property
     def verdicts(self) -> VerdictBlock:
@@ -312,8 +309,8 @@ class _Assessment:
         """Return the E1 positions that limit both the position of the receiver and the error of its clock."""
         if found.position is None or CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
             return np.full((self._time_s.size, 3), np.nan)
-        guess, _ = self._combined(self._failed)
-        counts = guess.quiet & (guess.authentic >= POSITION_SATELLITES) & ~found.earlier.any(axis=1)
+        judged = self._judged
+        counts = judged.quiet & (judged.authentic >= POSITION_SATELLITES) & ~found.earlier.any(axis=1)
         return np.where(counts[:, None], found.position.position_m, np.nan)
 
     def _fix_after(self) -> FixMemory | None:
@@ -339,7 +336,7 @@ class _Assessment:
     def after(self) -> ReceiverState:
         """Return the state after the block; to be called after `verdicts`."""
         state, snapshots = self._state, self._measured.snapshots
-        guess, _ = self._combined(self._failed)
+        quiet = self._judged.quiet
         on_e1 = dict(state.on_e1)
         for column, svid in enumerate(snapshots.svids):
             rows = np.flatnonzero(self._seen[:, column])
@@ -354,8 +351,8 @@ class _Assessment:
         return replace(
             state,
             last=snapshots.time.at(len(snapshots.time) - 1),
-            uncertainty=self._clock_limits(guess)[-1],
-            baseline=self._observed.after(state.baseline, guess.quiet & snapshots.recs) if further else state.baseline,
+            uncertainty=self._clock_limits(self._judged)[-1],
+            baseline=self._observed.after(state.baseline, quiet & snapshots.recs) if further else state.baseline,
             position_m=(float(position[0]), float(position[1]), float(position[2])) if known else None,
             fix=self._fix_after(),
             clock=remembered_clock(evidence, self._processor.monitoring.clock.window) if further else (),

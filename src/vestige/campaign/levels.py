@@ -33,7 +33,7 @@ from vestige.campaign.columns.measured_columns import (
 from vestige.campaign.columns.own_check_columns import OWN_CHECK_COLUMNS
 from vestige.campaign.scenario_plan import SCENARIO_COLUMNS
 from vestige.campaign.statistics import Proportion, proportion
-from vestige.campaign.store.results import attributes_of, scenario_of, values
+from vestige.campaign.store.attributes import attributes_of, scenario_of, values
 from vestige.errors import VestigeError
 from vestige.own_parts import digest
 from vestige.records import Assistance, Status

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from vestige.campaign.store.results import NAVIGATION_TEXT, attributes_of, scenario_of, values
+from vestige.campaign.store.attributes import NAVIGATION_TEXT, attributes_of, scenario_of, values
 from vestige.errors import VestigeError
 from vestige.navigation.reissue import issues
 from vestige.output import new_folder

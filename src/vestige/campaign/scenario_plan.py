@@ -34,8 +34,8 @@ from vestige.campaign.columns.measured_columns import (
 from vestige.campaign.columns.own_check_columns import OWN_CHECK_COLUMNS, own_check_columns
 from vestige.campaign.columns.sky_columns import SKY_COLUMNS, fix_columns, sky_coords, view_columns
 from vestige.campaign.plan import CHUNK_EPOCHS, Column, Coord, column_table
+from vestige.campaign.store.attributes import NAVIGATION_TEXT
 from vestige.campaign.store.build_id import PARTS, PROCESSOR
-from vestige.campaign.store.results import NAVIGATION_TEXT
 from vestige.own_parts import blamed_on_own_parts
 from vestige.receiver.correlators.e1_taps import TAP_CHIPS
 from vestige.receiver.simulation import Simulation

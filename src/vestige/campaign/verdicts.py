@@ -16,7 +16,7 @@ import xarray
 from vestige.acas_processor.levels import POSITION, is_alarm
 from vestige.campaign.outcomes import attacked_epochs, due_verdicts
 from vestige.campaign.statistics import Proportion, proportion
-from vestige.campaign.store.results import attributes_of, scenario_of
+from vestige.campaign.store.attributes import attributes_of, scenario_of
 from vestige.constants import DAY_S
 from vestige.records import Status
 from vestige.scenario.scenario_processor import Overhead, receiver_processor

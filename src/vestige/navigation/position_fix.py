@@ -41,7 +41,6 @@ from vestige.time import GalileoTime
 UNKNOWNS = 4  # position and clock of one system
 _STEPS = 12  # 6 from the Earth's centre
 _SETTLED_M = 1e-4
-_FLIGHT_STEPS = 2  # the first step leaves 0.1 µs, 0.3 mm of Sagnac
 _SINGULAR = 1e-10  # smallest over largest eigenvalue of HᵀH; a geometry with a DOP of 10⁴ has 1e-8
 
 
@@ -153,18 +152,8 @@ def position_fix(
         c, contribution of 1σ of the common part to each pseudorange; `sigma_m` includes this part.
     """
     measured = pseudorange_m + sent.clock_m - (0.0 if correction_m is None else correction_m)
-    used = np.isfinite(measured) & np.isfinite(sigma_m)
-    weight = np.where(used, 1.0 / np.where(used, sigma_m, 1.0) ** 2, 0.0)
-    position, clock = np.zeros((measured.shape[0], 3)), np.zeros(measured.shape[0])
-    moving = np.ones(measured.shape[0], np.bool_)
-    for _ in range(_STEPS):
-        geometry, predicted = _predict(sent.position_m, position, used)
-        residual = np.where(used, measured - predicted - clock[:, None], 0.0)
-        step = np.where(moving[:, None], _solve(geometry, weight, residual), 0.0)
-        position, clock = position + step[:, :3], clock + step[:, 3]
-        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # epoch by epoch, so that fixes are independent
-        if not np.any(moving):
-            break
+    used, weight = _weights(measured, sigma_m)
+    position, clock = _position_and_clock(sent, measured, used, weight)
     geometry, predicted = _predict(sent.position_m, position, used)
     known = np.isfinite(clock)[:, None] & used
     return Fix(
@@ -176,6 +165,48 @@ def position_fix(
         weight=np.where(known, weight, 0.0),
         n_used=np.count_nonzero(used, axis=1),
     )
+
+
+def fixed_position_m(
+    sent: Transmission, pseudorange_m: Float[np.ndarray, "n m"], sigma_m: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, "n 3"]:
+    """Return only `position_m` of `position_fix`, in two thirds of the time.
+
+    Parameters
+    ----------
+    sent, pseudorange_m, sigma_m
+        Parameters of `position_fix`.
+    """
+    measured = pseudorange_m + sent.clock_m
+    return _position_and_clock(sent, measured, *_weights(measured, sigma_m))[0]
+
+
+def _weights(
+    measured: Float[np.ndarray, "n m"], sigma_m: Float[np.ndarray, "n m"]
+) -> tuple[Bool[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
+    """Return which measurements are used, and their weights."""
+    used = np.isfinite(measured) & np.isfinite(sigma_m)
+    return used, np.where(used, 1.0 / np.where(used, sigma_m, 1.0) ** 2, 0.0)
+
+
+def _position_and_clock(
+    sent: Transmission,
+    measured: Float[np.ndarray, "n m"],
+    used: Bool[np.ndarray, "n m"],
+    weight: Float[np.ndarray, "n m"],
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Return ECEF position and clock by Gauss-Newton steps from the Earth's centre."""
+    position, clock = np.zeros((measured.shape[0], 3)), np.zeros(measured.shape[0])
+    moving = np.ones(measured.shape[0], np.bool_)
+    for _ in range(_STEPS):
+        geometry, predicted = _predict(sent.position_m, position, used)
+        residual = np.where(used, measured - predicted - clock[:, None], 0.0)
+        step = np.where(moving[:, None], _solve(geometry, weight, residual), 0.0)
+        position, clock = position + step[:, :3], clock + step[:, 3]
+        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # epoch by epoch, so that fixes are independent
+        if not np.any(moving):
+            break
+    return position, clock
 
 
 def velocity_fix(
@@ -306,11 +337,10 @@ def _covariance(
 
 
 def _flight_s(sent_m: Float[np.ndarray, "n m 3"], receiver_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n m"]:
-    flight_s = np.zeros(sent_m.shape[:2])
-    for _ in range(_FLIGHT_STEPS):
-        apart = turned_with_earth(sent_m, flight_s) - receiver_m[:, None]
-        flight_s = np.sqrt(np.einsum("nmi,nmi->nm", apart, apart)) / SPEED_OF_LIGHT_MPS
-    return flight_s
+    apart = sent_m - receiver_m[:, None]  # the first step leaves 0.1 µs, the second 0.3 mm of Sagnac
+    flight_s = np.sqrt(np.einsum("nmi,nmi->nm", apart, apart)) / SPEED_OF_LIGHT_MPS
+    apart = turned_with_earth(sent_m, flight_s) - receiver_m[:, None]
+    return np.sqrt(np.einsum("nmi,nmi->nm", apart, apart)) / SPEED_OF_LIGHT_MPS
 
 
 def _predict(

@@ -42,10 +42,13 @@ class Redundancy:
         Matrix S from measurements to (three coordinates, clock).
     unexplained
         Pᵢᵢ, 0 … 1; 0 where not used.
+    inverse
+        (HᵀWH)⁻¹, of which S is made.
     """
 
     gain: Float[np.ndarray, "n 4 m"]
     unexplained: Float[np.ndarray, "n m"]
+    inverse: Float[np.ndarray, "n 4 4"]
 
 
 def redundancy(geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"]) -> Redundancy:
@@ -58,9 +61,10 @@ def redundancy(geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "
     weight
         1/σ² in 1/m², 0 where not used.
     """
-    gain = np.einsum("nij,nmj,nm->nim", inverse_normal(geometry, weight), geometry, weight)
+    inverse = inverse_normal(geometry, weight)
+    gain = np.einsum("nij,nmj,nm->nim", inverse, geometry, weight)
     unexplained = 1 - np.einsum("nmi,nim->nm", geometry, gain)
-    return Redundancy(gain=gain, unexplained=np.where(weight > 0, unexplained, 0.0))
+    return Redundancy(gain=gain, unexplained=np.where(weight > 0, unexplained, 0.0), inverse=inverse)
 
 
 def chi_square_statistic(

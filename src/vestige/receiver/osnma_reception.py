@@ -103,19 +103,19 @@ def data_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndar
 
 
 def demodulated(
-    page: Int64[np.ndarray, "n k"], loss: Float[np.ndarray, "n k"], *, seed: int, svid: int
-) -> Bool[np.ndarray, "n k"]:
+    page: Int64[np.ndarray, "*n"], loss: Float[np.ndarray, "*n"], *, seed: int, svid: int
+) -> Bool[np.ndarray, "*n"]:
     """Return which pages of a satellite are received; a page has the same draw in every call.
 
     A negative number means no page, which is not received.
     """
-    found = np.zeros(page.shape, bool)
-    block = page // _DRAW_BLOCK
-    for one in np.unique(block[page >= 0]).tolist():
-        here = block == one
-        drawn = stream(seed, "I/NAV pages", one, svid).random(_DRAW_BLOCK)
-        found[here] = drawn[page[here] % _DRAW_BLOCK] >= loss[here]
-    return found & (page >= 0)
+    due = page >= 0
+    if not due.any():
+        return due
+    blocks = range(int(page[due].min()) // _DRAW_BLOCK, int(page.max()) // _DRAW_BLOCK + 1)
+    drawn = np.concatenate([stream(seed, "I/NAV pages", one, svid).random(_DRAW_BLOCK) for one in blocks])
+    first = blocks.start * _DRAW_BLOCK
+    return due & (drawn[np.maximum(page, first) - first] >= loss)
 
 
 def as_mask(places: Bool[np.ndarray, "*n 15"]) -> Int16[np.ndarray, "*n"]:

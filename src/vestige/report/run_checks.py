@@ -10,7 +10,7 @@ import xarray
 
 from vestige.campaign.levels import failures
 from vestige.campaign.statistics import Proportion, Summary, binomial_test, false_alarms
-from vestige.campaign.store.results import attributes_of
+from vestige.campaign.store.attributes import attributes_of
 from vestige.campaign.verdicts import VerdictCounts, range_limit_m
 from vestige.records.checks import CheckSeries
 from vestige.report.markup import Html, element, figure, number, section, table

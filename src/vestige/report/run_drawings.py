@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from vestige.acas_processor.levels import ALARMS, GRAVITY, POSITION, is_alarm
 from vestige.campaign.outcomes import due_verdicts
-from vestige.campaign.store.results import attributes_of, scenario_of
+from vestige.campaign.store.attributes import attributes_of, scenario_of
 from vestige.campaign.verdicts import range_limit_m
 from vestige.plots.attacks.attack_comparison import spoofing_power_and_offset
 from vestige.plots.epochs import column, is_attacked, is_missed, magnitudes_sigma, select

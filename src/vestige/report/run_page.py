@@ -10,7 +10,7 @@ import xarray
 from vestige.campaign.levels import highest_level, judged_between_recs, level_verdicts, verdicts_of_run
 from vestige.campaign.outcomes import AttackReport, due_verdicts
 from vestige.campaign.statistics import Summary, summarise
-from vestige.campaign.store.results import attributes_of, scenario_of, scenario_text
+from vestige.campaign.store.attributes import attributes_of, scenario_of, scenario_text
 from vestige.campaign.verdicts import VerdictCounts, range_limit_m, verdict_counts
 from vestige.errors import VestigeError
 from vestige.plots.epochs import select

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 import xarray
 
-from vestige.campaign.store.results import attributes_of
+from vestige.campaign.store.attributes import attributes_of
 from vestige.campaign.verdicts import results_digest
 from vestige.report.markup import Html, element, section, table
 from vestige.scenario.toml.campaign_toml import campaign_toml

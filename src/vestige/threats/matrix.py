@@ -2,8 +2,8 @@
 
 A run takes about a second, so no store of it is kept. A line of `runs.csv` has the outcome of a run at a mitigation
 level. Threat, scene, seed, level and a digest of the scenario identify the line. If scenario or version changed, the
-run is measured anew. All levels are judged on the same results. Each attacked run is measured a second time
-without its attack; alarms of that run are alarms by chance. Scenes that differ only in their attack share that run.
+run is measured anew. All levels are judged on the same results. Each attacked run is measured a second time by the same
+worker without its attack; alarms of that run are alarms by chance. Scenes that differ only in their attack share it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from vestige.threats.runs import RUNS, RunKey, line_of, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 from vestige.threats.scenes import LEVEL_NUMBERS, Scene, Threat, scene_scenario
 
-_IN_FLIGHT = 3  # runs per worker that are submitted in advance
+_IN_FLIGHT = 6  # runs per worker that are submitted in advance; half of them may be runs that scenes share
 _SEEDS_TOGETHER = 6  # seeds whose `undisturbed_truth` a worker keeps, because all scenes of a seed use it
 Outcomes = tuple[RunOutcome, ...]  # outcomes of one run, in the order of LEVEL_NUMBERS
 
@@ -113,6 +113,11 @@ def measure_scenes(scenario: CampaignScenario, window_s: tuple[float, float]) ->
     return outcomes_of(scenario, direct_results(plan, judge=False), LEVEL_NUMBERS, window_s)
 
 
+def measure_together(scenarios: Sequence[CampaignScenario], window_s: tuple[float, float]) -> tuple[Outcomes, ...]:
+    """Return the outcomes of campaigns in one window; with one seed, a worker simulates their common truth once."""
+    return tuple(measure_scenes(one, window_s) for one in scenarios)
+
+
 def measure_threats(
     chosen: Sequence[Case],
     seeds: Sequence[int],
@@ -164,34 +169,41 @@ def _runs(
     All cases are measured with a group of seeds before the next group begins. The runs of a case begin before those of
     the previous case have ended, so that no worker waits.
     """
-    shared: dict[str, Future[Outcomes]] = {}
+    measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}  # call of each run, and its place in the call
 
-    def submitted() -> Iterator[tuple[int, bool, tuple[RunKey, ...], Future[Outcomes] | None]]:
+    def submitted() -> Iterator[tuple[int, bool, tuple[RunKey, ...], str]]:
         together = [seeds[first : first + _SEEDS_TOGETHER] for first in range(0, len(seeds), _SEEDS_TOGETHER)]
         for (number, case), seed in chain.from_iterable(product(enumerate(chosen), some) for some in together):
             scenario = case.scenario(seed, True)
             window_s = window_of(scenario)
             both = {True: scenario} | ({False: case.scenario(seed, False)} if scenario.attack else {})
-            for attacked, one in both.items():
-                digest = _digest(one, window_s)
-                keys = tuple(
+            digests = {attacked: _digest(one, window_s) for attacked, one in both.items()}
+            keys = {
+                attacked: tuple(
                     (case.threat, case.scene, str(seed), str(int(attacked)), str(level), digest)
                     for level in LEVEL_NUMBERS
                 )
-                future = None
-                if not all(key in known for key in keys):
-                    future = shared.get(digest) or pool.submit(measure_scenes, one, window_s)
-                    if not attacked:
-                        shared[digest] = future
-                yield number, attacked, keys, future
+                for attacked, digest in digests.items()
+            }
+            missing = [
+                attacked
+                for attacked in both
+                if digests[attacked] not in measured and not all(key in known for key in keys[attacked])
+            ]
+            if missing:
+                future = pool.submit(measure_together, [both[attacked] for attacked in missing], window_s)
+                measured.update((digests[attacked], (future, place)) for place, attacked in enumerate(missing))
+            for attacked in both:
+                yield number, attacked, keys[attacked], digests[attacked]
 
     runs = submitted()
     pending = deque(islice(runs, _IN_FLIGHT * workers))
     try:
         while pending:
-            number, attacked, keys, future = pending.popleft()
-            if future is not None:
-                known.update(zip(keys, future.result(), strict=True))
+            number, attacked, keys, digest = pending.popleft()
+            if not all(key in known for key in keys):
+                future, place = measured[digest]
+                known.update(zip(keys, future.result()[place], strict=True))
                 if folder is not None:
                     runs_file = folder / RUNS
                     with naming(runs_file), runs_file.open("a", encoding="utf-8", newline="") as file:
@@ -199,9 +211,8 @@ def _runs(
             pending.extend(islice(runs, 1))
             yield number, attacked, tuple(known[key] for key in keys)
     finally:
-        for *_, future in pending:
-            if future is not None:
-                future.cancel()
+        for future, _ in measured.values():
+            future.cancel()
 
 
 def _digest(scenario: CampaignScenario, window_s: tuple[float, float]) -> str:

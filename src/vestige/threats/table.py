@@ -18,7 +18,6 @@ import numpy as np
 import xarray
 
 from vestige.acas_processor.levels import LEVELS as ROWS
-from vestige.campaign.store.results import load_small
 from vestige.constants import DAY_S
 from vestige.output import replacement
 from vestige.source_version import vestige_version
@@ -113,6 +112,8 @@ def read_threat_dataset(folder: Path) -> xarray.Dataset:
 
     Raises `InputFileError` if the folder has no table, or a damaged table.
     """
+    from vestige.campaign.store.results import load_small  # noqa: PLC0415  (zarr loads slowly, and no worker needs it)
+
     return load_small(folder / STORE, "the table that `vestige threats -o` writes; the same command mends it")
 
 

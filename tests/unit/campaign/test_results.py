@@ -21,7 +21,8 @@ import vestige as vs
 from report_builder import LIFT_OFF, made
 from toy_plan import ToyPlan
 from vestige.campaign.run import run
-from vestige.campaign.store.results import attributes_of, open_results, scenario_of
+from vestige.campaign.store.attributes import attributes_of, scenario_of
+from vestige.campaign.store.results import open_results
 from vestige.campaign.store.store import open_store
 from vestige.errors import InputFileError, VestigeError
 from vestige.folder_lock import only_writer

@@ -17,7 +17,7 @@ from vestige.cli.campaigns.threats import command as threats
 from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
 from vestige.source_version import vestige_version
-from vestige.threats.matrix import SceneCell, case_of, cases, measure_scenes, measure_threats
+from vestige.threats.matrix import SceneCell, case_of, cases, measure_scenes, measure_threats, measure_together
 from vestige.threats.runs import RUNS, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement
 from vestige.threats.scenes import read_threats
@@ -27,17 +27,17 @@ SOME = cases([threat for threat in read_threats() if threat.id in {"A1", "A3"}])
 
 
 class Counting(Executor):
-    """Runs a call at once and counts; after `limit` calls Ctrl-C."""
+    """Makes the runs of a call at once and counts them; after `limit` runs Ctrl-C."""
 
     def __init__(self, limit: float = float("inf")) -> None:
-        self.calls, self.limit = 0, limit
+        self.runs, self.limit = 0, limit
 
     def submit(self, call: Any, /, *arguments: Any, **more: Any) -> Future[Any]:
-        if self.calls >= self.limit:
+        if self.runs >= self.limit:
             raise KeyboardInterrupt
-        self.calls += 1
         future: Future[Any] = Future()
         future.set_result(call(*arguments, **more))
+        self.runs += len(future.result())
         return future
 
 
@@ -163,13 +163,13 @@ def test_an_attack_between_recs_is_seen_by_power_and_distortion() -> None:
 def test_nothing_is_measured_twice(tmp_path: Path) -> None:
     pool = Counting()
     first = table(pool, tmp_path)
-    assert pool.calls == 2 * 3 + 3  # cases and seeds; without the attack they are the same
+    assert pool.runs == 2 * 3 + 3  # cases and seeds; without the attack they are the same
     again = Counting()
     assert found(table(again, tmp_path)) == found(first)
-    assert again.calls == 0
+    assert again.runs == 0
     more = Counting()
     table(more, tmp_path, range(4))
-    assert more.calls == 3
+    assert more.runs == 3
 
 
 @pytest.mark.usefixtures("cheap")
@@ -182,7 +182,7 @@ def test_an_interrupted_table_goes_on_where_it_was(tmp_path: Path) -> None:
         file.write("A1,while E1")  # cut off in the middle of a line
     pool = Counting()
     assert found(table(pool, tmp_path)) == found(table(Counting()))
-    assert 0 < pool.calls <= 9 - kept + 3
+    assert 0 < pool.runs <= 9 - kept + 3
 
 
 @pytest.mark.usefixtures("cheap")
@@ -206,7 +206,7 @@ def test_another_scenario_is_measured_anew(tmp_path: Path) -> None:
     for changed in (scenario, scenario.replaced(epochs=850)):
         pool = Counting()
         list(measure_threats([case_of("mine", changed)], range(2), pool, folder=tmp_path))
-        assert pool.calls == 4
+        assert pool.runs == 4
 
 
 @pytest.mark.usefixtures("cheap")
@@ -289,9 +289,11 @@ def test_an_executor_of_processes_can_have_the_runs() -> None:
     """What travels to a worker can be pickled."""
     import pickle
 
-    pickle.loads(pickle.dumps((measure_scenes, SOME[0].scenario(0, True), (0.0, 1.0))))  # noqa: S301
+    scenarios = [SOME[0].scenario(0, True), SOME[0].scenario(0, False)]
+    pickle.loads(pickle.dumps((measure_together, scenarios, (0.0, 1.0))))  # noqa: S301
     with ThreadPoolExecutor(1) as pool:
-        assert pool.submit(measure_scenes, SOME[0].scenario(0, True), (0.0, 100.0)).result()[0].duration_s == 100.0
+        runs = pool.submit(measure_together, scenarios, (0.0, 100.0)).result()
+    assert [level_1.duration_s for level_1, *_ in runs] == [100.0, 100.0]
 
 
 def test_runs_cut_at_every_byte_are_those_whose_lines_are_whole(tmp_path: Path) -> None:

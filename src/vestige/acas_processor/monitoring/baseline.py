@@ -139,7 +139,8 @@ class Observed:
         e6 = snapshots.front_end.get(Band.E6)
         correlated = np.isfinite(banks.noise_power) & (banks.noise_power > 0)
         noise = np.where(correlated, banks.noise_power, 1.0)
-        largest = np.max(np.abs(np.where(correlated[..., None], banks.taps, 0.0)), axis=2)
+        largest = np.zeros(noise.shape)
+        largest[correlated] = np.max(np.abs(banks.taps[correlated]), axis=1)
         snr = np.maximum(largest**2 / noise - 1, _LEAST_SNR)
         cn0_dbhz = 10 * np.log10(snr / banks.integration_s)
         gain_db = nothing if e6 is None else e6.agc_gain_db

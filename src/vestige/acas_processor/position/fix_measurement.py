@@ -25,7 +25,7 @@ from vestige.navigation.position_fix import (
     UNKNOWNS,
     Fix,
     Transmission,
-    inverse_normal,
+    fixed_position_m,
     position_fix,
     static_range_rate,
     transmission,
@@ -77,8 +77,8 @@ class FixSettings:
         elevation_rad = unknown
         if self.errors.needs_elevation:
             plain = PseudorangeErrors(floor_m=max(self.errors.floor_m, 1.0), loops=self.errors.loops)
-            first = position_fix(sent, e1.pseudorange_m, plain.range_m(e1.cn0_dbhz, unknown))
-            elevation_rad = elevations_from(first.position_m, sent.position_m)
+            first_m = fixed_position_m(sent, e1.pseudorange_m, plain.range_m(e1.cn0_dbhz, unknown))
+            elevation_rad = elevations_from(first_m, sent.position_m)
         sigma_m = self.errors.range_m(e1.cn0_dbhz, elevation_rad)
         common_m = self.errors.common_m(elevation_rad)
         fix = position_fix(sent, e1.pseudorange_m, sigma_m, common_m=common_m)
@@ -99,6 +99,7 @@ def fix_quantities(
     sent: Transmission, fix: Fix, *, rate_mps: Float[np.ndarray, "n m"], sigma_rate_mps: Float[np.ndarray, "n m"]
 ) -> dict[str, Any]:
     """Return the fields of a `FixBlock` from a fix."""
+    parts = redundancy(fix.geometry, fix.weight)
     _, drift_mps = velocity_fix(sent, fix, rate_mps)
     separation_sigmas, separation_modes = largest_separations(fix)
     return {
@@ -108,8 +109,8 @@ def fix_quantities(
         "static_range_rate_mps": static_range_rate(sent, fix),
         "sigma_rate_mps": sigma_rate_mps,
         "drift_mps": drift_mps,
-        "sigma_drift_mps": np.sqrt(_drift_variance(fix, sigma_rate_mps)),
-        "own_sigma_clock_m": np.sqrt(inverse_normal(fix.geometry, fix.weight)[:, 3, 3]),
+        "sigma_drift_mps": np.sqrt(_drift_variance(fix, parts.gain[:, 3], sigma_rate_mps)),
+        "own_sigma_clock_m": np.sqrt(parts.inverse[:, 3, 3]),
         "raim_statistic": raim_statistic(fix),
         "separation_sigmas": separation_sigmas,
         "separation_modes": separation_modes,
@@ -159,7 +160,8 @@ def _chosen(
     return [(ephemeris, some) for ephemeris, some in zip(own, rows, strict=True) if some.size]
 
 
-def _drift_variance(fix: Fix, sigma_mps: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
+def _drift_variance(
+    fix: Fix, share: Float[np.ndarray, "n m"], sigma_mps: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, " n"]:
     """Return the variance of the clock's drift from the variance of the range rates; NaN without a fix."""
-    share = redundancy(fix.geometry, fix.weight).gain[:, 3]
     return np.sum(np.where(fix.weight > 0, share * sigma_mps, 0.0) ** 2, axis=1) + 0 * fix.clock_m

@@ -30,7 +30,7 @@ from vestige.campaign.run import ExecutorChoice, RunProgress, run
 from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
-from vestige.campaign.store.results import attributes_of
+from vestige.campaign.store.attributes import attributes_of
 from vestige.campaign.sweep.sweep_axes import Value, store_name
 from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError

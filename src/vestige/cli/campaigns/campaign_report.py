@@ -14,7 +14,7 @@ import xarray
 from vestige.campaign.levels import verdicts_of_run
 from vestige.campaign.run_outcome import RunOutcome
 from vestige.campaign.statistics import Proportion, detectors_of, false_alarms, summarise
-from vestige.campaign.store.results import attributes_of
+from vestige.campaign.store.attributes import attributes_of
 from vestige.campaign.sweep.sweep import Row
 from vestige.campaign.verdicts import verdict_counts
 from vestige.cli.campaigns.attack_report import attack_lines, attack_values

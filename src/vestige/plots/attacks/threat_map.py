@@ -5,8 +5,9 @@ Green marks a defence that works, red a defence that fails. Words tell whether t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import groupby
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray
@@ -50,14 +51,15 @@ def threat_map(table: xarray.Dataset) -> Axes:
     levels = table["level"].values.tolist()
     lines = _lines(table)
     ax = new_axes(width_cm=MAP_WIDTH_CM, height_cm=_ROUND_CM + _ROW_CM * len(lines))
+    values = {str(name): one.values for name, one in table.data_vars.items() if one.dims == ("scene", "level")}
     names = []
     for place, (name, row) in enumerate(lines):
         names.append(name)
         if row is None:
             continue
-        for column, level in enumerate(levels):
-            cell = table.isel(scene=row).sel(level=level)
-            meaning = MEANINGS.get(str(cell["word"].item()))
+        for column in range(len(levels)):
+            cell = {name: of_cells[row, column] for name, of_cells in values.items()}
+            meaning = MEANINGS.get(str(cell["word"]))
             colour = _WHITE if meaning is None else meaning.colour
             ax.add_patch(Rectangle((column, place), 1, 1, facecolor=colour, alpha=_LIGHT, edgecolor="none"))
             ax.add_patch(Rectangle((column, place), 1, 1, facecolor="none", edgecolor="white", linewidth=1.0))
@@ -109,17 +111,15 @@ def _legend(ax: Axes, table: xarray.Dataset) -> None:
     )
 
 
-def _texts(cell: xarray.Dataset) -> tuple[str, str]:
-    """Return the texts on the left and on the right of a cell."""
-    word, how = str(cell["word"].item()), str(cell["agreement"].item())
+def _texts(cell: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the texts on the left and on the right of a cell, from the values of the cell by their names."""
+    word, how = str(cell["word"]), str(cell["agreement"])
     if not word:
-        value, budget = (_short(float(cell[name].item())) for name in ("alarms_a_day", "budget_alarms_a_day"))
+        value, budget = (_short(float(cell[name])) for name in ("alarms_a_day", "budget_alarms_a_day"))
         return f"{value} alarms a day", f"budget {budget}{_NOT_KEPT.get(how, '')}"
-    expected = {"DIFFERS": f", expected {cell['expected'].item()}", "undecided": ", undecided"}.get(how, "")
-    shares = [
-        round(100 * float(cell[name].item()) / float(cell[f"{name}_of"].item()))
-        for name in ("detected", "mitigated", "missed")
-    ]
+    expected = {"DIFFERS": f", expected {cell['expected']}", "undecided": ", undecided"}.get(how, "")
+    names = ("detected", "mitigated", "missed")
+    shares = [round(100 * float(cell[name]) / float(cell[f"{name}_of"])) for name in names]
     return f"{word}{expected}", " · ".join(str(share) for share in shares)
 
 

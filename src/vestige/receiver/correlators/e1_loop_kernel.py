@@ -15,7 +15,7 @@ _NEAR = 1e-6  # chips; distance from a zero at which its stability is tested
 _TIE = 1e-9  # share of the power below which early and late count as equal
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def correlation(levels, x):
     """Return R(x) by linear interpolation of its values, which are equidistant over −1 … 1 chip; 0 beyond."""
     half = (levels.size - 1) // 2
@@ -26,7 +26,7 @@ def correlation(levels, x):
     return levels[half + k] + (at - k) * (levels[half + k + 1] - levels[half + k])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def power(levels, x, delay, product):
     """Return Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)."""
     total = 0.0
@@ -39,7 +39,7 @@ def power(levels, x, delay, product):
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _early_side(levels, x, delay, product, half_spacing):
     """Return whether the loop at x moves earlier; it also does if nothing moves it later."""
     early = power(levels, x - half_spacing, delay, product)
@@ -47,7 +47,7 @@ def _early_side(levels, x, delay, product, half_spacing):
     return early - late > -_TIE * (early + late)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _next(n_levels, x, delay, half_spacing, direction):
     """Return the next kink of the correlation functions as the x to test; D is quadratic between kinks."""
     half = (n_levels - 1) // 2
@@ -61,7 +61,7 @@ def _next(n_levels, x, delay, half_spacing, direction):
     return x + direction * best
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def settle(levels, x, delay, product, half_spacing):
     """Return the stable zero of D = early − late that a loop at x reaches; x if there is none within reach.
 
@@ -87,7 +87,7 @@ def settle(levels, x, delay, product, half_spacing):
     return x
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def strongest(levels, delay, product):
     """Return the delay of the signal at which the power is largest; of equal signals the first."""
     best, at = -1.0, 0.0
@@ -98,7 +98,7 @@ def strongest(levels, delay, product):
     return at
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def follow_peak(levels, x, wait, delay, amplitude, doppler_hz, anew, lock_power, acquisition, half_spacing, pole_hz):
     """Return the loop's delay, the power of its prompt correlator, the strongest signal in it, and the wait.
 

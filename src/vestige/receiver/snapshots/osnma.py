@@ -99,21 +99,17 @@ class OsnmaReception:
 
     def _received(self, pages: Int64[np.ndarray, "n k"]) -> list[Bool[np.ndarray, "n k"]]:
         """Return for each satellite which pages are received."""
-        simulation = self.of.simulations[0]
-        end_s = page_end_s(pages) - simulation.start.second
-        jammed = _withheld(simulation, end_s)
-        return [
-            demodulated(
-                pages,
-                np.broadcast_to(
-                    page_loss(_cn0_of_pages(one, truth, end_s - PAGE_S / 2), one.models.e1_tracking), pages.shape
-                ),
-                seed=self.of.seed,
-                svid=one.svid,
-            )
-            & ~jammed
-            for one, truth in zip(self.of.simulations, self.of.truth, strict=True)
-        ]
+        simulation, due = self.of.simulations[0], pages >= 0
+        row, page = np.nonzero(due)[0], pages[due]
+        end_s, place = np.unique(page_end_s(page) - simulation.start.second, return_inverse=True)  # epochs share pages
+        jammed = _withheld(simulation, end_s)[place]
+        received = []
+        for one, truth in zip(self.of.simulations, self.of.truth, strict=True):
+            came = np.zeros(pages.shape, np.bool_)
+            loss = _page_loss(one, truth, row, end_s - PAGE_S / 2, place)
+            came[due] = demodulated(page, loss, seed=self.of.seed, svid=one.svid) & ~jammed
+            received.append(came)
+        return received
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -161,23 +157,34 @@ def _ends(
     return whole & np.any(page == (subframe * PAGES_A_SUBFRAME + PAGES_A_SUBFRAME - 1)[:, None], axis=1)
 
 
-def _cn0_of_pages(
-    simulation: Simulation, truth: TruthBlock, middle_s: Float[np.ndarray, "n k"]
-) -> Float[np.ndarray, "n _"]:
-    """Return the C/N0 while pages are on air; −∞ out of view; without an attack, one value for all pages."""
+def _page_loss(
+    simulation: Simulation,
+    truth: TruthBlock,
+    row: Int64[np.ndarray, " p"],
+    middle_s: Float[np.ndarray, " q"],
+    place: Int64[np.ndarray, " p"],
+) -> Float[np.ndarray, " p"]:
+    """Return the probability that each of p pages is lost.
+
+    Parameters
+    ----------
+    simulation, truth
+        The satellite; out of view every page is lost.
+    row
+        Epoch of each page.
+    middle_s, place
+        Middle of q different pages in s after the start, and the number among these of each page.
+    """
     at_epoch = tracked_cn0_dbhz(simulation, truth) + 10 * np.log10(1 + truth.e1_attack.rise(Band.E1))
-    seen = np.where(truth.geometry.in_view, at_epoch, -np.inf)[:, None]
+    seen, tracking = np.where(truth.geometry.in_view, at_epoch, -np.inf), simulation.models.e1_tracking
     if not simulation.spoofer.attacks:
-        return seen
-    times_s, place = np.unique(np.maximum(middle_s, 0.0), return_inverse=True)  # most epochs share their pages
-    effects = simulation.spoofer.effects(Band.E1, simulation.svid, times_s)
-    return seen - 10 * np.log10(1 + effects.rise(Band.E1))[place].reshape(middle_s.shape)
+        return page_loss(seen, tracking)[row]
+    effects = simulation.spoofer.effects(Band.E1, simulation.svid, np.maximum(middle_s, 0.0))
+    return page_loss(seen[row] - 10 * np.log10(1 + effects.rise(Band.E1))[place], tracking)
 
 
-def _withheld(simulation: Simulation, end_s: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, "n k"]:
+def _withheld(simulation: Simulation, end_s: Float[np.ndarray, " q"]) -> Bool[np.ndarray, " q"]:
     """Return whether an attack destroys pages at any C/N0."""
     if not simulation.spoofer.attacks:
-        return np.zeros(end_s.shape, bool)
-    ends_s, place = np.unique(end_s, return_inverse=True)
-    broken = [simulation.spoofer.withholds_osnma(float(one) - PAGE_S, float(one)) for one in ends_s]
-    return np.array(broken)[place].reshape(end_s.shape)
+        return np.zeros(end_s.size, np.bool_)
+    return np.array([simulation.spoofer.withholds_osnma(one - PAGE_S, one) for one in end_s.tolist()], np.bool_)

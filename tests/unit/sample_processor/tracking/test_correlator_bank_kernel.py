@@ -61,8 +61,8 @@ def test_correlates_as_the_sums_say(replica: str, rate_hz: float, lags: list[int
     )
     wiped = x.astype(float).view(complex) * np.exp(-2j * np.pi * (cycles + per_sample * np.arange(n)))
     expected = [wiped @ _plain_replica(E1C, half_chips - lag * step, replica) for lag in lags]
-    # A sample in doubt at an edge is 20 · √2. The carrier turns by up to ±π · 0.0025 within a segment, an error of 0.5 %
-    # in the sums of noise, which are 20 · √(2n).
+    # A sample in doubt at an edge is 20 · √2. The carrier turns by up to ±π · 0.0025 within a segment, an error
+    # of 0.5 % in the sums of noise, which are 20 · √(2n).
     error = 60 + 0.01 * 20 * np.sqrt(2 * n)
     np.testing.assert_allclose(bank, expected, atol=error)
     assert data == pytest.approx(wiped @ _plain_replica(E1B, half_chips, replica), abs=error)

@@ -68,7 +68,7 @@ class Hypotheses:
         self, truth: SignalClass, rng: np.random.Generator, n: int
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return n pairs of ΔP in dB and D in σ under one hypothesis."""
-        zero = np.zeros(n)
+        zero = np.zeros(1)  # the same for all draws
         eta, offset, jam = zero, zero, zero
         if truth is SignalClass.MULTIPATH:
             eta = rng.standard_exponential(n) * 10 ** (self.ray_power_db / 10)

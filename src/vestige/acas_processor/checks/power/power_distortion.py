@@ -44,11 +44,11 @@ def mean_distortion(
 
 
 def power_rise_db(
-    eta: Float[np.ndarray, "*n"], jam_to_noise: Float[np.ndarray, "*n"], *, signals_to_noise: float
-) -> Float[np.ndarray, "*n"]:
+    eta: Float[np.ndarray, "*#n"], jam_to_noise: Float[np.ndarray, "*#n"], *, signals_to_noise: float
+) -> Float[np.ndarray, "*#n"]:
     """Return ΔP in dB.
 
     η is the power of each second signal relative to its satellite, the same for all satellites. All arguments are
-    linear.
+    linear, and a value that all elements share may have the length 1.
     """
     return 10 * np.log10((1 + signals_to_noise * (1 + eta) + jam_to_noise) / (1 + signals_to_noise))

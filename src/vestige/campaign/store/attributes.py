@@ -1,0 +1,87 @@
+"""Attributes of a run: the scenario and the numbers that are stored beside the columns of its results."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated, Any
+
+import numpy as np
+import xarray
+from jaxtyping import Float
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+
+from vestige.campaign.plan import EPOCH
+from vestige.errors import VestigeError
+from vestige.receiver.simulation import Fidelity
+from vestige.scenario.stored import StoredScenario, stored_scenario
+from vestige.scenario.toml.toml_file import LARGEST_NUMBER
+
+NAVIGATION_TEXT = "navigation"  # attribute with the ephemerides of the satellites, for results of a sky
+
+
+class RunAttributes(BaseModel):
+    """Attributes of a run that are stored in addition to the scenario."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+    seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
+    scenario_digest: str  # SHA-256 of the scenario, in hexadecimal digits
+    # false-alarm probability of one correlator, and its threshold in standard deviations of one dimension
+    p_fa: Annotated[float, Field(gt=0, lt=1)]
+    threshold_sigma: Annotated[float, Field(gt=0, le=1000)]
+    # whether E6-C was transmitted, and its C/N0; None without a signal
+    signal: bool
+    cn0_dbhz: FiniteFloat | None = None
+    integration_s: Annotated[float, Field(gt=0, le=10)]  # duration of a correlation
+    fidelity: Fidelity
+    satellites_expected: Annotated[int, Field(ge=1, le=100)]
+    cn0_e1_expected_dbhz: FiniteFloat
+    vestige_version: str = ""  # source of vestige that made the results; empty if the results were not stored
+    processor: str | None = None  # kind of processor; None if the bits do not depend on the processor
+    navigation: str | None = None  # RINEX text of the ephemerides of a sky; None for a single line of sight
+    own_parts: str = ""  # user's parts, each as `module:Name@digest`, with spaces between the parts
+
+    @model_validator(mode="after")
+    def _strength_of_a_signal(self) -> RunAttributes:
+        if self.signal != (self.cn0_dbhz is not None):
+            raise ValueError("cn0_dbhz if there is a signal, and only then")
+        return self
+
+
+def scenario_of(results: xarray.Dataset) -> StoredScenario:
+    """Return the scenario of results.
+
+    Raises `VestigeError` if the results have no scenario, or the scenario does not agree with its digest.
+    """
+    return stored_scenario(scenario_text(results))
+
+
+def scenario_text(results: xarray.Dataset) -> str:
+    """Return the JSON text of the scenario of results; the errors are those of `scenario_of`."""
+    text = results.attrs.get("scenario")
+    if not isinstance(text, str) or hashlib.sha256(text.encode()).hexdigest() != results.attrs.get("scenario_digest"):
+        raise VestigeError("results of a campaign: scenario: found no text that agrees with its digest, expected one")
+    return text
+
+
+def attributes_of(results: xarray.Dataset) -> RunAttributes:
+    """Return the attributes of the run that made the results.
+
+    Raises `VestigeError` if an attribute is missing or out of its range.
+    """
+    try:
+        return RunAttributes.model_validate(results.attrs)
+    except ValidationError as error:
+        first: Any = error.errors(include_url=False, include_context=False)[0]
+        name = first["loc"][0] if first["loc"] else "signal"
+        found = f"no {name}" if first["type"] == "missing" else f"{name} {first['input']!r}"[:60]
+        raise VestigeError(
+            f"results of a campaign: found {found}, expected that of `vestige run`: {first['msg']}"
+        ) from error
+
+
+def values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, "*n"]:
+    """Return a variable as float64 with the axes `dims`; by default, `epoch` is the first axis."""
+    found = results[name]
+    order = dims or (EPOCH, *(str(dim) for dim in found.dims if dim != EPOCH))
+    return found.transpose(*order).values.astype(np.float64)
