@@ -10,8 +10,7 @@ Hz/s).
 
 **Noise floor.** Σ_j |y_j|² over chips is Σ_n |y_n|² plus twice the real part of y_n y*_(n−l) for each lag l at which
 both samples lie in the same chip. So no loop over chips is needed. Chip numbers modulo 32 are enough, because a lag is
-shorter than a chip. The last samples of a block are kept, rotated to the
-phase of the next block.
+shorter than a chip. The last samples of a block are kept, rotated to the phase of the next block.
 
 Sums are float32 inside a block of 1024 samples and float64 over blocks. At both ends of the segment, some taps meet a
 chip and others do not. The few samples there are processed one by one.
