@@ -40,6 +40,7 @@ from vestige.signals.definitions import E1C, SignalDefinition
 
 CROSS_CORRELATION_DB = 16.0  # dB below the strongest satellite; see above
 MAX_STRETCHES = 24  # 100 ms, one secondary-code period; of longer batches the first 100 ms are searched
+_TRANSFORMS_AT_ONCE = 4  # FFTs of one length that scipy computes in the lanes of a vector
 _SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), 86 % of its power; code phases 0.26 chip apart
 
 
@@ -223,17 +224,22 @@ def _cell_powers(
 ) -> Float32[np.ndarray, "bins phases"]:
     """Return the powers of one satellite in units of the noise variance per dimension."""
     codes = [_code_spectrum(signal, svid, stretches.kept, stretches.rate_hz) for signal in signals]
-    n_added = len(stretches.starts_s) * len(signals)
+    rows = len(stretches.starts_s)
+    n_added = rows * len(signals)
     powers = np.zeros((shifts.size, stretches.n_phases), np.float32)
-    for total, shift in zip(powers, shifts, strict=True):
-        doppler_hz = float(shift) * stretches.spacing_hz - stretches.carrier_rest_hz
-        first = stretches.guard + int(shift)
+    together = -(-_TRANSFORMS_AT_ONCE // rows)
+    for begin in range(0, shifts.size, together):
+        group = shifts[begin : begin + together]
+        first = stretches.guard + group
         for code in codes:
-            product = stretches.spectra[:, first : first + stretches.kept] * code
-            y = fft.ifft(product, axis=1, overwrite_x=True)[:, : stretches.n_phases]
-            _add_with_code_doppler(total, y, doppler_hz, stretches.starts_s, stretches.rate_hz)
+            product = np.stack([stretches.spectra[:, low : low + stretches.kept] * code for low in first.tolist()])
+            y = fft.ifft(product, axis=2, overwrite_x=True)[..., : stretches.n_phases]
+            for total, shift, of_shift in zip(powers[begin : begin + together], group.tolist(), y, strict=True):
+                doppler_hz = shift * stretches.spacing_hz - stretches.carrier_rest_hz
+                _add_with_code_doppler(total, of_shift, doppler_hz, stretches.starts_s, stretches.rate_hz)
     noise = np.mean(powers, axis=1, keepdims=True) / (2 * n_added)  # a signal fills only a few of 12,000 cells
-    return powers / np.maximum(noise, np.finfo(np.float32).tiny)  # samples may all be zero
+    powers /= np.maximum(noise, np.finfo(np.float32).tiny)  # samples may all be zero
+    return powers
 
 
 def _add_with_code_doppler(

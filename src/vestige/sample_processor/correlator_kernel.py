@@ -9,8 +9,8 @@ the block's sums in float64. A Doppler rate enters there, and as a first-order r
 Hz/s).
 
 **Noise floor.** Σ_j |y_j|² over chips is Σ_n |y_n|² plus twice the real part of y_n y*_(n−l) for each lag l at which
-both samples lie in the same chip. So no loop over chips is needed. The last samples of a block are kept, rotated to the
-phase of the next block.
+both samples lie in the same chip. So no loop over chips is needed. Chip numbers modulo 32 are enough, because a lag is
+shorter than a chip. The last samples of a block are kept, rotated to the phase of the next block.
 
 Sums are float32 inside a block of 1024 samples and float64 over blocks. At both ends of the segment, some taps meet a
 chip and others do not. The few samples there are processed one by one.
@@ -97,8 +97,9 @@ def _edge_sums(chips, u0, step, offsets, y_re, y_im, chip, turn, out):
                 total += chips[j] * (y_re[i] + 1j * y_im[i])
         out[k] += total * turn
     for i in range(y_re.size):
-        chip[i] = np.int32(np.floor(u0 + i * step))
-        if not 0 <= chip[i] < chips.size:
+        j = np.int64(np.floor(u0 + i * step))
+        chip[i] = j & 31
+        if not 0 <= j < chips.size:
             y_re[i], y_im[i] = 0.0, 0.0
 
 
@@ -166,7 +167,7 @@ def correlate_block(x, chips, packed, offsets, t0, dt, code_rate, code_rate_rate
         if i1 > i0:
             w, f = window[: i1 - i0], fraction[: i1 - i0]
             fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
-            fill_chip_numbers(u0 + i0 * step, step, c[i0:i1])
+            fill_chip_numbers(f, c[i0:i1])
             for k in range(0, n_taps, 2):
                 other = min(k + 1, n_taps - 1)  # the last tap of an odd number is summed alone
                 delays = window_delay(around[k]), window_delay(around[other])

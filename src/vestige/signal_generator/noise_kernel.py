@@ -95,21 +95,28 @@ def _reduce(hi, m, ln):
 
 
 @njit(cache=True, nogil=True)
-def _add_logarithm(m, ln):
-    """Add ln(1 + m) to `ln`."""
+def _begin_logarithm(m, p):
+    """Fill float32[n] `p` with the upper half of the polynomial P(m)."""
     for i in range(m.size):
         x = m[i]
-        p = _P[0]
-        p = p * x + _P[1]
-        p = p * x + _P[2]
-        p = p * x + _P[3]
-        p = p * x + _P[4]
-        p = p * x + _P[5]
-        p = p * x + _P[6]
-        p = p * x + _P[7]
-        p = p * x + _P[8]
+        part = _P[0]
+        part = part * x + _P[1]
+        part = part * x + _P[2]
+        part = part * x + _P[3]
+        p[i] = part * x + _P[4]
+
+
+@njit(cache=True, nogil=True)
+def _add_logarithm(m, p, ln):
+    """Add ln(1 + m) to `ln`; `p` comes from `_begin_logarithm`."""
+    for i in range(m.size):
+        x, part = m[i], p[i]
+        part = part * x + _P[5]
+        part = part * x + _P[6]
+        part = part * x + _P[7]
+        part = part * x + _P[8]
         square = x * x
-        ln[i] = x - np.float32(0.5) * square + square * x * p + ln[i]
+        ln[i] = x - np.float32(0.5) * square + square * x * part + ln[i]
 
 
 @njit(cache=True, nogil=True)
@@ -131,13 +138,14 @@ def _turn(scale, hi, lo, ln, x):
 def fill_normals(key, first, scale, x):
     """Fill float32[2 n] `x` with scale × the pairs from number `first` on: real and imaginary parts in turn."""
     hi, lo = np.empty(_PIECE, np.uint32), np.empty(_PIECE, np.uint32)
-    m, ln = np.empty(_PIECE, np.float32), np.empty(_PIECE, np.float32)
+    m, p, ln = np.empty(_PIECE, np.float32), np.empty(_PIECE, np.float32), np.empty(_PIECE, np.float32)
     n_pairs = x.size // 2
     for b in range(0, n_pairs, _PIECE):
         n = min(_PIECE, n_pairs - b)
         _hash(np.uint64(key + np.uint64(first + b) * _GOLD), hi[:n], lo[:n])
         _reduce(hi[:n], m[:n], ln[:n])
-        _add_logarithm(m[:n], ln[:n])
+        _begin_logarithm(m[:n], p[:n])
+        _add_logarithm(m[:n], p[:n], ln[:n])
         _turn(scale, hi[:n], lo[:n], ln[:n], x[2 * b : 2 * (b + n)])
 
 

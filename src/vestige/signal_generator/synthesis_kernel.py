@@ -27,19 +27,39 @@ from vestige.signals.chip_window_kernel import (
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 
+@njit(inline="always")
+def _sign(window, fraction, delay):
+    """Return the sign bit of the chip that a sample meets at a delay."""
+    shift = np.uint32(np.uint32(fraction + delay) >> np.uint32(FRACTION_BITS))
+    return np.int32(np.uint32(np.uint32(window << shift) & np.uint32(0x80000000)))
+
+
 @njit(cache=True, nogil=True)
-def _add_ray(window, fraction, delay, cos, sin, a_re, a_im, s_re, s_im):
+def _add_ray(window, fraction, delay, cos, sin, a, s_re, s_im):
     """Add amplitude × rotator × chip to the sum of the paths."""
+    re, im = np.float32(a.real), np.float32(a.imag)
     for i in range(s_re.size):
-        shift = np.uint32(np.uint32(fraction[i] + delay) >> np.uint32(FRACTION_BITS))
-        sign = np.int32(np.uint32(np.uint32(window[i] << shift) & np.uint32(0x80000000)))
-        s_re[i] += float_of(np.int32(bits_of(a_re * cos[i] - a_im * sin[i]) ^ sign))
-        s_im[i] += float_of(np.int32(bits_of(a_re * sin[i] + a_im * cos[i]) ^ sign))
+        sign = _sign(window[i], fraction[i], delay)
+        s_re[i] += float_of(np.int32(bits_of(re * cos[i] - im * sin[i]) ^ sign))
+        s_im[i] += float_of(np.int32(bits_of(re * sin[i] + im * cos[i]) ^ sign))
 
 
 @njit(cache=True, nogil=True)
-def _add_edge_ray(chips, u0, step, delay, cos, sin, a_re, a_im, s_re, s_im):
+def _add_two_rays(window, fraction, delay, cos, sin, a, delay_2, cos_2, sin_2, a_2, s_re, s_im):
+    """Add two paths like `_add_ray`, one after the other, but load and store their sum once."""
+    re, im, re_2, im_2 = np.float32(a.real), np.float32(a.imag), np.float32(a_2.real), np.float32(a_2.imag)
+    for i in range(s_re.size):
+        sign, sign_2 = _sign(window[i], fraction[i], delay), _sign(window[i], fraction[i], delay_2)
+        sum_re = s_re[i] + float_of(np.int32(bits_of(re * cos[i] - im * sin[i]) ^ sign))
+        sum_im = s_im[i] + float_of(np.int32(bits_of(re * sin[i] + im * cos[i]) ^ sign))
+        s_re[i] = sum_re + float_of(np.int32(bits_of(re_2 * cos_2[i] - im_2 * sin_2[i]) ^ sign_2))
+        s_im[i] = sum_im + float_of(np.int32(bits_of(re_2 * sin_2[i] + im_2 * cos_2[i]) ^ sign_2))
+
+
+@njit(cache=True, nogil=True)
+def _add_edge_ray(chips, u0, step, delay, cos, sin, a, s_re, s_im):
     """Add a path with some samples outside the chips."""
+    a_re, a_im = np.float32(a.real), np.float32(a.imag)
     for i in range(s_re.size):
         j = np.int64(np.floor(u0 + i * step - delay))
         if 0 <= j < chips.size:
@@ -82,7 +102,9 @@ def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, co
     n_samples, n_rays = x.size // 2, delays.size
     middle, reach = (delays.max() + delays.min()) / 2, (delays.max() - delays.min()) / 2
     cos, sin = np.empty((n_rays, BLOCK), np.float32), np.empty((n_rays, BLOCK), np.float32)
+    a, shift = np.empty(n_rays, np.complex128), np.empty(n_rays, np.uint32)
     for r in range(n_rays):
+        shift[r] = window_delay(delays[r] - middle)
         rotator_table((if_hz + ray_hz[r]) * dt, cos[r], sin[r])
     window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
     s_re, s_im = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
@@ -96,16 +118,21 @@ def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, co
         if u0 + step * n + reach < 0 or u0 - reach > chips.size:
             continue
         i0, i1 = interior(u0, step, reach, chips.size, n)
-        w, f = window[: i1 - i0], fraction[: i1 - i0]
         if i1 > i0:
             fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
         s_re[:] = 0
         s_im[:] = 0
         for r in range(n_rays):
-            a = amplitudes[r] * turn_at(if_hz + ray_hz[r], doppler_rate, tm)
-            re, im, c, s, d = np.float32(a.real), np.float32(a.imag), cos[r], sin[r], delays[r] - middle
-            _add_ray(w, f, window_delay(d), c[i0:i1], s[i0:i1], re, im, s_re[i0:i1], s_im[i0:i1])
-            _add_edge_ray(chips, u0, step, d, c[:i0], s[:i0], re, im, s_re[:i0], s_im[:i0])
-            _add_edge_ray(chips, u0 + i1 * step, step, d, c[i1:n], s[i1:n], re, im, s_re[i1:n], s_im[i1:n])
+            a[r] = amplitudes[r] * turn_at(if_hz + ray_hz[r], doppler_rate, tm)
+            d, u1 = delays[r] - middle, u0 + i1 * step
+            _add_edge_ray(chips, u0, step, d, cos[r, :i0], sin[r, :i0], a[r], s_re[:i0], s_im[:i0])
+            _add_edge_ray(chips, u1, step, d, cos[r, i1:n], sin[r, i1:n], a[r], s_re[i1:n], s_im[i1:n])
+        w, f, re, im = window[: i1 - i0], fraction[: i1 - i0], s_re[i0:i1], s_im[i0:i1]
+        for r in range(0, n_rays - 1, 2):
+            c, s, c_2, s_2 = cos[r, i0:i1], sin[r, i0:i1], cos[r + 1, i0:i1], sin[r + 1, i0:i1]
+            _add_two_rays(w, f, shift[r], c, s, a[r], shift[r + 1], c_2, s_2, a[r + 1], re, im)
+        if n_rays % 2:
+            r = n_rays - 1
+            _add_ray(w, f, shift[r], cos[r, i0:i1], sin[r, i0:i1], a[r], re, im)
         slope, curve = 2 * np.pi * doppler_rate * tm * dt, np.pi * doppler_rate * dt * dt
         _add_turned(s_re[:n], s_im[:n], np.float32(slope), np.float32(curve), x[2 * b0 : 2 * (b0 + n)])

@@ -6,10 +6,10 @@ Theory of operation
 consecutive chips. A left shift by s brings chip s of the window into the sign bit. The sign bit, XORed into a float32,
 multiplies the float32 by the chip.
 
-**One window for eight samples.** At half the chip rate or more, eight samples meet at most 15 chips. One window then
-has the chips of all eight at every delay within `WINDOW_REACH_CHIPS` of a common middle. A window stays in the order of
-its words: chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. No look-up is needed for single
-samples, unless the sampling rate is less than half the chip rate: then each sample has its own window.
+**One window for many samples.** A window has the chips of all samples that lie within 15 chips, at every delay within
+`WINDOW_REACH_CHIPS` of a common middle. These are 32 samples from 2.2 samples per chip on, otherwise eight from half a
+sample per chip on. At lower sampling rates each sample has its own window. A window stays in the order of its words:
+chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. So no look-up is needed for single samples.
 
 **Fixed-point code phase.** The phase at the start of a block is a float64. Inside the block the phase is an integer
 with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. The phase, modulo 32 chips and cut to 27
@@ -26,9 +26,11 @@ from jaxtyping import Int8, UInt32
 
 from vestige.kernel_cache import njit
 
-GROUP = 8  # samples that share a window
+GROUP = 32  # samples that share a window at most; the length of `window` is a multiple
+_SMALL_GROUP = 8
+_GROUP_SPAN = 14  # chips from the first to the last sample of a group at most, so that they meet 15
 PAD = 32  # bits before the first chip in packed chips; as many follow the last chip
-# largest delay from the middle: with the 15 chips of a group, 31 of a window's 32 chips are used
+# largest delay from the middle: with the chips of a group, 31 of a window's 32 chips are used
 WINDOW_REACH_CHIPS = 8.0
 FRACTION_BITS = 27  # bits of a delay; five bits are left for 32 chips
 _LEAD = 8  # chips in a window before the chip of a group's first sample
@@ -111,6 +113,15 @@ def _window(packed, phase):
     return np.uint32(late ^ np.uint32(np.uint32(early ^ late) & np.uint32(np.uint32(0xFFFFFFFF) >> np.uint32(place))))
 
 
+@njit(inline="always")
+def _fill_groups(packed, phase, step, n, group, window):
+    """Fill the windows of n samples, `group` by `group`; a constant `group` lets the compiler unroll its loop."""
+    for first in range(0, n, group):
+        shared = _window(packed, phase + first * step)
+        for i in range(group):
+            window[first + i] = shared
+
+
 @njit(cache=True, nogil=True)
 def fill_windows(packed, u0, step, n, window, fraction):
     """Fill window and fraction of n consecutive samples.
@@ -119,7 +130,7 @@ def fill_windows(packed, u0, step, n, window, fraction):
     ----------
     packed
         `packed_chips` of the code.
-    Code phase of the first sample and its step, in chips; the phases of all samples lie in the code.
+    u0, step
         Code phase of the first sample and its step, in chips; all phases lie in the code.
     window, fraction
         uint32[m]; m is a multiple of GROUP and not less than n. The sign bit of `window[i] << ((fraction[i] +
@@ -127,21 +138,20 @@ def fill_windows(packed, u0, step, n, window, fraction):
     """
     p0, dp, base = _fixed(u0, step)
     p0 += (base + PAD) << _PHASE_BITS
+    phase = np.uint64(p0)  # a running sum: AVX2 has no vector multiplication of 64-bit numbers
     for i in range(n):
-        fraction[i] = np.uint32((p0 + i * dp) >> (_PHASE_BITS - FRACTION_BITS))
-    if dp <= 2 << _PHASE_BITS:
-        for first in range(0, n, GROUP):
-            ring = _window(packed, p0 + first * dp)
-            for i in range(GROUP):
-                window[first + i] = ring
+        fraction[i] = np.uint32(phase >> np.uint64(_PHASE_BITS - FRACTION_BITS))
+        phase = np.uint64(phase + np.uint64(dp))
+    if (GROUP - 1) * dp <= _GROUP_SPAN << _PHASE_BITS:
+        _fill_groups(packed, p0, dp, n, GROUP, window)
+    elif (_SMALL_GROUP - 1) * dp <= _GROUP_SPAN << _PHASE_BITS:
+        _fill_groups(packed, p0, dp, n, _SMALL_GROUP, window)
     else:
-        for i in range(n):
-            window[i] = _window(packed, p0 + i * dp)
+        _fill_groups(packed, p0, dp, n, 1, window)
 
 
 @njit(cache=True, nogil=True)
-def fill_chip_numbers(u0, step, chip):
-    """Fill int32[n] with the chip that each of n consecutive samples meets without delay."""
-    p0, dp, base = _fixed(u0, step)
-    for i in range(chip.size):  # unsigned, because AVX2 has no vector shift for signed 64-bit numbers
-        chip[i] = np.int32(np.int32(np.uint64(p0 + i * dp) >> np.uint64(_PHASE_BITS)) + np.int32(base))
+def fill_chip_numbers(fraction, chip):
+    """Fill int32[n] `chip` with the chip that each sample meets without delay, modulo 32 chips."""
+    for i in range(chip.size):
+        chip[i] = np.int32(fraction[i] >> np.uint32(FRACTION_BITS))

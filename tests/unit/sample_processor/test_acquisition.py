@@ -6,7 +6,9 @@ import pytest
 from builders import batch_of, received_batch, satellite
 from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.records import Band
-from vestige.sample_processor.acquisition import acquire
+from vestige.sample_processor.acquisition import CellPowers, acquire, search_cells
+from vestige.signals.codes import primary_code
+from vestige.signals.definitions import E1B, E1C, SignalDefinition
 
 SKY = {3: (2.4e7, -700.0, 44.0), 11: (2.55e7, 0.0, 40.0), 30: (2.32e7, 600.0, 36.0)}
 
@@ -24,6 +26,39 @@ def test_finds_who_is_there_where_it_is(rate_hz: float) -> None:
         assert found[svid].doppler_hz == pytest.approx(-rate_mps / SPEED_OF_LIGHT_MPS * E1_CARRIER_HZ, abs=63)
         assert -5.0 < found[svid].cn0_dbhz - cn0_dbhz < 1.0
         assert found[svid].statistic > found[svid].threshold
+
+
+@pytest.mark.parametrize("signals", [(E1C,), (E1C, E1B)])
+@pytest.mark.parametrize("periods", [1, 3, 5])
+def test_cell_powers_are_those_of_one_transform_at_a_time(signals: tuple[SignalDefinition, ...], periods: int) -> None:
+    """Cells at 500, 0 and −875 Hz in float64; 5 periods are short enough for no code Doppler."""
+    rng, rate_hz = np.random.default_rng(4), 4e6
+    x = rng.standard_normal((16_000 * (periods + 1), 2)) @ [1, 1j]
+    cells: list[CellPowers] = []
+    search_cells(
+        batch_of(x, rate_hz, Band.E1),
+        (11,),
+        lambda powers: cells.append(powers) or (),
+        signals=signals,
+        max_stretches=periods,
+        overall_pfa=0.1,
+        doppler_span_hz=1000.0,
+    )
+    (found,) = cells
+    assert found.powers.shape == (17, 16_000)
+    half_chips = np.arange(16_000) * 2046 // 4000
+    for doppler_hz in (500.0, 0.0, -875.0):
+        turned = batch_of(x, rate_hz, Band.E1).samples * np.exp(-2j * np.pi * doppler_hz * np.arange(x.size) / rate_hz)
+        power = np.zeros(16_000)
+        for signal in signals:
+            chips = primary_code(signal, 11)[half_chips // 2] * (1 - 2 * (half_chips % 2))
+            replica = np.conj(np.fft.fft(chips, 32_000))
+            for first in range(0, 16_000 * periods, 16_000):
+                y = np.fft.ifft(np.fft.fft(turned[first : first + 32_000]) * replica)[:16_000]
+                power += np.abs(y) ** 2
+        power *= 2 * found.n_added / np.mean(power)
+        row = int(np.flatnonzero(found.doppler_hz == doppler_hz)[0])
+        np.testing.assert_allclose(found.powers[row], power, atol=1e-4 * power.max())
 
 
 @pytest.mark.slow

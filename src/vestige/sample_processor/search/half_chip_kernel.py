@@ -107,8 +107,10 @@ def chip_sums(halves, even, odd):
     ----------
     halves
         float32[2 · n + 1 or more], one dimension of the half-chip sums.
-    even, odd
+    even
         float32[n].
+    odd
+        float32[n], or float32[0] if it is not needed.
     """
     total = 0.0
     for first in range(0, even.size, BLOCK):
@@ -116,7 +118,7 @@ def chip_sums(halves, even, odd):
         h, e, o = halves[2 * first :], even[first : first + n], odd[first : first + n]
         for j in range(n):
             e[j] = h[2 * np.uint32(j)] + h[2 * np.uint32(j) + 1]
-        for j in range(n):
+        for j in range(o.size):
             o[j] = h[2 * np.uint32(j) + 1] + h[2 * np.uint32(j) + 2]
         power = np.float32(0.0)
         for j in range(n):

@@ -103,7 +103,8 @@ def row_products(
         half_chip_sums(part, t, dt, code_rate, code_rate_rate, if_hz, doppler_rate, 2 * begin, re, im)
         for first in range(0, n, _BLOCK):
             m = min(_BLOCK, n - first)
-            noise[row] += chip_sums(re[2 * first :], even[0, :m], late[0, :m])
-            noise[row] += chip_sums(im[2 * first :], even[1, :m], late[1, :m])
+            m_late = m if odd_offsets.size else 0
+            noise[row] += chip_sums(re[2 * first :], even[0, :m], late[0, :m_late])
+            noise[row] += chip_sums(im[2 * first :], even[1, :m], late[1, :m_late])
             _add_block(even[0, :m], even[1, :m], code, first, offsets, out[0, row], out[1, row])
             _add_block(late[0, :m], late[1, :m], code, first, odd_offsets, odd[0, row], odd[1, row])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from builders import START, random_chips
-from search_builder import RATE_HZ, arrival, e6_source
+from search_builder import arrival, e6_source
 from vestige.constants import E6_CARRIER_HZ
 from vestige.sample_processor.correlator import correlate
 from vestige.sample_processor.search import handover_search
@@ -132,14 +132,15 @@ def test_what_cannot_be_asked() -> None:
         BatchSource(source.batch).read(0, 10)
 
 
-def test_half_chips_are_the_sums_of_their_samples() -> None:
-    """A plain loop in float64, from before the first to behind the last half chip."""
+@pytest.mark.parametrize("rate_hz", [10e6, 25e6])
+def test_half_chips_are_the_sums_of_their_samples(rate_hz: float) -> None:
+    """A plain loop in float64, from before the first to behind the last half chip; one sample or several in each."""
     rng = np.random.default_rng(1)
-    n, rate, fd, t0 = 5000, 5.115e6 * 1.01, 31_234.5, -37e-6
+    n, rate, fd, t0 = round(rate_hz * 5e-4), 5.115e6 * 1.01, 31_234.5, -37e-6
     x = (rng.standard_normal((n, 2)) @ [1, 1j]).astype(np.complex64)
     re, im = np.empty(3001, np.float32), np.empty(3001, np.float32)
-    half_chip_sums(x.view(np.float32), t0, 1 / RATE_HZ, rate, 0.0, fd, 0.0, 77, re, im)
-    t = t0 + np.arange(n) / RATE_HZ
+    half_chip_sums(x.view(np.float32), t0, 1 / rate_hz, rate, 0.0, fd, 0.0, 77, re, im)
+    t = t0 + np.arange(n) / rate_hz
     half = np.floor(2 * rate * t).astype(int) - 77
     y = x * np.exp(-2j * np.pi * fd * t)
     expected = np.zeros(3001, complex)
