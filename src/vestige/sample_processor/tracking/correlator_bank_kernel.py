@@ -239,15 +239,15 @@ def _segment(running, edge, next_edge, zero, count, lag):
 
 
 @njit(cache=True, nogil=True)
-def correlate(x, replicas, phase, step, cycles, cycles_per_sample, lags, starts, slots, bank):
-    """Fill the bank of E1-C with the correlations of consecutive samples; return the correlation with E1-B at lag 0.
+def correlate_part(x, replicas, phase, step, cycles, cycles_per_sample, lags, starts, slots, bank):
+    """Fill the bank of E1-C with the correlations of a part of a code period; return that with E1-B at lag 0.
 
     Parameters
     ----------
     x
         float32[2 · n], real and imaginary parts of the samples in turn, all in one code period.
     replicas, phase, step, cycles, cycles_per_sample, lags, starts, slots, bank
-        As for `add_to_bank`; nothing is removed from the samples.
+        These are arguments of `add_to_bank`. No frequency is removed from the samples.
     """
     work = bank_workspace()
     bank[:] = 0.0

@@ -39,7 +39,7 @@ from vestige.navigation.inav.coding.channel_coding import page_symbols
 from vestige.navigation.inav.page import OSNMA_BYTES, encode_page
 from vestige.records import SampleBatch
 from vestige.sample_processor.tracking.channel import TrackedPeriods
-from vestige.sample_processor.tracking.correlator_bank_kernel import bank_replicas, bank_vectors, correlate
+from vestige.sample_processor.tracking.correlator_bank_kernel import bank_replicas, bank_vectors, correlate_part
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.theory.scer.partial_correlations import FIRST_CHIPS, ReferenceMetric, metric_threshold, metric_value
@@ -114,7 +114,7 @@ def partial_prompts(
         if begin < 0 or end > batch.samples.size:
             continue
         both = [
-            correlate(
+            correlate_part(
                 x[2 * start : 2 * stop],
                 replicas,
                 2 * (phase + (start - begin) * rate),

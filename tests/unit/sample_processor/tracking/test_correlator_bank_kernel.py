@@ -12,7 +12,7 @@ from vestige.sample_processor.tracking.correlator_bank_kernel import (
     bank_replicas,
     bank_vectors,
     bank_workspace,
-    correlate,
+    correlate_part,
     piece_length,
     removed_cycles,
     running_sums,
@@ -56,7 +56,7 @@ def test_correlates_as_the_sums_say(replica: str, rate_hz: float, lags: list[int
     bank = np.empty(whole.size, np.complex128)
     k = segments_in_half_chip(replica)
     per_sample = doppler_hz / rate_hz
-    data = correlate(
+    data = correlate_part(
         x, bank_replicas(*CODES, replica), k * phase, k * step, cycles, per_sample, whole, *bank_vectors(whole), bank
     )
     wiped = x.astype(float).view(complex) * np.exp(-2j * np.pi * (cycles + per_sample * np.arange(n)))
@@ -76,7 +76,7 @@ def test_a_segment_with_a_single_phase_keeps_the_amplitude(doppler_hz: float) ->
     carrier = np.exp(2j * np.pi * (cycles + doppler_hz / rate_hz * np.arange(n)))
     signal = (_plain_replica(E1C, phase + step * np.arange(n), "BOC(1,1)") * carrier).astype(np.complex64)
     lags, bank = np.arange(-2, 3), np.empty(5, np.complex128)
-    correlate(
+    correlate_part(
         signal.view(np.float32), bank_replicas(*CODES), phase, step, cycles, doppler_hz / rate_hz, lags,
         *bank_vectors(lags), bank,
     )  # fmt: skip
