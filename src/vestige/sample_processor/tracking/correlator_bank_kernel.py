@@ -15,8 +15,8 @@ by 0.005 cycles in half a chip. This reduces the amplitude by (0.005 π)² / 6 =
 frequency other than that of E1 is removed from the samples before they are summed. The frequency that is removed is a
 multiple of the sampling rate over 2³², so that its phase at any sample is an exact integer.
 
-**Precision.** Running sums are float32 and start anew every `PIECE` samples, so that their rounding is 80 dB below the
-noise.
+**Precision.** Running sums are float32 and start anew every `PIECE` samples. At 12.5 MHz their rounding is 116 dB below
+the noise of a code period. If the samples have a constant offset as strong as the noise, it is 81 dB below.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"
