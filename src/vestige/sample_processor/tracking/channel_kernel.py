@@ -221,6 +221,9 @@ def _track_piece(
         s.next_sample += new
         if done + new < count:
             break
+        if not np.isfinite(np.abs(s.data) + np.sum(np.abs(pilot))):
+            s.mode = LOST  # samples are not numbers, and the loops cannot use them
+            break
         pilot *= secondary[s.period % PERIODS_PER_SECONDARY]
         out = periods[n_done]
         out.number, out.first_sample = s.period, s.first_sample

@@ -121,6 +121,35 @@ def test_a_signal_that_ends_is_lost_and_found_again() -> None:
     assert abs(error_m) < 15.0
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 3e38])
+def test_samples_that_are_no_numbers_end_a_channel(sky: SampleBatch, value: float) -> None:
+    samples = sky.samples.copy()
+    samples[int(0.9 * RATE_HZ)] = value
+    receiver = TrackingReceiver(svids=(11, 30))
+    epochs = _epochs(list(receiver.run([replace(sky, samples=samples)])))
+    seen = {round(epoch.time - START, 1): set(epoch.observations) for epoch in epochs}
+    assert seen[0.8] == {11, 30}
+    assert seen[max(seen)] == set()
+
+
+@pytest.mark.parametrize("offset_hz", [1.0e6, -3.1e5])
+def test_a_front_end_beside_e1_gives_the_same_observations(sky: SampleBatch, offset_hz: float) -> None:
+    carrier = np.exp(-2j * np.pi * offset_hz / RATE_HZ * np.arange(sky.samples.size))
+    beside = replace(
+        sky,
+        samples=(sky.samples * carrier).astype(np.complex64),
+        center_frequency_hz=sky.center_frequency_hz + offset_hz,
+    )
+    plain, moved = _track([sky])[-1].observations, _track([beside])[-1].observations
+    assert set(plain) == set(moved) == {11, 30}
+    for svid, one in plain.items():
+        assert moved[svid].pseudorange_m == pytest.approx(one.pseudorange_m, abs=1e-3)
+        assert moved[svid].doppler_hz == pytest.approx(one.doppler_hz, abs=1e-5)
+        assert moved[svid].cn0_dbhz == pytest.approx(one.cn0_dbhz, abs=1e-3)
+        cycles = moved[svid].carrier_phase_cycles - one.carrier_phase_cycles
+        assert abs(cycles - round(cycles)) < 1e-5
+
+
 def test_a_phase_jump_is_flagged(sky: SampleBatch) -> None:
     """While the loop turns back there is no observation, and the next one is flagged."""
     samples = sky.samples.copy()
