@@ -20,6 +20,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from jaxtyping import Complex64
 
 from vestige.constants import E1_CODE_PERIOD_S, MAX_SVID, MEDIAN_TRAVEL_TIME_S, SECONDARY_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.navigation.inav.page import InavPage
@@ -40,6 +41,7 @@ EPOCHS_PER_S = 10
 TRACKED_STRETCH_S = 0.2
 _SEARCHED_PERIODS = 8  # code periods in which satellites are searched: enough for 30 dBHz
 _LOST_EVERY = 5  # stretches from one search for lost satellites to the next
+_LARGEST_SAMPLE = 1e12  # the power of a second of such samples is far below the largest float32
 _FORGOTTEN_S = 120.0  # time after which a lost satellite counts as untracked, because its Doppler has changed
 _MAX_WAITING = 60  # pages of a satellite that wait for the time: two minutes
 _LOST_SPAN_HZ = 500.0  # search width around their last Doppler, with all of 100 ms
@@ -125,11 +127,13 @@ class TrackingReceiver:
         self._origin = self._origin or (piece.first_sample, piece.start)
         first, start = self._origin
         # the same bits for any cut of the samples
-        batch = replace(piece, start=start + (piece.first_sample - first) / piece.sample_rate_hz)
+        start = start + (piece.first_sample - first) / piece.sample_rate_hz
+        samples, power = _usable(piece.samples)
+        batch = replace(piece, samples=samples, start=start)
         if self._stretch or piece.samples.size >= round(E1_WINDOW_S * piece.sample_rate_hz):
             self._search(batch)
             self._stretch += 1
-        return self._take(batch, map if pool is None else pool.map)
+        return self._take(batch, power, map if pool is None else pool.map)
 
     def _start_anew(self) -> None:
         """Forget the channels, because the next samples are not connected to the previous samples.
@@ -145,7 +149,7 @@ class TrackingReceiver:
         self._stretch, self._origin, self.time_is_told = 0, None, False
 
     def _take(
-        self, batch: SampleBatch, run_all: Callable[..., Iterator[dict[int, list[ReceivedPage]]]]
+        self, batch: SampleBatch, power: float, run_all: Callable[..., Iterator[dict[int, list[ReceivedPage]]]]
     ) -> TrackedStretch:
         running = self._alive()
 
@@ -157,7 +161,6 @@ class TrackingReceiver:
         found = {svid: received for share in run_all(run, shares) for svid, received in share.items()}
         pages = {track.svid: found[track.svid] for track in running}
         placed = self._place(pages, batch)
-        power = float(np.vdot(batch.samples, batch.samples).real) / max(batch.samples.size, 1)
         for page in placed:
             self.outlook.take(page)
         epochs = self._epochs(batch, power)
@@ -312,6 +315,15 @@ class TrackingReceiver:
                 slipped.add(svid)
         self._seen = set(observations)
         return ObservationEpoch(time=time, observations=observations, slipped=frozenset(slipped))
+
+
+def _usable(samples: Complex64[np.ndarray, " n"]) -> tuple[Complex64[np.ndarray, " n"], float]:
+    """Return the samples and their mean power; samples that are no numbers, or too large to be squared, become 0."""
+    power = float(np.vdot(samples, samples).real) / max(samples.size, 1)
+    if math.isfinite(power):
+        return samples, power
+    samples = np.where(np.abs(samples) < _LARGEST_SAMPLE, samples, np.complex64(0.0))
+    return samples, float(np.vdot(samples, samples).real) / samples.size
 
 
 def recut(batches: Iterable[SampleBatch], duration_s: float) -> Iterator[SampleBatch]:

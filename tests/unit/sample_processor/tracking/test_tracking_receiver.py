@@ -122,14 +122,27 @@ def test_a_signal_that_ends_is_lost_and_found_again() -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 3e38])
-def test_samples_that_are_no_numbers_end_a_channel(sky: SampleBatch, value: float) -> None:
+def test_samples_that_are_no_numbers_count_as_zero(sky: SampleBatch, value: float) -> None:
+    tracked = []
+    for one in (value, 0.0):
+        samples = sky.samples.copy()
+        samples[int(0.9 * RATE_HZ)] = one
+        tracked.append(_track([replace(sky, samples=samples)]))
+    assert set(tracked[0][-1].observations) == {11, 30}
+    assert repr([epoch.observations for epoch in tracked[0]]) == repr([epoch.observations for epoch in tracked[1]])
+    assert tracked[0][-1].power_db == tracked[1][-1].power_db
+
+
+def test_a_channel_ends_at_samples_that_are_no_numbers(sky: SampleBatch) -> None:
+    found = measure_e1(sky, acquire(sky, (11,))[0])
+    assert found is not None
+    channel = Channel(found, sky)
     samples = sky.samples.copy()
-    samples[int(0.9 * RATE_HZ)] = value
-    receiver = TrackingReceiver(svids=(11, 30))
-    epochs = _epochs(list(receiver.run([replace(sky, samples=samples)])))
-    seen = {round(epoch.time - START, 1): set(epoch.observations) for epoch in epochs}
-    assert seen[0.8] == {11, 30}
-    assert seen[max(seen)] == set()
+    samples[int(0.9 * RATE_HZ)] = np.nan
+    tracked = channel.run(samples, 0)
+    assert channel.lost
+    assert np.all(np.isfinite(tracked.banks))
+    assert tracked.periods["first_sample"][-1] < 0.9 * RATE_HZ
 
 
 @pytest.mark.parametrize("offset_hz", [1.0e6, -3.1e5])
