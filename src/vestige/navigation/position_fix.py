@@ -170,7 +170,7 @@ def position_fix(
 def fixed_position_m(
     sent: Transmission, pseudorange_m: Float[np.ndarray, "n m"], sigma_m: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Return only `position_m` of `position_fix`, in two thirds of the time.
+    """Return only `position_m` of `position_fix`, without residuals and covariances.
 
     Parameters
     ----------
