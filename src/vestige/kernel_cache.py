@@ -18,7 +18,7 @@ import numba
 from vestige.source_version import PACKAGE
 
 # Modules whose functions other modules inline; kernels elsewhere are used only in their own module.
-KERNELS = ("*_kernel.py", "vector_ir.py")
+KERNELS = ("*_kernel.py", "*_vectors.py", "vector_ir.py", "vector_code.py")
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:

@@ -1,6 +1,6 @@
 """Tools for kernels whose inner loop is written as LLVM code.
 
-numba vectorises simple loops. It cannot keep several vectors in registers over a loop.
+numba vectorises simple loops, but numba cannot keep several vectors in registers over a loop.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

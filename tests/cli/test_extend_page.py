@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from extend_page import Section, no_parts, sections, write_page
-from vestige.campaign.store.attributes import open_dataset
+from vestige.campaign.store.results import open_dataset
 from vestige.cli.main import main, vestige
 
 LONGEST = 40  # lines of a file

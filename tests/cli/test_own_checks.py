@@ -10,7 +10,7 @@ from click.testing import CliRunner, Result
 
 from extend_page import no_parts, write_page
 from report_builder import rows_of
-from vestige.campaign.store.attributes import open_dataset
+from vestige.campaign.store.results import open_dataset
 from vestige.cli.main import vestige
 from vestige.records import Status
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import vestige.kernel_cache
-from vestige.kernel_cache import PACKAGE, source_mark
+from vestige.kernel_cache import KERNELS, PACKAGE, source_mark
 
 TWO_MODULES = """\
 import sys
@@ -54,6 +54,13 @@ def test_the_mark_is_that_of_all_kernels(tmp_path: Path) -> None:
         path.write_text("four")
         os.utime(path, ns=(time_ns, time_ns))
     assert source_mark(tmp_path, str(module)) == (2_000, 8)
+
+
+def test_code_that_is_written_for_llvm_counts_as_a_kernel() -> None:
+    """Kernels inline it, so a change must make their stored machine code invalid."""
+    written = [path for path in PACKAGE.rglob("*.py") if "from llvmlite import ir" in path.read_text()]
+    assert written
+    assert [path for path in written if not any(path.match(pattern) for pattern in KERNELS)] == []
 
 
 def test_every_kernel_has_this_decorator() -> None:

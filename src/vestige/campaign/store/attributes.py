@@ -1,4 +1,4 @@
-"""Attributes of a run: the scenario and the numbers that are stored beside the columns of its results."""
+"""Attributes and columns of results that are already in memory. This module does not load zarr."""
 
 from __future__ import annotations
 

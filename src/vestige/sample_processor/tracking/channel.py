@@ -138,8 +138,8 @@ class Channel:
 
     Notes
     -----
-    `run` takes consecutive samples and keeps none of them. It keeps the sums over the samples of a code period that is
-    not yet complete.
+    `run` takes consecutive samples. The channel keeps no samples, only the sums over the code period that is not yet
+    complete.
     """
 
     def __init__(
@@ -221,7 +221,7 @@ class Channel:
 
     @property
     def next_sample(self) -> int:
-        """Number of the first sample that the channel needs next; earlier samples have no effect."""
+        """Number of the next sample that the channel needs; earlier samples have no effect."""
         return int(self._state["next_sample"][0])
 
     @property

@@ -4,8 +4,8 @@ Theory of operation
 -------------------
 The code oscillator cuts the samples into code periods. Period k begins with the first sample whose code phase is not
 negative. A period is correlated as its samples arrive, by `correlator_bank_kernel`, and gives the bank P_j of E1-C,
-with the secondary chip removed, and the prompt of E1-B. After every integration the
-discriminators give the errors, from the early (E), prompt (P) and late (L) correlator:
+with the secondary chip removed, and the prompt of E1-B. After every integration the discriminators give the errors,
+from the early (E), prompt (P) and late (L) correlator:
 
     carrier phase     Im P / (2π A)                  of the pilot, which has no data; at most a quarter of a cycle;
                       or arg(P) / (2π), or arctan(Im P / Re P) / (2π)
@@ -42,7 +42,7 @@ from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 
 CODE_LENGTH = 4092.0  # chips of E1-B and E1-C
 PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
-_RATE_MARGIN = 1.001  # how much the code rate may increase while some samples are tracked
+_LARGEST_RATE = 1.001  # largest code rate over its nominal value: a Doppler of 1.5 MHz on E1
 _AMPLITUDE_TIME_S = 0.2  # time over which the amplitude of the prompt is smoothed
 _CN0_SHARE = 0.1  # share of the newest 100 ms in the smoothed signal and noise: 1 s
 _TURNED = 0.3  # share of the amplitude; a smaller in-phase part means that the carrier has slipped, or is about to slip
@@ -54,10 +54,10 @@ CHANNEL_STATE = np.dtype(
     [
         ("first_sample", "i8"),  # first sample of the present code period
         ("next_sample", "i8"),  # first sample of that period that has not been correlated
-        ("data", "c16"),  # prompt of E1-B over the samples before it
-        ("code_phase", "f8"),  # code phase of that sample, in chips
+        ("data", "c16"),  # prompt of E1-B, from `first_sample` to `next_sample`
+        ("code_phase", "f8"),  # code phase of `first_sample`, in chips
         ("code_rate", "f8"),  # chips per sample
-        ("carrier_cycles", "f8"),  # carrier phase of that sample
+        ("carrier_cycles", "f8"),  # carrier phase of `first_sample`
         ("carrier_step", "f8"),  # cycles per sample
         ("doppler_hz", "f8"),  # integrator of the carrier loop
         ("doppler_rate", "f8"),  # second integrator of an order-3 loop, in Hz/s
@@ -158,8 +158,8 @@ def track_channels(
     constants, states
         `CONSTANTS`[channel] and `CHANNEL_STATE`[channel]; the states are updated.
     pilots, totals
-        complex128[channel, k], the banks of the present code periods, without the secondary code, and of the unfinished
-        integrations; updated.
+        complex128[channel, k], the banks of the unfinished code periods, from which the secondary chip is not yet
+        removed, and the banks of the unfinished integrations; updated.
     periods, banks
         `PERIOD`[channel, m] and complex64[channel, m, k], filled; m is at least the number of periods that can end in
         the samples.
@@ -168,9 +168,8 @@ def track_channels(
     """
     work = bank_workspace()
     x_end = x_first + x.size // 2
-    length = x.size
-    for i in range(states.size):
-        length = min(length, piece_length(2 * constants[i].segments * states[i].code_rate * _RATE_MARGIN, lags[i]))
+    c = constants[0]
+    length = piece_length(2 * c.segments * c.chip_rate_hz / c.sample_rate_hz * _LARGEST_RATE, lags[0])
     for first in range(x_first, x_end, length):
         end = min(first + length, x_end)
         running_sums(x[2 * (first - x_first) : 2 * (end - x_first)], first, shift, work)
@@ -201,6 +200,9 @@ def _track_piece(
     """Track a channel to the end of a piece of samples; return the number of code periods that end in the piece."""
     n_done = 0
     while s.mode != LOST and s.next_sample < piece_end:
+        if not abs(s.code_rate * c.sample_rate_hz / c.chip_rate_hz - 1.0) < _LARGEST_RATE - 1.0:
+            s.mode = LOST  # no Doppler is so large, and a piece has no more segments
+            break
         count = np.int64(np.ceil((CODE_LENGTH - s.code_phase) / s.code_rate))
         done = s.next_sample - s.first_sample
         new = min(s.first_sample + count, piece_end) - s.next_sample

@@ -1,22 +1,22 @@
-"""The compiled inner loops of a tracking channel: samples against the replicas of E1-C and E1-B.
+"""Correlate samples with the replicas of E1-C and E1-B: the compiled inner loops of a tracking channel.
 
 Theory of operation
 -------------------
 **Running sums.** A replica has one value from one edge of the code to the next edge. The replica BOC(1,1) has an edge
-every half chip, so a segment contains six samples at 12.5 MHz. A correlator needs only the sum of the samples of each
-segment, which is the difference of two running sums. The running sums are computed once for all satellites. The work
-for a satellite grows with the number of edges, and not with the sampling rate.
+every half chip, so a segment contains about six samples at 12.5 MHz. A correlator needs only the sum of the samples of
+each segment, which is the difference of two running sums. The running sums are computed once for all satellites. The
+work for a satellite grows with the number of edges, and not with the sampling rate.
 
 **Correlators at whole samples.** An early or late correlator has the same replica, moved by some samples. So its
-segments begin and end at neighbours of the same running sums, and the whole bank is read with one or two vectors.
+segments begin and end a few places further in the same running sums, and one vector reads two correlators.
 
 **Carrier.** A segment has one carrier phase, that of its middle. With a residual frequency of 10 kHz the carrier turns
 by 0.005 cycles in half a chip. This reduces the amplitude by (0.005 π)² / 6 = 4·10⁻⁵, which is 0.0004 dB. A centre
 frequency other than that of E1 is removed from the samples before they are summed. The frequency that is removed is a
 multiple of the sampling rate over 2³², so that its phase at any sample is an exact integer.
 
-**Precision.** Running sums are float32 and start anew every `PIECE` samples. At 12.5 MHz their rounding is 116 dB below
-the noise of a code period. If the samples have a constant offset as strong as the noise, it is 81 dB below.
+**Precision.** Running sums are float32 and start again after at most `PIECE` samples. At 12.5 MHz their rounding is 116
+dB below the noise of a code period. If the samples have a constant offset as strong as the noise, it is 81 dB below.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"
@@ -29,11 +29,10 @@ from jaxtyping import Float32, Int8, Int64
 from vestige.kernel_cache import njit
 from vestige.sample_processor.tracking.correlator_bank_vectors import SUMS, VECTORS, bank_sums
 
-HALF_CHIPS = 8184  # half chips in a code period of E1-B and E1-C
-PIECE = 8192  # samples whose running sums are computed at once: 64 kB, which the second-level cache holds
+PIECE = 8192  # largest number of samples with common running sums: 64 kB, which the second-level cache holds
 _MARGIN = 64  # segments before and after the code period that a replica contains
-_EDGES = 1024  # largest number of edges of a pass
-_PAD = 64  # samples before and after the running sums that a vector may read
+_SEGMENTS = 1024  # largest number of segments in a piece; a power of two, as `_carrier` needs
+_PAD = 2  # places before and after the running sums; a vector reads at most one of them
 _LOW, _HIGH = np.sqrt(10 / 11), np.sqrt(1 / 11)  # amplitudes of CBOC [OS-ICD, 2.3.3]
 REMOVED_STEPS = float(1 << 32)  # steps in a cycle of the frequency that is removed from all samples
 
@@ -80,26 +79,32 @@ def bank_workspace():
     """Return arrays for `running_sums` and `add_to_bank`: running sums, edges, carrier, and sums of a pass."""
     return (
         np.zeros(2 * (PIECE + 1 + 2 * _PAD), np.float32),
-        np.empty(_EDGES + 1, np.int32),
-        np.empty((2, _EDGES), np.float32),
+        np.empty(_SEGMENTS + 1, np.int32),
+        np.empty((2, _SEGMENTS), np.float32),
         np.empty(SUMS, np.float32),
     )
 
 
 @njit(cache=True, nogil=True)
 def piece_length(step, lags):
-    """Return the number of samples for which a pass has enough edges; `step` in segments per sample."""
-    return max(min(PIECE, int((_EDGES - 8) / step) - 2 * np.max(np.abs(lags))), 1)
+    """Return the largest number of samples whose segments fit the workspace.
+
+    The argument `step` is in segments per sample, `lags` in samples.
+    """
+    return max(min(PIECE, int((_SEGMENTS - 8) / step) - 2 * np.max(np.abs(lags))), 1)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _carrier(cycles_per_segment, carrier):
-    """Fill the cosine and the sine of the angle from segment 0 on; each step doubles the number of segments."""
+def _carrier(cycles_per_place, carrier):
+    """Fill the cosine and the sine of a phase that begins at 0 and grows by `cycles_per_place`.
+
+    Each pass of the loop doubles the filled length.
+    """
     cos, sin = carrier[0], carrier[1]
     cos[0], sin[0] = 1.0, 0.0
     n = 1
     while n < cos.size:
-        angle = 2 * np.pi * ((cycles_per_segment * n) % 1.0)
+        angle = 2 * np.pi * ((cycles_per_place * n) % 1.0)
         c, s = np.float32(np.cos(angle)), np.float32(np.sin(angle))
         for i in range(n):
             a, b = cos[i], sin[i]
@@ -134,10 +139,10 @@ def running_sums(x, first_sample, shift, work):
         return
     cos, sin = carrier[0], carrier[1]
     _carrier(shift / REMOVED_STEPS, carrier)
-    for block in range(0, x.size, 2 * _EDGES):
+    for block in range(0, x.size, 2 * _SEGMENTS):
         angle = 2 * np.pi * removed_cycles(first_sample + block // 2, shift)
         c, s = np.float32(np.cos(angle)), np.float32(np.sin(angle))
-        for k in range(min(_EDGES, (x.size - block) // 2)):
+        for k in range(min(_SEGMENTS, (x.size - block) // 2)):
             i = block + 2 * k
             u, v = cos[k] * c - sin[k] * s, cos[k] * s + sin[k] * c
             re += x[i] * u + x[i + 1] * v
@@ -206,13 +211,13 @@ def add_to_bank(work, begin, count, replicas, phase, step, cycles, cycles_per_sa
                 bank[k] += replicas[0, replica_at + j] * moved * total
     if head == tail:
         return data
-    for number in range(0, starts.size, VECTORS):
-        bank_sums(running, edges, replicas, replica_at, carrier, head, tail, starts, number, sums)
-        if number == 0:
+    for first_vector in range(0, starts.size, VECTORS):
+        bank_sums(running, edges, replicas, replica_at, carrier, head, tail, starts, first_vector, sums)
+        if first_vector == 0:
             data += turn * _sum_at(sums, 2 * VECTORS)
         for k in range(lags.size):
-            if 0 <= slots[k] - 2 * number < 2 * VECTORS:
-                bank[k] += turn * _lag_turn(cycles_per_sample, lags[k]) * _sum_at(sums, slots[k] - 2 * number)
+            if 0 <= slots[k] - 2 * first_vector < 2 * VECTORS:
+                bank[k] += turn * _lag_turn(cycles_per_sample, lags[k]) * _sum_at(sums, slots[k] - 2 * first_vector)
     return data
 
 

@@ -35,18 +35,18 @@ def bank_sums(typing_context, running, edges, replicas, replica_at, carrier, fir
     """
 
     def codegen(context, builder, signature, arguments):
-        n_running, n_edges, n_replicas, chip_at, n_carrier, begin, stop, n_starts, start_at, n_out = arguments
+        n_running, n_edges, n_replicas, segment_at, n_carrier, begin, stop, n_starts, vector_at, n_out = arguments
         sums = Lanes(context, builder, signature.args[0], n_running)
-        places = Lanes(context, builder, signature.args[1], n_edges)
-        start = Lanes(context, builder, signature.args[7], n_starts)
+        edge = Lanes(context, builder, signature.args[1], n_edges)
+        first_lag = Lanes(context, builder, signature.args[7], n_starts)
         target = Lanes(context, builder, signature.args[9], n_out)
         signals = _rows(context, builder, signature.args[2], n_replicas)
         cos_sin = _rows(context, builder, signature.args[4], n_carrier)
-        lags = [start.number(builder.add(start_at, _INDEX(v))) for v in range(VECTORS)]
+        first_lags = [first_lag.number(builder.add(vector_at, _INDEX(v))) for v in range(VECTORS)]
 
         def running_sums(j):
-            edge = builder.sext(places.number(j), _INDEX)
-            return [sums.load(builder.shl(builder.add(edge, lag), _INDEX(1)), _VECTOR, 4) for lag in lags]
+            at = builder.sext(edge.number(j), _INDEX)
+            return [sums.load(builder.shl(builder.add(at, lag), _INDEX(1)), _VECTOR, 4) for lag in first_lags]
 
         def add(total, product):
             builder.store(builder.fadd(builder.load(total), product, flags=_FLAGS), total)
@@ -56,7 +56,7 @@ def bank_sums(typing_context, running, edges, replicas, replica_at, carrier, fir
         before = [cgutils.alloca_once_value(builder, value) for value in running_sums(begin)]
         with cgutils.for_range_slice(builder, begin, stop, _INDEX(1)) as (j, _):
             turns = [splat(builder, part.number(j), _VECTOR) for part in cos_sin]
-            pilot, data = (splat(builder, one.number(builder.add(chip_at, j)), _VECTOR) for one in signals)
+            pilot, data = (splat(builder, one.number(builder.add(segment_at, j)), _VECTOR) for one in signals)
             differences = []
             for value, old in zip(running_sums(builder.add(j, _INDEX(1))), before, strict=True):
                 differences.append(builder.fsub(value, builder.load(old), flags=_FLAGS))

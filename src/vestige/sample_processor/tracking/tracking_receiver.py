@@ -318,7 +318,10 @@ class TrackingReceiver:
 
 
 def _usable(samples: Complex64[np.ndarray, " n"]) -> tuple[Complex64[np.ndarray, " n"], float]:
-    """Return the samples and their mean power; samples that are no numbers, or too large to be squared, become 0."""
+    """Return the samples and their mean power.
+
+    If the power is not finite, samples that are not numbers or reach `_LARGEST_SAMPLE` become 0.
+    """
     power = float(np.vdot(samples, samples).real) / max(samples.size, 1)
     if math.isfinite(power):
         return samples, power

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from vestige.sample_processor.tracking.correlator_bank_kernel import (
-    HALF_CHIPS,
     REMOVED_STEPS,
     add_to_bank,
     bank_replicas,
@@ -27,7 +26,7 @@ REPLICAS = ("BOC(1,1)", "CBOC")
 
 def _plain_replica(signal: SignalDefinition, half_chips: np.ndarray, replica: str) -> np.ndarray:
     """Return the replica at code phases in half chips, written from the definition of the pulse."""
-    chips = np.mod(half_chips, HALF_CHIPS) / 2
+    chips = np.mod(half_chips, 8184) / 2
     code = primary_code(signal, 7)[np.floor(chips).astype(int)].astype(float)
     slow = np.where(np.floor(2 * chips).astype(int) % 2 == 0, 1.0, -1.0)
     quick = np.where(np.floor(12 * chips).astype(int) % 2 == 0, 1.0, -1.0)

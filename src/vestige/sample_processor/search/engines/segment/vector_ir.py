@@ -1,9 +1,9 @@
 """Vector instructions for the segment engine, written as LLVM code: sums of rows of bytes, and DFTs over lanes.
 
-numba vectorises simple loops. It cannot keep several vectors in registers over a loop, and cannot unroll a DFT whose
-lanes are search offsets. So this module emits the inner loops as intrinsics; LLVM adapts their vectors to AVX-512, AVX2
-or NEON. In a DFT each lane is a search offset. `None` stands for a number that is known to be zero. LLVM removes the
-outputs that are not used. The same DFT runs on float32 and on int16 (`_Float`, `_Fixed`).
+numba cannot unroll a DFT whose lanes are search offsets, and `vestige.vector_code` has another reason. So this module
+emits the inner loops as intrinsics; LLVM adapts their vectors to AVX-512, AVX2 or NEON. In a DFT each lane is a search
+offset. `None` stands for a number that is known to be zero. LLVM removes the outputs that are not used. The same DFT
+runs on float32 and on int16 (`_Float`, `_Fixed`).
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -211,17 +211,15 @@ def row_sum(
 ):
     """Store SUM_WIDTH sums of ± table[entry + base + i] at `out[out_index:]`, less `zero`.
 
-    A sum is cut at ±`top` and multiplied by 2^`shift`.
-
-    Entries low … plus_end are added and minus_start … high subtracted, eight rows at a time in bytes. Between these two
-    ranges there may be eight more entries. Among them, entries from `first_minus` on are added as ROW_TOP less the row,
-    which is an exclusive or. The rows are bytes up to ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and
-    all 16-bit words are summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶. In each group of VECTOR_BYTES sums the
-    even sums are stored first.
+    A sum is cut at ±`top` and multiplied by 2^`shift`. Entries low … plus_end are added and minus_start … high
+    subtracted, eight rows at a time in bytes. Between these two ranges there may be eight more entries. Among them,
+    entries from `first_minus` on are added as ROW_TOP less the row, which is an exclusive or. The rows are bytes up to
+    ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and all 16-bit words are summed, and Σ even = Σ words −
+    256 Σ odd, modulo 2¹⁶. In each group of VECTOR_BYTES sums the even sums are stored first.
     """
 
     def codegen(context, builder, signature, arguments):
-        n_table, n_entries, lo, plus, minus, hi, flip, zero, start, top, power, n_out, where = arguments
+        n_table, n_entries, lo, plus, minus, hi, flip, zero, start, top, shift, n_out, where = arguments
         source = Lanes(context, builder, signature.args[0], n_table)
         entry = Lanes(context, builder, signature.args[1], n_entries)
         target = Lanes(context, builder, signature.args[11], n_out)
@@ -236,20 +234,20 @@ def row_sum(
                 places, masks = [], []
                 for k in range(ROWS_AT_ONCE):
                     index = builder.add(i, ir.Constant(i.type, k))
-                    offset = builder.sext(builder.load(builder.gep(entry.data, [index])), ir.IntType(64))
+                    offset = builder.sext(entry.number(index), ir.IntType(64))
                     places.append(builder.add(offset, start))
                     flipped = builder.icmp_signed(">=", index, flip)
                     mask = builder.select(flipped, ir.Constant(_BYTE, ROW_TOP), ir.Constant(_BYTE, 0))
                     masks.append(splat(builder, mask, _BYTES))
                 for v, (word, odd) in enumerate(zip(words, odds, strict=True)):
-                    shift = ir.Constant(start.type, v * VECTOR_BYTES)
-                    rows = [source.load(builder.add(place, shift), _BYTES, 1) for place in places]
+                    ahead = ir.Constant(start.type, v * VECTOR_BYTES)
+                    rows = [source.load(builder.add(place, ahead), _BYTES, 1) for place in places]
                     if begin is plus:
                         rows = [builder.xor(row, mask) for row, mask in zip(rows, masks, strict=True)]
                     pair = builder.bitcast(reduce(builder.add, rows), _SHORT)
                     builder.store(combine(builder.load(word), pair), word)
                     builder.store(combine(builder.load(odd), builder.lshr(pair, eight)), odd)
-        highest, bits = (builder.trunc(one, ir.IntType(16)) for one in (top, power))
+        highest, bits = (builder.trunc(one, ir.IntType(16)) for one in (top, shift))
         lowest, highest, bits = (splat(builder, one, _SHORT) for one in (builder.neg(highest), highest, bits))
         for v, (word, odd) in enumerate(zip(words, odds, strict=True)):
             odd_sum = builder.load(odd)
@@ -310,7 +308,7 @@ def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, n_points,
             w = [
                 splat(
                     builder,
-                    builder.load(builder.gep(factor.data, [builder.add(turn, ir.Constant(turn.type, k))])),
+                    factor.number(builder.add(turn, ir.Constant(turn.type, k))),
                     unit.vector,
                 )
                 for k in (2 * r, 2 * r + 1)
