@@ -158,7 +158,7 @@ def test_without_words_17_to_20_no_ephemeris_is_complete(without_fec2: Run) -> N
     figure="week as sent; fix within 15.0 m without another source of time",
 )
 def test_the_week_and_the_fix_with_the_time_of_word_0(with_fec2: Run) -> None:
-    """In 1 s the satellites move by 3 km, so a wrong time of week would move the fix by kilometres."""
+    """Compare week and fix with the truth. A time of week that is wrong by 2 s moves this fix by 1.4 km."""
     assert {svid: with_fec2.ephemerides[svid]["WN"] for svid in LOST} == dict.fromkeys(LOST, START.week)
     found = fixes_of(with_fec2.printed)
     error_m = found.east_north_up_m(LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M)
