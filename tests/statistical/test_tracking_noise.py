@@ -157,8 +157,8 @@ def test_thermal_noise_of_the_other_discriminators(
 def test_symbol_errors_are_those_of_bpsk() -> None:
     """The rate is the mean of Q(√(2 C/N0 T) cos φ R(ε)) over the noise φ and ε of the loops, each normal by theory.
 
-    R is the triangle of BOC(1,1). Without φ and ε the rate is 1.23 %, with them 1.54 %. Of 19,750 symbols 305 are wrong,
-    give or take 17 (6 %). So the bar of 20 % is more than three standard deviations.
+    R is the triangle of BOC(1,1). Without φ and ε the rate is 1.23 %, with them 1.54 %. Of 19,750 symbols 305 are
+    wrong, give or take 17 (6 %). So the bar of 20 % is more than three standard deviations.
     """
     cn0_dbhz = 28.0
     settings = TrackingSettings(integration_periods=5, pll_bandwidth_hz=10.0)

@@ -24,6 +24,13 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", type=PATH, required=True, help="Folder to write; must not exist.")
 @start_option
 @loop_options
+@click.option(
+    "--observation-rate-hz",
+    type=click.IntRange(1, 100),
+    default=10,
+    show_default=True,
+    help="Observations of each satellite per second.",
+)
 @threads_option("Number of threads that track E1.")
 @stdin_options
 def command(recording_path: Path, **options: Any) -> None:
@@ -41,7 +48,7 @@ def command(recording_path: Path, **options: Any) -> None:
         _tracked_stdin(options) if recording_path == STDIN else _tracked(recording_path, options)
     )
     _check_duration(recording_path, tracked, n_samples / rate_hz)
-    _print(tracked)
+    _print(tracked, options["observation_rate_hz"])
     folder.mkdir(parents=True)
     for path in write_tracked(folder, tracked, rate_hz):
         echo(f"wrote {path}")
@@ -75,7 +82,13 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
     for line in recording.notes:
         warn(line)
     with progress() as report:
-        tracked = track_recording(recording, loop_settings(options), workers=options["workers"], progress=report)
+        tracked = track_recording(
+            recording,
+            loop_settings(options),
+            epochs_per_s=options["observation_rate_hz"],
+            workers=options["workers"],
+            progress=report,
+        )
     return tracked, recording.e1.n_samples, recording.e1.file.sample_rate_hz
 
 
@@ -90,7 +103,12 @@ def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, int, floa
     if file.start is None:
         raise InputFileError(file.described_in, "start time", "nothing", "start in the description, or --start")
     stream = stdin_stream(file, capacity_bytes=round(options["buffer_mb"] * 1e6))
-    tracked = track_batches(streamed_batches(stream), loop_settings(options), workers=options["workers"])
+    tracked = track_batches(
+        streamed_batches(stream),
+        loop_settings(options),
+        epochs_per_s=options["observation_rate_hz"],
+        workers=options["workers"],
+    )
     n_samples = stream.look().end_sample - file.first_sample
     if n_samples == 0:
         raise InputFileError(STDIN, "standard input", "no sample", "samples of E1")
@@ -101,7 +119,7 @@ def _without_e1(path: Path) -> InputFileError:
     return InputFileError(path, "bands", "no E1", "samples of E1, the band that is tracked")
 
 
-def _print(tracked: TrackedRecording) -> None:
+def _print(tracked: TrackedRecording, rate_hz: int) -> None:
     """Print a line for each satellite, and the clock error that the message tells."""
     import math
     import statistics
@@ -125,7 +143,7 @@ def _print(tracked: TrackedRecording) -> None:
         known = [value for value in strengths if not math.isnan(value)]
         cn0 = f"{statistics.median(known):5.1f} dBHz" if known else "     -     "
         issue = str(issues.get(svid, "-"))
-        echo(f"  E{svid:02d} {len(strengths) / 10:8.1f} s  {cn0}  {slips[svid]:12d}  {pages:12d}  {issue:>6}")
+        echo(f"  E{svid:02d} {len(strengths) / rate_hz:8.1f} s  {cn0}  {slips[svid]:12d}  {pages:12d}  {issue:>6}")
     if tracked.time_tag_error_s is None:
         echo("no message told the time; ranges are placed by the time tag of the samples")
     else:

@@ -168,6 +168,19 @@ def test_a_front_end_beside_e1_gives_the_same_observations(sky: SampleBatch, off
         assert abs(cycles - round(cycles)) < 1e-5
 
 
+def test_the_observation_rate_adds_epochs_and_changes_none(sky: SampleBatch) -> None:
+    usual = {epoch.time: epoch.observations for epoch in _track([sky])}
+    often = _epochs(list(TrackingReceiver(svids=(11, 17, 30), epochs_per_s=50).run([sky])))
+    assert {round((after.time - before.time) * 1e6) for before, after in pairwise(often)} == {20_000}
+    common = {epoch.time: epoch.observations for epoch in often if epoch.time in usual}
+    assert len(common) == len(usual)
+    seen = [time for time in usual if 11 in usual[time]]
+    assert len(seen) > 3
+    for time in seen:
+        assert common[time][11].pseudorange_m == pytest.approx(usual[time][11].pseudorange_m, abs=1e-6)
+        assert common[time][11].doppler_hz == pytest.approx(usual[time][11].doppler_hz, abs=1e-6)
+
+
 @pytest.mark.parametrize("discriminator", PLL_DISCRIMINATORS)
 def test_a_phase_jump_is_flagged(long_sky: SampleBatch, discriminator: str) -> None:
     """Half a cycle is solved by the sign of the secondary code; until then there is no observation.
