@@ -262,7 +262,7 @@ def test_killed_and_started_again(night: Path, expected: Callable[[str], list[di
         assert first.returncode == -signal.SIGKILL
         second = invoke(process, *arguments, "--idle-s", "1")
     assert second.exception is None
-    assert "going on after snapshot" in second.stderr
+    assert "continuing after snapshot" in second.stderr
     assert _objects((kept / LINES).read_text()) == expected("1")
     # On the screen nothing is there twice; what was kept in the moment of the kill may be in the file only.
     shown = [one["snapshot"] for one in _objects(printed.decode())]
@@ -604,7 +604,7 @@ def test_an_observation_file_that_was_named_and_stays_empty_is_an_error(night: P
 def test_without_a_snapshot_it_says_why(night: Path, tmp_path: Path) -> None:
     folder = _changed(night, tmp_path / "night", e6=(night / "e6.sigmf-data").read_bytes()[:1001])
     stderr = invoke(process, folder, *ONCE).stderr
-    assert "no verdict: no RECS is of this recording's time" in stderr
+    assert "no verdict: no RECS was transmitted during this recording" in stderr
     assert "e6.sigmf-data: 8.06452e-05 s of E6 samples from 2026-11-21T12:00:00.000 GST on" in stderr
     with (tmp_path / "nothing").open("wb+") as nothing:
         pipe = _run(

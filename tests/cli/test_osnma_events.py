@@ -170,7 +170,7 @@ def test_events_that_do_not_fit_are_one_line(events: str, said: str) -> None:
 
 
 def test_events_belong_to_a_sky() -> None:
-    with pytest.raises(VestigeError, match=r"osnma: found no constellation beside it, expected \[constellation\]"):
+    with pytest.raises(VestigeError, match=r"osnma: found no \[constellation\], expected one, which this key needs"):
         load_scenario(NIGHT.with_name("quick.toml"), ('osnma.event=[{kind="silence", start_s=0}]',))
 
 

@@ -26,7 +26,7 @@ def test_too_short_a_recording_is_not_tracked(tmp_path: Path) -> None:
 
 def test_track_refuses_what_it_cannot_do(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
-    with pytest.raises(InputFileError, match="something there already"):
+    with pytest.raises(InputFileError, match="an existing file or folder"):
         done(track, tmp_path, "-o", tmp_path / "there")
     with pytest.raises(InputFileError, match="no description of samples"):
         done(track, tmp_path, "-o", tmp_path / "new")

@@ -253,7 +253,7 @@ def test_killed_and_started_again(night: Path, verdicts: list[dict], tmp_path: P
     assert before
     second = invoke(process, *arguments, "--idle-s", "0.3")
     assert second.exception is None
-    assert "going on after snapshot" in second.stderr
+    assert "continuing after snapshot" in second.stderr
     _agree(_objects((kept / LINES).read_text()), verdicts)
     assert not _said(_objects(second.stdout)).keys() & _said(before).keys()
 

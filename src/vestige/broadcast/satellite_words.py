@@ -170,7 +170,9 @@ class SatelliteWords:
     def _number(self, time: GalileoTime) -> int:
         number = bisect_right(self._starts, time) - 1  # each issue starts with a subframe
         if number < 0:
-            raise VestigeError(f"E{self.svid:02}: no ephemeris is issued by {time}; the first is of {self._starts[0]}")
+            raise VestigeError(
+                f"E{self.svid:02}: no ephemeris was issued before {time}; the first is of {self._starts[0]}"
+            )
         return number
 
     def _reduced_ced(self, start: GalileoTime) -> ReducedCed | None:

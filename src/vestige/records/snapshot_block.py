@@ -165,9 +165,9 @@ SEARCH_NOT_RUN = (
     "no RECS of this satellite, or no key that proves anything",
     "the E6 samples do not hold the RECS anywhere in the time uncertainty",
     "the RECS was not found in E6",
-    "the RECS was found when its key may have been known",
+    "the RECS was found, but its key may have been public when it arrived",
     "the RECS holds the open E6-C code, which repeats each ms, so a search cannot tell a replay from the code itself",
-    "not due",
+    "the next search is not due yet",
 )
 
 

@@ -201,7 +201,9 @@ def test_a_found_signal_must_be_where_the_position_allows(quiet: VerdictBlock) -
         assert _is_the_place(found)
         assert np.flatnonzero(block.impossible[0] == 3).tolist() == [0]
         assert not np.isfinite(block.range_in_use_m[0, 0])
-        assert block.reason(0, 0).endswith("; its range is not used: the known position does not allow it")
+        assert block.reason(0, 0).endswith(
+            "; its range is not used: no satellite has such a range at the known position"
+        )
         assert np.isnan(block.true_offset_m).all()
         assert "range is not used" not in block.reason(0, 1)
     alone, _ = _used(quiet, [S] * M, found_m=one_false, known=_near(5e3, 10e3), clock_limit_s=1e-6)
@@ -259,7 +261,7 @@ def test_a_quiet_fix_bounds_the_next_snapshots() -> None:
     start = PROCESSOR.step(None, first, Keys())  # type: ignore[arg-type]
     assert start.state.fix is not None
     after = PROCESSOR.step(start.state, second, Keys())  # type: ignore[arg-type]
-    assert after.block.reason(0, 0).endswith("the known position does not allow it")
+    assert after.block.reason(0, 0).endswith("no satellite has such a range at the known position")
     assert after.state.fix == start.state.fix
     forgetful = replace(start.state, fix=None)
     assert PROCESSOR.step(forgetful, second, Keys()).block.earlier[0, 0]  # type: ignore[arg-type]

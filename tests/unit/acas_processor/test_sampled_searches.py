@@ -128,7 +128,7 @@ def test_a_single_signal_from_after_the_disclosure_proves_nothing() -> None:
     snapshot, assistance, true_s = _received(False)
     late_s = _disclosed_at(assistance) - (snapshot.time + -0.1) - true_s - 15e-3
     (found,) = EXHAUSTIVE.search(snapshot, assistance, TimeUncertainty(initial_s=late_s))
-    assert (found.peaks, _why(found)) == ((), "the RECS was found when its key may have been known")
+    assert (found.peaks, _why(found)) == ((), "the RECS was found, but its key may have been public when it arrived")
 
 
 def test_what_is_missing_is_said() -> None:

@@ -148,6 +148,6 @@ def test_what_is_not_stored_is_refused_everywhere(use: str, level: int, tmp_path
             said.add(str(error.value))
     used = use.partition("(")[0].removesuffix(".truth")
     assert said == {
-        f"touch:Touch: found a use of evidence.measured.snapshots.{used}, expected the other fields of the evidence: "
+        f"touch:Touch: found evidence.measured.snapshots.{used}, expected the other fields of the evidence: "
         "stored results hold no samples, so no check may ask for them"
     }

@@ -305,7 +305,7 @@ def test_metadata_of_forty_gigabytes_are_not_read(toy: Path, tmp_path: Path) -> 
 
 def test_a_second_writer_is_told_so(toy: Path, tmp_path: Path) -> None:
     path = shutil.copytree(toy, tmp_path / "a.zarr")
-    with only_writer(path), pytest.raises(InputFileError, match="another process that writes it"):
+    with only_writer(path), pytest.raises(InputFileError, match="another process that writes into it"):
         run(PLAN, path)
     assert is_right(open_results(run_again(path)))
 

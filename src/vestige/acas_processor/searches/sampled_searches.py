@@ -275,7 +275,7 @@ def _of_decision(
     if not decision.peaks:
         return _not_run(svid, "the RECS was not found in E6")
     if decision.true is None and not decision.spoofed:
-        return _not_run(svid, "the RECS was found when its key may have been known")
+        return _not_run(svid, "the RECS was found, but its key may have been public when it arrived")
     return SatelliteSearch(
         svid=svid,
         signals=(),

@@ -175,7 +175,7 @@ def open_results(
         raise InputFileError(path, f"epoch {torn[0].start}", found, f"the values that were written; {MENDS}")
     if len(finished) < store.n_chunks and not partial:
         found = f"{sum(len(store.epochs(chunk)) for chunk in finished)} epochs"
-        raise InputFileError(path, "results", found, f"{store.n_epochs} epochs (the same run again finishes it)")
+        raise InputFileError(path, "results", found, f"{store.n_epochs} epochs (the same command finishes it)")
     dataset = open_dataset(path)
     _check_attributes(path, dataset)
     if len(finished) < store.n_chunks:

@@ -53,7 +53,7 @@ from vestige.campaign.store.store_skeleton import (
 from vestige.errors import InputFileError
 from vestige.scenario.limits import MAX_EPOCHS
 
-MENDS = "the same run again mends it"
+MENDS = "the same command repairs it"
 _DIGITS = 10  # upper limit of the digits of a chunk number, not included
 
 

@@ -177,7 +177,7 @@ def _not_finite(reader: SampleReader, limit: TimeLimit) -> Iterator[Finding]:
                 FindingKind.NOT_FINITE, reader.band,
                 f"{reader.band.value}: no NaN or infinity in the first {read_s:.1f} s of {reader.duration_s:.1f} s, "
                 "as far as the file was read, nor at its middle and end",
-                "vestige process and vestige track name such a sample where they come to it",
+                "vestige process and vestige track stop at such a sample, and name it",
             )  # fmt: skip
             return
         try:

@@ -234,4 +234,4 @@ def write_collection(base: Path, metas: Sequence[Path], *, description: str = ""
 
 def _refuse_existing(path: Path) -> None:
     if path.exists():
-        raise InputFileError(path, "file", "a file of that name", "a name that is not taken")
+        raise InputFileError(path, "file", "an existing file", "a new name")

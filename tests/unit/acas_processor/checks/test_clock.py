@@ -129,9 +129,9 @@ def test_gaps_and_missing_fixes() -> None:
     values = [(0.0, 0.0, 0.0), (30.0, 0.0, 0.0), (200.0, 1e6, 500.0), (230.0, 1e6 + 15_000, 500.0)]
     results = _results(monitor, values, sigma_bias_m=3.0)
     assert all(check.outcome is Outcome.NOT_RUN for check in (*results[0], *results[2]))
-    assert results[2][0].reason == "no epoch shortly before"
+    assert results[2][0].reason == "no position fix shortly before"
     assert results[3][0].outcome is Outcome.PASS
-    assert results[3][2].reason == "fewer than 3 epochs in a row"
+    assert results[3][2].reason == "fewer than 3 position fixes in a row"
     for name in NAMES:
         assert outcome(ClockCheck(name=name, monitor=monitor), evidence()).reason.startswith("no position fix")
     with pytest.raises(ValueError, match="three epochs"):
