@@ -315,7 +315,7 @@ def test_it_stops_cleanly(night: Path, tmp_path: Path, number: signal.Signals) -
     assert run.returncode == 130
     last = errors.decode().splitlines()[-1]
     assert last.startswith("interrupted; ")
-    assert "AUTHENTIC; the same command goes on" in last
+    assert "AUTHENTIC; the same command continues" in last
     assert "Traceback" not in errors.decode()
     assert json.loads((kept / STATE).read_text())["progress"]["index"] >= 2
 
@@ -566,7 +566,7 @@ def test_a_satellite_that_e1_never_shows_is_named_once_at_the_end(night: Path, t
     assert _objects(followed.stdout) == _finished(folder)["verdicts"] == []
     assert _objects(followed.stdout, "end") == [{"snapshots": N_EPOCHS, "dropped": 0, "not_seen_on_e1": [11]}]
     assert _finished(folder)["not_seen_on_e1"] == [11]
-    assert followed.stderr.count("RECS, but not seen on E1: E11") == 1
+    assert followed.stderr.count("satellites with RECS that were not seen on E1: E11") == 1
     assert "no verdict: no satellite of the RECS is seen on E1" in followed.stderr
 
 

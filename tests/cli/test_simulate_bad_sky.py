@@ -59,8 +59,14 @@ def private_key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
 @pytest.mark.parametrize(
     ("svids", "said"),
     [
-        ("7, 8", "constellation.svids: found 8, without an ephemeris in day.rnx, expected some of 1 2 3 4 5 6 7 9 10"),
-        ("7, 13", "constellation.svids: found 13, out of service or of another time in day.rnx, expected some of 1 2"),
+        (
+            "7, 8",
+            "constellation.svids: found 8, without an ephemeris in day.rnx, expected satellites among 1 2 3 4 5 6 7 9 10",
+        ),
+        (
+            "7, 13",
+            "constellation.svids: found 13, out of service or of another time in day.rnx, expected satellites among 1 2",
+        ),
     ],
 )
 def test_a_satellite_without_ephemeris(night: Path, capsys: pytest.CaptureFixture[str], svids: str, said: str) -> None:

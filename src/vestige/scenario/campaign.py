@@ -243,9 +243,7 @@ class CampaignScenario(Section):
     def _one_geometry(self) -> Self:
         if self.constellation is None:
             if self.trajectory is not None:
-                raise InconsistentSettingsError(
-                    "trajectory", "no [constellation]", "one, because [trajectory] moves its receiver"
-                )
+                raise InconsistentSettingsError("trajectory", "no [constellation]", "one, which this key needs")
             for place, given in (
                 ("position", self.position != PositionTable()),
                 ("osnma", self.osnma != OsnmaTable()),
@@ -263,9 +261,7 @@ class CampaignScenario(Section):
                     )
             return self
         if self.trajectory is None:
-            raise InconsistentSettingsError(
-                "trajectory", "nothing", "the position of the receiver, which [constellation] needs"
-            )
+            raise InconsistentSettingsError("trajectory", "nothing", "one, because there is a [constellation]")
         if "line_of_sight" in self.model_fields_set:
             raise InconsistentSettingsError("line_of_sight", "a [constellation] as well", "one of the two")
         check_clock(self.receiver.clock, self.epochs * self.interval_s)

@@ -120,7 +120,7 @@ def test_a_store_that_may_be_of_another_plan_is_not_mended(toy: Path, tmp_path: 
 def test_damaged_epochs_can_be_left_out_and_are_named(toy: Path, tmp_path: Path) -> None:
     path = shutil.copytree(toy, tmp_path / "a.zarr")
     (path / "time_s" / "c" / "1").write_bytes(b"")
-    with pytest.raises(InputFileError, match=r"epoch 4: found values .* \(4 epochs in all\), .*same run again mends"):
+    with pytest.raises(InputFileError, match=r"epoch 4: found values .* \(4 epochs in all\), .*same command repairs"):
         open_results(path, partial=True)
     with pytest.raises(InputFileError, match="found 6 epochs, expected 10"):
         open_results(path, damaged="leave out")

@@ -108,7 +108,7 @@ def test_false_alarms_are_those_without_the_attack(results: dict[str, xarray.Dat
 def test_the_checks_of_a_sky(results: dict[str, xarray.Dataset], pages: dict[str, str]) -> None:
     page, (found_at_3,) = pages["sky"], level_verdicts(results["sky"], (3,))
     budgets, alarms = (
-        rows_of(page, "Monitors: what they compare with"),
+        rows_of(page, "Thresholds of the monitors"),
         rows_of(page[page.index('id="false-alarms"') :], "Monitors"),
     )
     assert set(budgets) == set(alarms) == {name.value for name in found_at_3.checks}
@@ -202,13 +202,13 @@ def test_misses_are_kept_whatever_the_verdict(
 
 def test_a_run_that_has_not_ended_says_so(results: dict[str, xarray.Dataset]) -> None:
     part = results["quick"].isel(epoch=slice(0, 60)).assign_coords(epoch=np.arange(60))
-    assert "This run has not ended: 60 of 400 epochs are here." in run_page(part, "part").html()
+    assert "This run has not ended: 60 of 400 epochs are stored." in run_page(part, "part").html()
 
 
 def test_noise_alone(tmp_path: Path) -> None:
     store = made(tmp_path / "noise", "quick", "epochs=50", "receiver.signal=false", "processor.p_fa=0.01")
     page = run_page(open_results(store).dataset.load(), "noise").html()
-    assert "How often does noise alone pass for the signal?" in page
+    assert "How often is noise alone taken for the signal?" in page
     assert "detected in noise by the early detector" in page
 
 

@@ -117,7 +117,7 @@ def test_each_part_sees_its_attack() -> None:
     assert jump[0].outcome is Outcome.FAIL
     push = _results(monitor, [*still, (10.0, 30.0, 0.0)])[-1]
     assert [check.outcome for check in push] == [Outcome.PASS, Outcome.FAIL, Outcome.PASS]
-    assert "bias left its drift by +30" in push[1].reason
+    assert "bias differs from its prediction by +30" in push[1].reason
     pulled = _results(monitor, [(float(t), 0.15 * t**2, 0.3 * t) for t in range(10)])[-1]
     assert [check.outcome for check in pulled] == [Outcome.PASS, Outcome.PASS, Outcome.FAIL]
     hidden = _results(monitor, [(float(t), 0.015 * t**2, 0.03 * t) for t in range(10)])[-1]
