@@ -157,7 +157,7 @@ def test_without_an_event_nothing_is_withheld_and_nothing_changes() -> None:
         ),
         (
             '{kind="chain-renewal", start_s=150, in_force_s=180}, {kind="alert", start_s=90}',
-            "event.0.start_s: found 150 s, within the alert of 90 s, expected no event after one that does not end",
+            "event.0.start_s: found 150 s, within the alert of 90 s, expected no event after an event without an end",
         ),
     ],
 )

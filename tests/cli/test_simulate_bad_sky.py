@@ -61,11 +61,13 @@ def private_key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
     [
         (
             "7, 8",
-            "constellation.svids: found 8, without an ephemeris in day.rnx, expected satellites among 1 2 3 4 5 6 7 9 10",
+            "constellation.svids: found 8, without an ephemeris in day.rnx, expected satellites among 1 2 3 4 5 6 7 "
+            "9 10",
         ),
         (
             "7, 13",
-            "constellation.svids: found 13, out of service or of another time in day.rnx, expected satellites among 1 2",
+            "constellation.svids: found 13, out of service or of another time in day.rnx, expected satellites among "
+            "1 2",
         ),
     ],
 )
@@ -105,7 +107,7 @@ def test_an_osnma_key_that_does_not_fit_the_tree(night: Path, capsys: pytest.Cap
         ('{private_key="p384.pem"}', "p384.pem: the private key is not on P-256"),
         (
             '{private_key="own.pem", merkle_tree="tree.xml", event=[{kind="alert", start_s=60}]}',
-            "osnma.event.0.kind: found alert with a merkle_tree of yours, expected no merkle_tree: ",
+            "osnma.event.0.kind: found alert with your own merkle_tree, expected no merkle_tree: ",
         ),
     ],
 )

@@ -192,5 +192,5 @@ class _NotOffered:
         raise OwnPartError(
             self._kind,
             f"evidence.measured.snapshots.{self._what}.{name}",
-            "the other fields of the evidence: stored results hold no samples, so no check may ask for them",
+            "the other fields of the evidence: stored results have no samples, so no check may use them",
         )

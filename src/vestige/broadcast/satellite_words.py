@@ -103,7 +103,7 @@ class SatelliteWords:
             if later.ephemeris.iod_nav == earlier.ephemeris.iod_nav:
                 raise VestigeError(
                     f"E{self.svid:02}: the ephemeris issued at {later.start} has the IODnav "
-                    f"{later.ephemeris.iod_nav} of the issue before; receivers would mix their words"
+                    f"{later.ephemeris.iod_nav} of the previous issue; receivers would mix the words of both"
                 )
         if fec2:
             self._words = [{**words, **parity_words(words)} for words in self._words]

@@ -76,7 +76,8 @@ def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Ht
     return [
         element(
             "p",
-            "The table uses the truth, which the receiver does not know. It says which signal each detector found "
+            "The receiver does not know the true signals of this table. The table says which signal each detector "
+            "found "
             "during the "
             "attack. Two signals less than a chip (58.6 m) apart are one peak. Times count from the begin of the "
             "attack. "

@@ -149,5 +149,5 @@ def test_what_is_not_stored_is_refused_everywhere(use: str, level: int, tmp_path
     used = use.partition("(")[0].removesuffix(".truth")
     assert said == {
         f"touch:Touch: found evidence.measured.snapshots.{used}, expected the other fields of the evidence: "
-        "stored results hold no samples, so no check may ask for them"
+        "stored results have no samples, so no check may use them"
     }

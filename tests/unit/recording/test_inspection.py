@@ -89,7 +89,7 @@ def test_observations_stand_for_e1_if_they_are_of_this_time(tmp_path: Path) -> N
     write_observations(tmp_path, second=0.0)
     assert not said(inspect_recording(tmp_path), "no ")
     write_observations(tmp_path, second=100.0)
-    assert said(inspect_recording(tmp_path), "no observations of this time: log.csv has 2021-11-25T00:41:58.000 GST")
+    assert said(inspect_recording(tmp_path), "no observations for this time: log.csv has 2021-11-25T00:41:58.000 GST")
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_recs_of_another_time_do_not_help(tmp_path: Path) -> None:
     write_recs(tmp_path, START + 30)
     found = inspect_recording(tmp_path)
     assert found.recorded_segments == ()
-    assert said(found, "no RECS of this time")
+    assert said(found, "no RECS for this time")
     other = inspect_recording(tmp_path, start=START + 30)
     assert len(other.recorded_segments) == 1
     assert not said(other, "no RECS")

@@ -54,6 +54,6 @@ def require_own_check_columns(columns: Mapping[str, np.ndarray]) -> None:
     missing = [name for name in OWN_CHECK_COLUMNS if name not in columns]
     if missing:
         raise VestigeError(
-            f"results of a campaign: found no {', '.join(missing)}, expected them because the scenario has checks of "
-            "yours; run the campaign again with this version"
+            f"results of a campaign: found no {', '.join(missing)}, expected them because the scenario has your own "
+            "checks; run the campaign again with this version"
         )

@@ -224,4 +224,4 @@ def _check_attributes(path: Path, dataset: xarray.Dataset) -> None:
     """Raise if a number among the attributes is not finite or too large for a computation."""
     for name, value in dataset.attrs.items():
         if isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
-            raise InputFileError(path, name, value, "a finite number of reasonable size")
+            raise InputFileError(path, name, value, f"a number between {-LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}")

@@ -40,7 +40,7 @@ def level_lines(results: xarray.Dataset, found: LevelVerdicts) -> list[str]:
     """Return the outcome as a few lines of text."""
     values = level_values(results, found)
     states = ", ".join(f"{count} {name}" for name, count in values["state"].items() if count)
-    lines = [f"level {values['level']}: {values['alarms']} alarms; with a RECS the state was: {states}"]
+    lines = [f"level {values['level']}: {values['alarms']} alarms; states at the RECS: {states}"]
     for name, first_s in values["first_failures"].items():
         lines.append(f"  {name} failed {values['failures'][name]} times, first at T = {first_s:g} s")
     lines += [

@@ -139,7 +139,7 @@ def print_answers(answers: Sequence[Answer], *, as_json: bool, unsearched: Galil
 
 def _role(peak: Peak, answer: Answer) -> str:
     if answer.decision.open_code:
-        return "proves nothing: the RECS holds the open E6-C code, which repeats each ms"
+        return "proves nothing: the RECS contains the open E6-C code, which repeats each ms"
     if peak is answer.decision.true:
         return "true: the earliest"
     if peak is not answer.decision.peaks[0]:

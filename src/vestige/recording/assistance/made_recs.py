@@ -30,7 +30,7 @@ from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
 NOTE_NAME = "OPEN_CODE.txt"
-OPEN_CODE = "these RECS hold the open E6-C code, which everybody knows: they prove nothing against a spoofer"
+OPEN_CODE = "these RECS contain the open E6-C code, which everybody knows: they prove nothing against a spoofer"
 
 
 def transmit_times(
