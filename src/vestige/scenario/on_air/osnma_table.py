@@ -171,8 +171,9 @@ class OsnmaTable(Section):
             return
         before, after = pair
         number = max(k for k, event in enumerate(events) if event is after)
-        over = f"{before.times[-1] - start:g} s or later" if before.complete else "no event after an event without "
-                                                                                  "an end"
+        over = (
+            f"{before.times[-1] - start:g} s or later" if before.complete else "no event after an event without an end"
+        )
         raise InconsistentSettingsError(
             f"osnma.event.{number}.start_s",
             f"{after.announced - start:g} s, within the {before.kind.value} of {before.announced - start:g} s",
