@@ -79,7 +79,7 @@ def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Ht
             "The receiver does not know the true signals of this table. The table says which signal each detector "
             "found "
             "during the "
-            "attack. Two signals less than a chip (58.6 m) apart are one peak. Times count from the begin of the "
+            "attack. Two signals less than a chip (58.6 m) apart are one peak. Times count from the start of the "
             "attack. "
             "Alarms and accepted errors are those of the verdicts.",
         ),

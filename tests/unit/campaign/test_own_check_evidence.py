@@ -107,7 +107,7 @@ def test_no_other_campaign_has_the_columns(tmp_path: Path) -> None:
     assert set(results.data_vars) - of_level_1 == set(OWN_CHECK_COLUMNS)
     for name in set(OWN_CHECK_COLUMNS) - {"e6_power_db"}:
         assert results[name].dtype == np.float64
-    with pytest.raises(VestigeError, match="found no e6_expected_s, expected them because the scenario has checks"):
+    with pytest.raises(VestigeError, match="found no e6_expected_s, expected them because the scenario has your own"):
         level_verdicts(results.drop_vars("e6_expected_s"), (1,))
 
 

@@ -83,7 +83,7 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
 @detector_option
 @click.option("--svid", type=int, help="Satellite to draw. It is needed if there are several.")
 @number_option("--width-cm", (4, 60), default=8.0, help="Width of the figure.")
-@click.option("--from", "start_s", type=FiniteNumber(), help="Begin of the figure in s after the start.")
+@click.option("--from", "start_s", type=FiniteNumber(), help="Start of the figure in s after the start.")
 @click.option("--to", "stop_s", type=FiniteNumber(), help="End of the figure in s after the start.")
 @click.option(
     "--flank-from",

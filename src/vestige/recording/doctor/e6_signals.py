@@ -247,6 +247,6 @@ def _nothing(sky: list[tuple[int, float]]) -> Finding:
     return fault(
         FindingKind.NO_SIGNAL,
         Band.E6,
-        f"E6: no E6-B, as described or with one other value: {seen}",
+        f"E6: no E6-B signal was found, as described or with one value changed: {seen}",
         "check centre frequency, antenna and filters of the E6 front end",
     )
