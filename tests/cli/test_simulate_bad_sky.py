@@ -80,7 +80,7 @@ def test_a_satellite_without_ephemeris(night: Path, capsys: pytest.CaptureFixtur
 def test_orbits_of_another_day(night: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rinex_of(night.parent, START + -86_400)
     line = refused(capsys, night, RINEX.format(""))
-    assert f"{night}: constellation.path: found ephemerides of 2026-11-21 22:00 GST to 2026-11-21 22:00 GST" in line
+    assert f"{night}: constellation.path: found ephemerides from 2026-11-21 22:00 GST to 2026-11-21 22:00 GST" in line
     assert "expected a RINEX file of the day of the scenario, within 4 h of 2026-11-22 22:00 GST" in line
 
 
