@@ -87,7 +87,9 @@ def test_the_fix_of_a_receiver_that_stands(standing: Standing) -> None:
 
 
 @pytest.mark.judged(
-    by="gnss-sdr", what="UTC model and almanac (words 6 to 10)", figure="as sent, almanac within 1e-9 of each value"
+    by="gnss-sdr",
+    what="UTC model and almanac (words 6 to 10)",
+    figure="UTC model as sent, almanac within 1e-9 of each value",
 )
 def test_utc_model_and_almanac(standing: Standing) -> None:
     """Compare what gnss-sdr decoded of words 6 and 7 to 10, UTC and almanac, with what the satellites sent.

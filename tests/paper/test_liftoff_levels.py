@@ -47,7 +47,7 @@ def first(found: LevelVerdicts, name: str, part: slice) -> int:
 )
 @pytest.mark.parametrize("level", [2, 3])
 def test_the_rise_is_detected_in_every_run(level: int) -> None:
-    """E6 power sees the fading from 611 s on, E6 C/N0 what fading leaves and what the sum is too strong by."""
+    """E6 power detects the fading from 611 s on; E6 C/N0 detects signals that are too weak or too strong."""
     strength, power = [], []
     for seed in SEEDS:
         found = run_of(seed, '["E6"]')[1][level]
@@ -62,7 +62,7 @@ def test_the_rise_is_detected_in_every_run(level: int) -> None:
 
 
 def test_before_the_rise_it_is_seen_by_chance_only_and_not_by_the_checks_of_level_2() -> None:
-    """At −10 dB it is no stronger than rays: of the harsh conditions they have −15.8 dB in the mean, Rayleigh.
+    """At −10 dB the spoofing signal resembles multipath, which has −15.8 dB in the mean in harsh conditions.
 
     It fades the true signal by 3.3 dB at the most, which E6 power misses more often than without it, in less than one
     RECS of a hundred; at 35 dBHz a miss by chance is one in a thousand. No other check of level 2 sees anything. Of 60
@@ -113,7 +113,7 @@ def test_no_wrong_range_is_in_use_where_e1_is_left_alone() -> None:
 
 
 def test_with_both_bands_every_wrong_range_that_is_in_use_is_counted() -> None:
-    """E1 goes along, up to 75 m. What is in use is AUTHENTIC or the earlier of two signals, and never far off."""
+    """E1 follows by up to 75 m. A range in use is AUTHENTIC or that of the earlier signal, and never far off."""
     for seed in SEEDS:
         results, verdicts = run_of(seed, '["E1", "E6"]')
         assert np.max(results["truth_e1_error_m"].values) > 60

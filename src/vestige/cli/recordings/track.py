@@ -75,7 +75,7 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
 
     if unfit := [f"--{name.replace('_', '-')}" for name in STDIN_OPTIONS if options[name] is not None]:
         names = ", ".join(unfit).replace("sample-format", "format")
-        raise click.UsageError(f"{names}: for samples on standard input, vestige track -")
+        raise click.UsageError(f"{names}: only for samples on standard input (vestige track -)")
     recording = open_recording(recording_path, start=options["start"])
     if recording.e1 is None:
         raise _without_e1(recording.description.path)
@@ -145,8 +145,11 @@ def _print(tracked: TrackedRecording, rate_hz: int) -> None:
         issue = str(issues.get(svid, "-"))
         echo(f"  E{svid:02d} {len(strengths) / rate_hz:8.1f} s  {cn0}  {slips[svid]:12d}  {pages:12d}  {issue:>6}")
     if tracked.time_tag_error_s is None:
-        echo("no message told the time; ranges are placed by the time tag of the samples")
+        echo("no navigation message gave the time; the ranges rest on the time tag of the samples")
     else:
-        echo(f"the time tag of the samples is {late_or_early(tracked.time_tag_error_s)} by the message, ± 10 ms")
+        echo(
+            f"the time tag of the samples is {late_or_early(tracked.time_tag_error_s)} according to the message, ± "
+            "10 ms"
+        )
         if offset_s := clock_set_s(tracked):
             echo(f"the clock of the files is set {offset_s} s earlier than that of the samples")
