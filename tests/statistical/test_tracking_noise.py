@@ -6,6 +6,8 @@ So R(d) is the triangle of BOC(1,1), and theory holds for an infinite bandwidth.
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -191,11 +193,36 @@ def test_a_weak_signal_is_followed_at_26_and_lost_at_18_dbhz() -> None:
     assert 500 < lost["number"].size < 500 + 1250
 
 
-@pytest.mark.parametrize("doppler_error_hz", [-40.0, 40.0])
-def test_pulls_in(doppler_error_hz: float) -> None:
-    """A channel that starts 40 Hz off, which is more than an acquisition leaves, has no frequency error after 0.5 s."""
-    import dataclasses
+@pytest.mark.parametrize(
+    ("doppler_error_hz", "cn0_dbhz"),
+    [(-40.0, 40.0), (40.0, 26.0), (60.0, 28.0), (-60.0, 28.0), (100.0, 32.0), (-100.0, 32.0)],
+)
+def test_pulls_in(doppler_error_hz: float, cn0_dbhz: float) -> None:
+    """A channel pulls in from the errors that docs/recorder_to_verdict.md states; an acquisition leaves less.
 
+    The frequency is the mean over 0.4 s after 0.6 s, within 0.4 Hz at 26 dBHz in 16 of 16 channels.
+    """
+    assert _followed_hz(doppler_error_hz, cn0_dbhz) == pytest.approx(
+        doppler_error_hz, abs=0.5 if cn0_dbhz > 35 else 1.5
+    )
+
+
+@pytest.mark.parametrize("doppler_error_hz", [-160.0, 160.0])
+def test_does_not_pull_in_from_beyond_125_hz(doppler_error_hz: float) -> None:
+    """Beyond half of 1/(4 ms) the FLL turns to another frequency, at any strength."""
+    assert abs(_followed_hz(doppler_error_hz, 45.0) - doppler_error_hz) > 50.0
+
+
+@pytest.mark.parametrize(("cn0_dbhz", "lost"), [(24.0, True), (20.0, True), (26.0, False)])
+def test_loss_of_lock(cn0_dbhz: float, lost: bool) -> None:
+    """At 24 dBHz and below a channel is lost within 10 s after 1 s at 40 dBHz; at 26 dBHz it is kept."""
+    cn0_of_period = np.repeat([40.0, cn0_dbhz], [250, 2500])
+    periods, _ = _track(cn0_of_period, 11.0, TrackingSettings(), seed=int(cn0_dbhz))
+    assert (periods["number"].size < 2700) == lost
+
+
+def _followed_hz(doppler_error_hz: float, cn0_dbhz: float) -> float:
+    """Return the mean frequency that a channel follows from 0.6 to 1 s; NaN if the channel is lost before 1 s."""
     rng = np.random.default_rng(1)
     samples = rng.standard_normal((int(RATE_HZ), 2), np.float32).view(np.complex64)[:, 0]
     n = np.arange(samples.size)
@@ -203,14 +230,12 @@ def test_pulls_in(doppler_error_hz: float) -> None:
     sampled = primary_code(E1C, SVID)[(chips % 4092).astype(int)] * np.where((2 * chips).astype(int) % 2 == 0, 1, -1)
     secondary = secondary_code(E1C, SVID)[(chips // 4092).astype(int) % 25]
     clean = sampled * secondary * np.exp(2j * np.pi * doppler_error_hz * n / RATE_HZ)
-    samples = (samples + np.sqrt(2 * 10**4.0 / RATE_HZ) * clean).astype(np.complex64)
+    samples = (samples + np.sqrt(2 * 10 ** (cn0_dbhz / 10) / RATE_HZ) * clean).astype(np.complex64)
     found = E1Snapshot(
-        svid=SVID, time=START, transmit_phase_s=CODE_AT_0 / 1.023e6, doppler_hz=0.0, cn0_dbhz=40.0,
+        svid=SVID, time=START, transmit_phase_s=CODE_AT_0 / 1.023e6, doppler_hz=0.0, cn0_dbhz=cn0_dbhz,
         secondary_margin_db=9.0,
     )  # fmt: skip
     batch = dataclasses.replace(batch_of(samples, RATE_HZ, Band.E1), first_sample=0)
     channel = Channel(found, batch, TrackingSettings(), bandwidth_hz=UNLIMITED_HZ)
-    periods = channel.run(samples, 0).periods
-    late = periods[125:]
-    followed = np.diff(late["carrier_cycles"]) / np.diff(late["first_sample"]) * RATE_HZ
-    assert np.mean(followed) == pytest.approx(doppler_error_hz, abs=0.5)
+    late = channel.run(samples, 0).periods[150:]
+    return float(np.mean(np.diff(late["carrier_cycles"]) / np.diff(late["first_sample"])) * RATE_HZ)
