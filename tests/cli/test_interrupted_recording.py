@@ -164,7 +164,9 @@ def test_samples_that_are_missing_or_changed_are_no_beginning(left: Path, tmp_pa
     samples[100] ^= 1
     data.write_bytes(samples)
     error = invoked(tmp_path / "a", *ONE).exception
-    assert "e1.sigmf-data.part: first samples: found other samples, expected those that this command" in str(error)
+    assert "e1.sigmf-data.part: first samples: found other samples, expected the samples that this command" in str(
+        error
+    )
     assert list(tmp_path.iterdir()) == []  # as it says
 
 

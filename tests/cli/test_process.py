@@ -412,7 +412,7 @@ def test_what_is_expected_of_e6_over_e1_says_whether_a_missing_signal_means_anyt
 
 def test_make_refuses_to_overwrite_and_leaves_nothing_half(folder: Path, tmp_path: Path) -> None:
     keys = ("--keys", folder / "osnma" / "keys.csv", "--public-key", folder / "osnma" / "public_key.pem")
-    with pytest.raises(InputFileError, match="already"):
+    with pytest.raises(InputFileError, match="an existing file or folder"):
         _json(recs_make, "--from-recording", folder, *keys, "-o", folder / "assistance")
     late = ("--start", "2026-11-22T12:00:16 GST")
     with pytest.raises(VestigeError, match="key"):
@@ -485,4 +485,4 @@ def test_the_options_of_the_loops_reach_the_tracking(
     )
     refused = invoke(process, folder, "--no-track", *follow, "--pll-order", 3).exception
     assert isinstance(refused, click.UsageError)
-    assert "--pll-order: for E1 that is tracked" in str(refused)
+    assert "--pll-order: only where E1 is tracked" in str(refused)
