@@ -106,13 +106,14 @@ def test_ctrl_c(tmp_path: Path, executor: str) -> None:
     assert_resumes(tmp_path / "a.zarr")
 
 
-# A module of the standard library that nothing else imports. A process has a single server, so each test has a process.
+# Nothing else imports `wave`. The import of `xarray` takes so long that Ctrl-C comes before its end. A process has a
+# single server, so each test has a process.
 SERVER_PROGRAM = """
 import os, signal, sys, time
 from vestige.campaign.execution.executors import local_executor
 
 if __name__ == "__main__":
-    with local_executor("processes", 2, preload=["wave"]) as pool:
+    with local_executor("processes", 2, preload=["wave", "xarray"]) as pool:
         print("started", flush=True)
         if "wait" in sys.argv:
             print(pool.submit(eval, "1").result(), flush=True)
@@ -156,6 +157,7 @@ def test_ctrl_c_ends_all_without_a_word_of_the_server() -> None:
     with start_server("wait") as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "started\n"
+        time.sleep(0.2)  # the server has begun to import
         os.killpg(process.pid, signal.SIGINT)
         _, errors = process.communicate(timeout=30)
     assert errors.count("KeyboardInterrupt") == 1, errors  # the coordinator's own
