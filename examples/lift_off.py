@@ -80,9 +80,9 @@ def main(folder: Path) -> None:
         assert found is not None
         after_s = found.time_to_mitigate_s
         ends = (
-            "never back on the true signal for good"
+            "it did not return to the true signal to stay"
             if np.isnan(after_s)
-            else f"back on the true signal for good {after_s:.0f} s after the attack began"
+            else f"it returned to the true signal {after_s:.0f} s after the attack began, and stayed"
         )
         print(f"{detector:8s} detector: {ends}.")
 

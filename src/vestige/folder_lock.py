@@ -35,7 +35,9 @@ def only_writer(folder: Path) -> Iterator[int]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise InputFileError(folder, "folder", "another process that writes it", "one at a time") from error
+            raise InputFileError(
+                folder, "folder", "another process that writes into it", "one process at a time"
+            ) from error
         except OSError as error:
             if error.errno not in _NO_LOCKS_HERE:
                 raise

@@ -55,7 +55,9 @@ def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: 
         if one.resolve() == real or (one.exists() and output.exists() and one.samefile(output)):
             raise InputFileError(output, "output", "an input of this command", "another name")
         if not folder and one.is_dir() and one.resolve() in real.parents:
-            raise InputFileError(output, "output", f"a place in the input folder {one.name}", "a place outside of it")
+            raise InputFileError(
+                output, "output", f"a path in the input folder {one.name}", "a path outside of this folder"
+            )
 
 
 @contextmanager
@@ -116,7 +118,7 @@ def check_new_folder(output: Path) -> None:
     """
     _check_place(output)
     if os.path.lexists(output):
-        raise InputFileError(output, "output folder", "something there already", "a name that is not taken")
+        raise InputFileError(output, "output folder", "an existing file or folder", "a new name")
 
 
 @contextmanager
@@ -155,7 +157,9 @@ def _sync(path: Path) -> None:
 def _check_place(output: Path) -> None:
     for parent in output.resolve().parents:
         if (parent / STORE_MARK).is_file():
-            raise InputFileError(output, "output", f"a place in the results {parent.name}", "a place outside of them")
+            raise InputFileError(
+                output, "output", f"a path in the results {parent.name}", "a path outside of these results"
+            )
 
 
 def _check_file(output: Path) -> None:
@@ -172,4 +176,4 @@ def _check_replaceable(output: Path) -> None:
         return
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         found = "a symbolic link" if stat.S_ISLNK(mode) else "a device or a pipe"
-        raise InputFileError(output, "output", found, "a file, or a name that is not taken")
+        raise InputFileError(output, "output", found, "a regular file, or a new name")

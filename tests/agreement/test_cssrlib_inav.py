@@ -1,7 +1,7 @@
 """`cssrlib` decodes our words 1 to 5 and gets the ephemeris back to the last bit.
 
 It reads pages as a receiver gives them, 240 bits with the word in both halves, so page layout and fields are judged.
-Its decoder ignores words 0, 6 to 10 and 16 to 20.
+Its decoder ignores words 0, 6 to 10 and 16 to 20; `test_sky_gnss_sdr` and `test_sky_gnss_sdr_words` judge these.
 """
 
 from __future__ import annotations

@@ -83,7 +83,9 @@ def verified(judge: Judge) -> set[Tag]:
     return {tag for tag, ok in judge.tags.items() if ok}
 
 
-@pytest.mark.judged(by="cssrlib", what="a forged tag", figure="each of its 40 bits: refused, and no other tag")
+@pytest.mark.judged(
+    by="cssrlib", what="a forged tag", figure="refused with each of its 40 bits wrong; no other tag is refused"
+)
 def test_any_flipped_bit_of_a_tag_is_refused(tmp_path: Path) -> None:
     """Half of all tags have one bit flipped, each bit of a tag several times."""
     clean = judged(tmp_path, sky()[1])
@@ -114,7 +116,9 @@ def test_a_flipped_root_key_message_is_refused(tmp_path: Path, byte: int) -> Non
     assert judge.tags == {}
 
 
-@pytest.mark.judged(by="cssrlib", what="a forged root key", figure="each of the 832 bits of its message: refused")
+@pytest.mark.judged(
+    by="cssrlib", what="a forged root key", figure="refused with each of the 832 bits of its message wrong"
+)
 def test_any_flipped_bit_of_the_root_key_message_is_refused(tmp_path: Path) -> None:
     """The padding refuses every bit. Without it the signature refuses every bit of itself and of what it signs."""
     program = judged(tmp_path, sky()[1]).program
@@ -152,7 +156,7 @@ def test_a_flipped_key_is_refused(tmp_path: Path) -> None:
     assert judge.tags == {}
 
 
-@pytest.mark.judged(by="cssrlib", what="a forged key", figure="each of its 128 bits: refused")
+@pytest.mark.judged(by="cssrlib", what="a forged key", figure="refused with each of its 128 bits wrong")
 @pytest.mark.parametrize("known", ["the root key", "the key before"])
 def test_any_flipped_bit_of_a_key_is_refused(tmp_path: Path, known: str) -> None:
     program = judged(tmp_path, sky()[1]).program
@@ -177,7 +181,9 @@ COVERED = {
 }
 
 
-@pytest.mark.judged(by="cssrlib", what="forged navigation data", figure="each of 549 and 141 bits: refused")
+@pytest.mark.judged(
+    by="cssrlib", what="forged navigation data", figure="refused with each of its 549 and 141 bits wrong"
+)
 @pytest.mark.parametrize(("adkd", "n_bits"), [(0, 549), (4, 141)])
 def test_any_flipped_bit_of_navigation_data_is_refused(tmp_path: Path, adkd: int, n_bits: int) -> None:
     """Half of the satellites have one bit of their words flipped in a subframe, the other half in the next one.

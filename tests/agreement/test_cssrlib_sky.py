@@ -2,7 +2,8 @@
 
 Only files go from vestige to cssrlib: `inav_pages.csv` and the Merkle tree of the folder. cssrlib decodes words 1 to 5,
 and verifies the tags of words 1 to 6 and 10. It has no decoder for words 0, 6 to 10 and 16 to 20:
-gnss-sdr decodes words 6 to 10 (`test_sky_gnss_sdr`), and real pages judge all words (tests/golden/test_inav_pages.py).
+gnss-sdr decodes words 6 to 10 (`test_sky_gnss_sdr`) and words 0 and 16 to 20 (`test_sky_gnss_sdr_words`). Real pages
+judge all words (tests/golden/test_inav_pages.py).
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ def test_with_ionosphere_and_rays_within_the_budget(solve: Callable[..., Solved]
 @pytest.mark.judged(
     by="RTKLIB",
     what="a satellite that is pulled away",
-    figure="its RAIM excludes the satellite and uses the other 7",
+    figure="RAIM of RTKLIB excludes the satellite and uses the other 7",
 )
 def test_raim_of_rtklib_leaves_out_a_satellite_that_is_pulled_away(solve: Callable[..., Solved]) -> None:
     attack = (

@@ -186,7 +186,7 @@ def test_without_what_it_needs_it_is_not_run(
 @pytest.mark.parametrize("level", [1, 2])
 def test_other_levels_refuse_them(night: Path, tmp_path: Path, level: int) -> None:
     result = invoke(process, night, "--level", level, "--accelerations", _imu(tmp_path / "imu.csv", STANDS))
-    assert str(result.exception) == "--accelerations: for level 3"
+    assert str(result.exception) == "--accelerations: only at --level 3"
 
 
 def test_a_bad_file_is_one_line(night: Path, tmp_path: Path) -> None:

@@ -262,7 +262,7 @@ def test_killed_and_started_again(night: Path, expected: Callable[[str], list[di
         assert first.returncode == -signal.SIGKILL
         second = invoke(process, *arguments, "--idle-s", "1")
     assert second.exception is None
-    assert "going on after snapshot" in second.stderr
+    assert "continuing after snapshot" in second.stderr
     assert _objects((kept / LINES).read_text()) == expected("1")
     # On the screen nothing is there twice; what was kept in the moment of the kill may be in the file only.
     shown = [one["snapshot"] for one in _objects(printed.decode())]
@@ -315,7 +315,7 @@ def test_it_stops_cleanly(night: Path, tmp_path: Path, number: signal.Signals) -
     assert run.returncode == 130
     last = errors.decode().splitlines()[-1]
     assert last.startswith("interrupted; ")
-    assert "AUTHENTIC; the same command goes on" in last
+    assert "AUTHENTIC; the same command continues" in last
     assert "Traceback" not in errors.decode()
     assert json.loads((kept / STATE).read_text())["progress"]["index"] >= 2
 
@@ -566,7 +566,7 @@ def test_a_satellite_that_e1_never_shows_is_named_once_at_the_end(night: Path, t
     assert _objects(followed.stdout) == _finished(folder)["verdicts"] == []
     assert _objects(followed.stdout, "end") == [{"snapshots": N_EPOCHS, "dropped": 0, "not_seen_on_e1": [11]}]
     assert _finished(folder)["not_seen_on_e1"] == [11]
-    assert followed.stderr.count("RECS, but not seen on E1: E11") == 1
+    assert followed.stderr.count("satellites with RECS that were not seen on E1: E11") == 1
     assert "no verdict: no satellite of the RECS is seen on E1" in followed.stderr
 
 
@@ -604,7 +604,7 @@ def test_an_observation_file_that_was_named_and_stays_empty_is_an_error(night: P
 def test_without_a_snapshot_it_says_why(night: Path, tmp_path: Path) -> None:
     folder = _changed(night, tmp_path / "night", e6=(night / "e6.sigmf-data").read_bytes()[:1001])
     stderr = invoke(process, folder, *ONCE).stderr
-    assert "no verdict: no RECS is of this recording's time" in stderr
+    assert "no verdict: no RECS was transmitted during this recording" in stderr
     assert "e6.sigmf-data: 8.06452e-05 s of E6 samples from 2026-11-21T12:00:00.000 GST on" in stderr
     with (tmp_path / "nothing").open("wb+") as nothing:
         pipe = _run(

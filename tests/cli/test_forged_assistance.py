@@ -138,7 +138,7 @@ def test_the_recs_of_the_time_are_authentic(recording: Path, assistance: Path) -
 @pytest.mark.parametrize(
     ("forge", "expected"),
     [
-        (other_day, {}),  # no RECS is of this recording's time
+        (other_day, {}),  # no RECS was transmitted during this recording
         (other_key, NOT_FOUND),
         (swapped, NOT_FOUND),
         (random_chips, NOT_FOUND),
@@ -158,7 +158,7 @@ def test_files_that_can_be_read(
 @pytest.mark.parametrize(
     ("forge", "lines", "said"),
     [
-        (contradicted, 2, "1 other than in"),
+        (contradicted, 2, "1 that differ from those in"),
         (truncated, 2, "one RECS of"),
         (other_interface, 2, "RECS interface version 2 is not known, only 1 is"),
         (exchanged_names, 2, "as the header says"),
@@ -201,7 +201,7 @@ def test_chips_of_the_attackers_own_need_the_certificate_of_the_server(
 
 def test_a_file_that_nobody_signed_is_named(recording: Path, assistance: Path) -> None:
     found = invoke(process, recording, "--assistance", assistance, *BIAS)
-    assert "signatures: 3 files are not verified to be the server's" in found.stderr
+    assert "signatures: 3 files have no verified signature of the server" in found.stderr
 
 
 @pytest.mark.parametrize(

@@ -198,7 +198,7 @@ def test_a_folder_that_somebody_else_can_write_is_refused(tmp_path: Path) -> Non
 def test_two_at_once(tmp_path: Path) -> None:
     with unfinished_recording.unfinished_recording(tmp_path / "a", {}):
         error = invoked(tmp_path / "a", *ONE).exception
-    assert "found another process that writes it" in str(error)
+    assert "found another process that writes into it" in str(error)
     assert (tmp_path / "a").is_dir()
 
 

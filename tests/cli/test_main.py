@@ -136,4 +136,4 @@ def test_sigterm_says_what_a_run_keeps(
     code, _, err = _exit(capsys, *arguments)
     assert code == 130
     assert err.splitlines()[-1].startswith("interrupted; ")
-    assert f"of 50 epochs are stored in {tmp_path / 'a.zarr'}; the same run again continues there" in err
+    assert f"of 50 epochs are stored in {tmp_path / 'a.zarr'}; the same command continues there" in err

@@ -157,7 +157,7 @@ def test_without_an_event_nothing_is_withheld_and_nothing_changes() -> None:
         ),
         (
             '{kind="chain-renewal", start_s=150, in_force_s=180}, {kind="alert", start_s=90}',
-            "event.0.start_s: found 150 s, within the alert of 90 s, expected no event after one that does not end",
+            "event.0.start_s: found 150 s, within the alert of 90 s, expected no event after an event without an end",
         ),
     ],
 )
@@ -170,7 +170,7 @@ def test_events_that_do_not_fit_are_one_line(events: str, said: str) -> None:
 
 
 def test_events_belong_to_a_sky() -> None:
-    with pytest.raises(VestigeError, match=r"osnma: found no constellation beside it, expected \[constellation\]"):
+    with pytest.raises(VestigeError, match=r"osnma: found no \[constellation\], expected one, which this key needs"):
         load_scenario(NIGHT.with_name("quick.toml"), ('osnma.event=[{kind="silence", start_s=0}]',))
 
 

@@ -61,7 +61,7 @@ def made_and_failed(name: str) -> tuple[int, int]:
 def test_run_names_it_and_counts(of_run: tuple[str, Path, str]) -> None:
     name, _, said = of_run
     made, failed = made_and_failed(name)
-    assert f"every fifth, a check of yours: {failed} of {made} tests failed" in said
+    assert f"every fifth, your own check: {failed} of {made} tests failed" in said
     assert f"every fifth failed {failed} times, first at T = 5 s" in said
 
 
@@ -69,12 +69,12 @@ def test_what_is_not_available_is_counted_from_the_status(of_run: tuple[str, Pat
     """Where the user's check failed the verdict is SUSPECT, with correlators or without."""
     name, folder, said = of_run
     if name == "sky":
-        assert "not available" not in said
+        assert "NOT_AVAILABLE" not in said
         return
     status = open_dataset(folder / "a.zarr")["status"].values
     found = int((status == list(Status).index(Status.NOT_AVAILABLE)).sum())
     assert 0 < found < 60
-    assert f"not available: {found} of 60 verdicts" in said
+    assert f"NOT_AVAILABLE: {found} of 60 verdicts" in said
 
 
 def test_json_has_it(of_run: tuple[str, Path, str]) -> None:
@@ -94,7 +94,7 @@ def test_the_report_has_it(of_run: tuple[str, Path, str]) -> None:
     invoke("report", folder / "a.zarr", "--parts", folder, "-o", page)
     text = page.read_text(encoding="utf-8")
     made, failed = made_and_failed(name)
-    rows = rows_of(text, "Checks of mitigation level 1, and where they failed")
+    rows = rows_of(text, "Checks of mitigation level 1, and when they first failed")
     assert rows["every fifth"] == [str(made), "0.001", str(failed), "T = 5 s"]
     counted = rows_of(text.partition('id="false-alarms"')[2], "Monitors")
     assert counted["every fifth"][1:3] == [str(failed), str(made)]
@@ -162,7 +162,7 @@ def refused(*arguments: object) -> str:
     [
         (("--check", "nothing:Here"), "nothing:Here: found no nothing.py in "),
         (("--check", "fives:Fives", "--check", "again:Fives"), "--check: two checks have one name"),
-        (("--check", "touch:Fives"), "touch:Fives: found a use of evidence.measured.snapshots.e6.samples"),
+        (("--check", "touch:Fives"), "touch:Fives: found evidence.measured.snapshots.e6.samples"),
         (("--detector", "latest"), "found 'latest', expected early, maximum or module:Name"),
         (("--detector", "fives:Fives"), "fives:Fives: found TypeError"),
     ],

@@ -236,5 +236,5 @@ def test_help_names_every_kind() -> None:
 def test_a_figure_is_not_written_into_results(store: Path) -> None:
     before = sorted(store.rglob("*"))
     line = refused("range-offset", store, "-o", store / "a.png")
-    assert line.startswith(f"{store / 'a.png'}: output: found a place in the results {store.name}")
+    assert line.startswith(f"{store / 'a.png'}: output: found a path in the results {store.name}")
     assert sorted(store.rglob("*")) == before

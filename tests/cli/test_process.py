@@ -158,7 +158,7 @@ def test_verdicts_are_not_written_over_the_recording_or_into_it(folder: Path, na
     before = {path: path.stat().st_size for path in folder.rglob("*")}
     result = invoke(process, folder, "-o", folder / name)
     assert isinstance(result.exception, InputFileError)
-    assert f"{name}: output: found a place in the input folder night" in str(result.exception)
+    assert f"{name}: output: found a path in the input folder night" in str(result.exception)
     if name != "osnma/keys.csv" and (folder / name).exists():  # the recording named as a file: what it consists of
         named = invoke(process, folder / "recording.sigmf-collection", "-o", folder / name)
         assert isinstance(named.exception, InputFileError)

@@ -96,10 +96,10 @@ def test_bad_input_is_one_line_with_the_file(store: Path, tmp_path: Path) -> Non
         (tmp_path / "nothing", f"found nothing, {expected}"),
         (tmp_path, f"found a folder without results, {expected}"),
         (text, f"found another file, {expected}"),
-        (good / "threats.zarr", "found the store of a threat table, expected the folder that it is in"),
+        (good / "threats.zarr", "found the store of a threat table, expected the folder that contains this store"),
         (other, "found no results of a campaign, expected the results of a campaign"),
         (stored(campaign_results(3), tmp_path / "foreign"), "found no status, expected those of `vestige run`"),
-        (sweep, "found a sweep, expected one of the stores in it"),
+        (sweep, "found a sweep, expected one of the stores in this folder"),
     ):
         line = refused(path, "-o", out)
         assert line.startswith(f"{path}: ")
@@ -107,7 +107,7 @@ def test_bad_input_is_one_line_with_the_file(store: Path, tmp_path: Path) -> Non
     assert refused(broken, "-o", out).startswith(f"{broken / 'threats.csv'}: row 2, detected: found many, expected")
     assert not out.exists()
     out.write_text("something of mine")
-    assert refused(store, "-o", out).startswith(f"{out}: output: found something that is no report")
+    assert refused(store, "-o", out).startswith(f"{out}: output: found a file that is not a report")
     assert out.read_text() == "something of mine"
 
 
@@ -127,5 +127,5 @@ def test_help() -> None:
 def test_a_page_is_not_written_into_results(store: Path) -> None:
     before = sorted(store.rglob("*"))
     line = refused(store, "-o", store / "a.html")
-    assert line.startswith(f"{store / 'a.html'}: output: found a place in the results {store.name}")
+    assert line.startswith(f"{store / 'a.html'}: output: found a path in the results {store.name}")
     assert sorted(store.rglob("*")) == before

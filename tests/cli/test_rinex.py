@@ -53,7 +53,7 @@ def test_whatever_is_no_finished_sky_is_one_line(store: Path, tmp_path: Path) ->
         (tmp_path / "folder", "new", ("folder", "expected the results of a campaign")),
         (tmp_path / "text.zarr", "new", ("text.zarr", "expected the results of a campaign")),
         (tmp_path / "absent", "new", ("absent", "found nothing")),
-        (store, "taken", ("taken", "output folder", "something there already")),
+        (store, "taken", ("taken", "output folder", "an existing file or folder")),
     ):
         error = invoke(rinex, path, "-o", tmp_path / output).exception
         assert isinstance(error, VestigeError)

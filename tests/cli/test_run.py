@@ -62,8 +62,8 @@ def test_what_came_of_an_attack(tmp_path: Path) -> None:
     assert sum(early["shares"].values()) == pytest.approx(1.0)
     assert maximum["shares"]["SPOOFER"] > 0.4 > early["shares"]["SPOOFER"]
     assert f"attack on E11: 1000 epochs from 500 s on, first alarm after {early['time_to_detect_s']:g} s" in text
-    assert f"the true signal for good after {early['time_to_mitigate_s']:g} s" in text
-    assert "never the true signal for good" in text.splitlines()[-1]
+    assert f"it returned to the true signal after {early['time_to_mitigate_s']:g} s and stayed" in text
+    assert "it did not return to the true signal to stay" in text.splitlines()[-1]
 
 
 @pytest.mark.parametrize(("level", "after_s", "worst_m"), [(1, None, 599.6), (2, 0.0, None)])
@@ -97,8 +97,8 @@ def test_people_read_of_the_satellites_that_are_aimed_at(tmp_path: Path) -> None
 def test_an_attack_that_leaves_nothing_to_decide(tmp_path: Path) -> None:
     denial = ("--set", 'attack=[{kind="osnma-denial"}]', "--set", "epochs=20")
     text = _invoke(QUICK, "-o", tmp_path / "a", *denial).stdout
-    assert "early    detector: nothing to decide" in text
-    assert "attack on E11: 20 epochs from 0 s on, no alarm; E1 captured in 0 %, nothing accepted" in text
+    assert "early    detector: no RECS was correlated" in text
+    assert "attack on E11: 20 epochs from 0 s on, no alarm; E1 captured in 0 %, no range accepted" in text
     assert "nan m" not in text
 
 
@@ -145,7 +145,7 @@ def test_a_sweep_writes_over_nothing_else(tmp_path: Path) -> None:
     assert open_results(alone).dataset.sizes["epoch"] == 5
     assert not list(alone.glob("seed*"))
     inside = _invoke(QUICK, "-o", alone / "b", "--set", "epochs=5").exception
-    assert str(inside).startswith(f"{alone / 'b'}: output: found a place in the results a, expected")
+    assert str(inside).startswith(f"{alone / 'b'}: output: found a path in the results a, expected")
     assert not (alone / "b").exists()
 
     assert _invoke(QUICK, "-o", swept, "--sweep", "epochs=5,6").exception is None
@@ -200,9 +200,7 @@ def test_a_store_keeps_its_chunks(tmp_path: Path) -> None:
     assert _invoke(*arguments, "--chunk", 10).stderr == ""
     assert _invoke(*arguments, "--chunk", 10).stderr == ""
     (line,) = _invoke(*arguments, "--chunk", 7).stderr.splitlines()
-    assert (
-        line == f"warning: {tmp_path / 'a'}: chunks of 10 epochs, as when the store was made; --chunk 7 changes nothing"
-    )
+    assert line == f"warning: {tmp_path / 'a'}: --chunk 7 has no effect: the store was made with chunks of 10 epochs"
 
 
 def test_curves_of_a_sweep(tmp_path: Path) -> None:
@@ -233,7 +231,7 @@ def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
     assert (process.returncode, out) == (130, "")
     (line,) = err.split("\n")[-2:-1]
     kept = open_results(tmp_path / "a", partial=True).dataset.sizes["epoch"]
-    expected = f"{kept} of 40000 epochs are stored in {tmp_path / 'a'}; the same run again continues there"
+    expected = f"{kept} of 40000 epochs are stored in {tmp_path / 'a'}; the same command continues there"
     assert line == f"interrupted; {expected}"
     assert err.strip() == line
 
@@ -312,5 +310,5 @@ def test_one_writer_at_a_time(tmp_path: Path, sweep: tuple[str, ...]) -> None:
     with only_writer(tmp_path / "a"):
         refused = _invoke(QUICK, "-o", tmp_path / "a", "--set", "epochs=5", *sweep).exception
     assert isinstance(refused, InputFileError)
-    assert "found another process that writes it" in str(refused)
+    assert "found another process that writes into it" in str(refused)
     assert _invoke(QUICK, "-o", tmp_path / "a", "--set", "epochs=5", *sweep).exception is None

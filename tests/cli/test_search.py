@@ -183,7 +183,7 @@ def test_what_was_found_is_not_written_over_the_recording(night: Path) -> None:
     for name in ("e6.sigmf-data", "new.json", "assistance/keys.csv"):
         refused = invoke(search, "exhaustive", night, "--svids", "8", "-o", night / name).exception
         assert isinstance(refused, InputFileError)
-        assert f"{name}: output: found a place in the input folder" in str(refused)
+        assert f"{name}: output: found a path in the input folder" in str(refused)
     assert {path: path.stat().st_size for path in night.rglob("*")} == before
 
 

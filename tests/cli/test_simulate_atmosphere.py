@@ -108,7 +108,7 @@ def test_an_atmosphere_that_does_not_fit_is_one_line(table: str, said: str) -> N
 
 
 def test_an_atmosphere_belongs_to_a_sky() -> None:
-    with pytest.raises(VestigeError, match=r"atmosphere: found no constellation beside it"):
+    with pytest.raises(VestigeError, match=r"atmosphere: found no \[constellation\]"):
         load_scenario(NIGHT.with_name("quick.toml"), ('atmosphere={troposphere={kind="saastamoinen"}}',))
 
 

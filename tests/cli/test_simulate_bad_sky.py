@@ -59,8 +59,16 @@ def private_key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
 @pytest.mark.parametrize(
     ("svids", "said"),
     [
-        ("7, 8", "constellation.svids: found 8, without an ephemeris in day.rnx, expected some of 1 2 3 4 5 6 7 9 10"),
-        ("7, 13", "constellation.svids: found 13, out of service or of another time in day.rnx, expected some of 1 2"),
+        (
+            "7, 8",
+            "constellation.svids: found 8, without an ephemeris in day.rnx, expected satellites among 1 2 3 4 5 6 7 "
+            "9 10",
+        ),
+        (
+            "7, 13",
+            "constellation.svids: found 13, out of service or of another time in day.rnx, expected satellites among "
+            "1 2",
+        ),
     ],
 )
 def test_a_satellite_without_ephemeris(night: Path, capsys: pytest.CaptureFixture[str], svids: str, said: str) -> None:
@@ -72,7 +80,7 @@ def test_a_satellite_without_ephemeris(night: Path, capsys: pytest.CaptureFixtur
 def test_orbits_of_another_day(night: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rinex_of(night.parent, START + -86_400)
     line = refused(capsys, night, RINEX.format(""))
-    assert f"{night}: constellation.path: found ephemerides of 2026-11-21 22:00 GST to 2026-11-21 22:00 GST" in line
+    assert f"{night}: constellation.path: found ephemerides from 2026-11-21 22:00 GST to 2026-11-21 22:00 GST" in line
     assert "expected a RINEX file of the day of the scenario, within 4 h of 2026-11-22 22:00 GST" in line
 
 
@@ -99,7 +107,7 @@ def test_an_osnma_key_that_does_not_fit_the_tree(night: Path, capsys: pytest.Cap
         ('{private_key="p384.pem"}', "p384.pem: the private key is not on P-256"),
         (
             '{private_key="own.pem", merkle_tree="tree.xml", event=[{kind="alert", start_s=60}]}',
-            "osnma.event.0.kind: found alert with a merkle_tree of yours, expected no merkle_tree: ",
+            "osnma.event.0.kind: found alert with your own merkle_tree, expected no merkle_tree: ",
         ),
     ],
 )

@@ -168,8 +168,8 @@ def test_a_recording_of_one_epoch_has_a_verdict(tmp_path: Path, monkeypatch: pyt
     assert [one["status"] for one in found] == ["AUTHENTIC"] * 4
     text = written(inspect, tmp_path / "sky")
     assert text.count("public key PKID 1") == 1
-    assert text.count("    public_key.xml: the key of public_key.pem") == 1
-    assert text.count("    merkle_tree.xml: the key of public_key.pem") == 1
+    assert text.count("    public_key.xml: the same key as in public_key.pem") == 1
+    assert text.count("    merkle_tree.xml: the same key as in public_key.pem") == 1
 
 
 @pytest.mark.slow

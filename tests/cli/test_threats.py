@@ -146,7 +146,7 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
     with only_writer(tmp_path / "out"):
         result = threats("--only", "A14", "--seeds", 1, "-o", tmp_path / "out")
     assert isinstance(result.exception, InputFileError)
-    assert str(result.exception).endswith("found another process that writes it, expected one at a time")
+    assert str(result.exception).endswith("found another process that writes into it, expected one process at a time")
     assert list((tmp_path / "out").iterdir()) == []
 
 
@@ -177,7 +177,9 @@ def test_a_detector_and_a_check_of_the_users_are_measured_against_the_table(tmp_
 def test_settings_reach_every_scene_and_a_scenario_of_the_users() -> None:
     words = ("--set", "epochs=50", "--set", "recs.every=7", "--seeds", 1, "--level", 1)
     text = measured("--only", "A1", "--only", "A2", *words)
-    assert text.startswith("Every scene with epochs=50, recs.every=7; expectations are for scenes without.")
+    assert text.startswith(
+        "Every scene was run with epochs=50, recs.every=7. The expected outcomes are for scenes without these settings."
+    )
     mine = measured("--attack", SCENARIOS / "quick.toml", "--seeds", 1, "--set", "epochs=20", "--json")
     assert json.loads(mine)["settings"] == ["epochs=20"]
 

@@ -86,5 +86,5 @@ def test_the_second_coming_is_named(tmp_path: Path) -> None:
     folder = _simulated(tmp_path / "spoofed", "attack.0.delay_s=0.2137")
     shutil.rmtree(folder / "rinex", ignore_errors=True)
     result = _process(folder)
-    assert "E11: spoofing: its RECS comes 2 times" in result.stderr
+    assert "E11: spoofing: its RECS was found 2 times" in result.stderr
     assert json.loads(result.stdout)["verdicts"][0]["status"] != "AUTHENTIC"

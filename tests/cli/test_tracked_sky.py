@@ -253,7 +253,7 @@ def test_killed_and_started_again(night: Path, verdicts: list[dict], tmp_path: P
     assert before
     second = invoke(process, *arguments, "--idle-s", "0.3")
     assert second.exception is None
-    assert "going on after snapshot" in second.stderr
+    assert "continuing after snapshot" in second.stderr
     _agree(_objects((kept / LINES).read_text()), verdicts)
     assert not _said(_objects(second.stdout)).keys() & _said(before).keys()
 
@@ -304,7 +304,7 @@ def test_bad_samples_have_no_authentic_verdict_that_is_wrong(
     found = _said(_objects(result.stdout))
     if case == "zeros":
         assert not found
-        assert "no message has told the time" in result.stderr
+        assert "no navigation message has given the time" in result.stderr
     else:
         # Until the loss all is as without it. The RECS at 24 s is 0.3 s from where it is looked for. At 32 s the
         # message has told the time anew, and as both bands lost the same samples, AUTHENTIC is right again.

@@ -1,4 +1,4 @@
-"""Every real page is made again: what the encoder makes of what the decoder read has exactly the bits of the page."""
+"""Every real page is decoded and encoded again, and has the same bits."""
 
 from __future__ import annotations
 

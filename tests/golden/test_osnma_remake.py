@@ -1,4 +1,4 @@
-"""Of what is read from real OSNMA messages the operator's encoders make the bits that were received."""
+"""The operator's encoders make the received bits again from the contents of real OSNMA messages."""
 
 from __future__ import annotations
 

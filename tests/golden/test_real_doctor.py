@@ -1,4 +1,4 @@
-"""What `vestige inspect` says of the real recording: eight satellites, E6-C open, and the samples that are missing."""
+"""`vestige inspect` finds in the real recording eight satellites, open E6-C, and missing samples."""
 
 from __future__ import annotations
 

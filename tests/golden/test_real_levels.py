@@ -118,7 +118,7 @@ def test_no_alarm(level: int, quiet: tuple[Snapshot, Assistance]) -> None:
 
 
 def test_the_open_code_is_no_spoofing_however_far_one_looks(quiet: tuple[Snapshot, Assistance]) -> None:
-    """E6-C was open when this was recorded: its code stands in every millisecond, 97 times for one satellite."""
+    """E6-C was open when this was recorded: its code repeats in every millisecond, 97 times for one satellite."""
     processor = AcasProcessor(level=3)
     block = OtherChannels(second_channel=quiet[1]).block(*quiet, None)
     step = processor.step(None, block, quiet[1])
@@ -130,7 +130,7 @@ def test_the_open_code_is_no_spoofing_however_far_one_looks(quiet: tuple[Snapsho
 
 
 def test_level_1_takes_the_copy_for_the_truth(meaconed: tuple[Snapshot, Assistance]) -> None:
-    """As [WFO, Sec. IV-A] says of meaconing of both bands: E6 is where E1 is, 390 km away."""
+    """A meaconer of both bands keeps the range of E6 equal to E1 [WFO, Sec. IV-A], here 390 km away."""
     step = _step(1, *meaconed)
     assert [one.status for one in step.verdicts] == [Status.AUTHENTIC] * len(IN_THE_SKY)
 

@@ -114,7 +114,7 @@ def calibrated(night: Path) -> dict:
 @pytest.mark.judged(
     by="real recording",
     what="the whole chain: keys, RECS, E1, E6, verdict",
-    figure="the eight satellites in the sky AUTHENTIC, no other seen",
+    figure="the eight satellites in view AUTHENTIC, no other found",
 )
 def test_eight_satellites_of_36_are_authentic(calibrated: dict) -> None:
     verdicts = {one["svid"]: one for one in calibrated["verdicts"]}
@@ -220,7 +220,7 @@ def _doppler_error(samples: SampleBatch, handover: Handover) -> float:
 
 @pytest.mark.judged(by="real recording", what="RECS under another key", figure="NOT_DETECTED for all satellites")
 def test_any_other_key_gives_no_detection(snapshot: tuple[Snapshot, Assistance]) -> None:
-    """RECS that say KDI 0 but were encrypted under the keys of five other subframes: 8 × 5 times nothing."""
+    """RECS that state KDI 0 but are encrypted under keys of five other subframes: none of 8 × 5 is detected."""
     one, assistance = snapshot
     others = [key for key in assistance.keys if key.time != assistance.segments[0].key_time][::31]
     assert len(others) >= 4

@@ -124,7 +124,7 @@ def test_with_a_delayed_copy_exactly_two(twice: tuple[Acquisition, ...]) -> None
 @pytest.mark.judged(
     by="real recording",
     what="vestigial search with a copy mixed in",
-    figure="1.3e-3 s apart, within 5e-8 s",
+    figure="two signals 1.3e-3 s apart, within 5e-8 s",
 )
 def test_the_handover_search_tells_which_is_earlier(
     e1_with_copy: SampleBatch, e6: SampleBatch, twice: tuple[Acquisition, ...]
@@ -142,7 +142,7 @@ def test_the_handover_search_tells_which_is_earlier(
 
 
 def test_the_exhaustive_search_finds_the_same_without_e1(e1: SampleBatch, e6: SampleBatch) -> None:
-    """Three strong satellites and 4 ms of the open chips, each where E1 says."""
+    """Three strong satellites are found with 4 ms of open chips, each at the delay that E1 predicts."""
     for signal in search_e1(e1, (3, 8, 13), periods=PERIODS):
         chips = sixteen_milliseconds(e1, signal)
         snapshot = measure_e1(e1, signal)

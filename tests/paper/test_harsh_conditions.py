@@ -114,7 +114,7 @@ def _theory_of_a_tap(plan: ScenarioPlan) -> float:
     ("cn0_dbhz", "epochs", "expected"), [(31.0, 50_000, 12_361), (33.0, 50_000, 543), (35.0, 100_000, 0.77)]
 )
 def test_without_multipath_and_ionosphere_theory_says_how_many(cn0_dbhz: float, epochs: int, expected: float) -> None:
-    """Two-sided: what the punctual tap misses is Marcum Q over E1's errors; the other taps save about 2 % of it.
+    """The misses of the punctual correlator follow Marcum Q over the errors of E1; the others find about 2 % of them.
 
     At the paper's 35 dBHz 0.8 are expected in 100,000, half of them by the offset of 0.8 m (1σ) on the grid.
     """
@@ -191,7 +191,7 @@ def test_the_right_flank_is_a_straight_line_in_log_scale(harsh: xarray.Dataset) 
 
 
 def test_status_of_an_undisturbed_signal(harsh: xarray.Dataset) -> None:
-    """AUTHENTIC unless missed or beyond 26.6 m: the range check costs nothing here."""
+    """Every detection within 26.6 m is AUTHENTIC, so the range check refuses no true signal here."""
     meanings = harsh["status"].attrs["flag_meanings"].split()
     status = harsh["status"].values.ravel()
     authentic = np.count_nonzero(status == meanings.index("AUTHENTIC"))
@@ -205,7 +205,7 @@ def test_status_of_an_undisturbed_signal(harsh: xarray.Dataset) -> None:
 )
 @pytest.mark.parametrize("cn0_dbhz", [29.0, 31.0, 33.0])
 def test_both_fidelities_miss_alike(cn0_dbhz: float) -> None:
-    """500 epochs of samples against 50,000 drawn ones, where misses are frequent; KS of every tap, p > 0.001."""
+    """500 epochs of samples against 50,000 drawn ones, where misses are frequent; KS of every correlator, p > 0.001."""
     settings = (f"receiver.cn0_dbhz={cn0_dbhz}", "epochs=50000")
     magnitudes = {}
     for fidelity, seed, n in (("samples", 11, 500), ("correlators", 12, 50_000)):

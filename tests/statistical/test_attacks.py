@@ -77,7 +77,7 @@ def _quiet() -> tuple[float, float]:
 
 
 def test_epochs_that_cannot_be_decrypted_are_the_same() -> None:
-    """A meaconer of 25 s: what the receiver's independent clock lets it trust ends with the key's disclosure."""
+    """A meaconer of 25 s: the receiver trusts no signal that arrives after the disclosure of the key by its clock."""
     attacks = (Meaconing(delay_s=25.0, power_db=10.0),)
     sampled, drawn = _banks("samples", attacks, 11, 60), _banks("correlators", attacks, 12, 60)
     lost = np.isnan(sampled.noise_power)

@@ -1,4 +1,4 @@
-"""Attacks against their checks over several seeds: what is strong is seen by every one, what is weak by none."""
+"""Attacks against their checks over several seeds: strong attacks are detected in every run, weak attacks in none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""E1 correlators and received power of a sky: the model and what comes out of samples have one distribution.
+"""E1 correlators and received power of a sky: the model and samples have the same distribution.
 
 Both fidelities have the same truth and noise of their own. Correlators are compared in units of a BOC(1,1) of the
 C/N0 that each satellite has, which is no part of what is tested.

@@ -1,4 +1,4 @@
-"""E6 phase and E6 fading over whole runs: what they see of the lift-off, and what nothing makes of them."""
+"""E6 phase and E6 fading over whole runs: they detect the lift-off, and raise no alarm without it."""
 
 from __future__ import annotations
 

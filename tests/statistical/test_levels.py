@@ -1,4 +1,4 @@
-"""A level over an hour of a clean sky: its checks fail as often as its budget of false alarms says."""
+"""A level over an hour of a clean sky: its checks fail as often as the budget of false alarms allows."""
 
 from __future__ import annotations
 

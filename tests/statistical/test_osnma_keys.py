@@ -1,4 +1,4 @@
-"""Keys of a weak satellite are lost as often as the loss of their pages says."""
+"""Keys of a weak satellite are lost with the probability that the loss of their pages gives."""
 
 from __future__ import annotations
 

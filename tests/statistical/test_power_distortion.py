@@ -1,4 +1,4 @@
-"""Power and distortion in a world from which the decision map was not made: taps of a loop that follows the rays."""
+"""Power and distortion in a world from which the decision map was not made: a loop that follows multipath."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A quiet meaconer with a short delay: level 2 sees it at every delay, and goes on with the true range.
+"""A low-noise meaconer with a short delay: level 2 detects it at every delay, and uses the true range.
 
 Both bands, reception gain 20 dB, on air from the start, nothing cancelled. E1 follows the meaconer. The search on E1
 leaves out two chips, 586 m, around the tracked signal; there the bank of correlators on E6 has to find the true one.
@@ -40,7 +40,7 @@ def judged(delay_m: float, level: int, *settings: str) -> tuple[np.ndarray, np.n
 
 @pytest.mark.judged(
     by="truth of the simulation",
-    what="level 2 under a quiet meaconer",
+    what="level 2 under a low-noise meaconer",
     figure="an alarm at each delay, range in use within 53 m",
 )
 @pytest.mark.parametrize("delay_m", [60.0, 75.0, 100.0, 150.0, 300.0, 450.0, 570.0, 585.0, 600.0, 900.0])

@@ -106,7 +106,7 @@ def test_noise_of_a_step_has_the_full_covariance(step_s: float, stride: int) -> 
 
 @pytest.mark.parametrize("step_s", [1e-3, 1.0])
 def test_increments_of_the_clock_are_normal(step_s: float) -> None:
-    """Both noises of a step, and each without what the other says of it, over the root of their covariance."""
+    """Both noises of a step, made independent and divided by the root of their covariance, are normal."""
     bias_m, drift_mps = clock_run(step_s)
     kick, jump = np.diff(drift_mps), np.diff(bias_m) - drift_mps[:-1] * step_s
     sf, sg = C_MPS**2 * 7.115e-24 / 2, C_MPS**2 * 2 * np.pi**2 * 4.311e-21
@@ -330,7 +330,7 @@ def test_range_errors_of_one_ray(
     e1: tuple[float, float],
     difference: tuple[float, float],
 ) -> None:
-    """Rms and 99.9 % quantile; the reference has its exponential delays without an end."""
+    """Rms and 99.9 % quantile; the delays of the reference are exponential without a cut."""
     model = LmsLiteMultipath(power_db=power_db, mean_excess_m=mean_excess_m, max_excess_m=inf, mean_life_m=0.0)
     rays = rays_of(model, 200_000)
     on_e6 = snapshot_error_m(rays)
@@ -341,7 +341,7 @@ def test_range_errors_of_one_ray(
 
 
 def test_range_errors_of_the_preset() -> None:
-    """Delays cut at 500 ns put 2 % more of the rays where they disturb."""
+    """A cut of the delays at 500 ns puts 2 % more of the reflections where they change the range."""
     rays = rays_of(LmsLiteMultipath.elevation_5_30(), 200_000)
     errors_m = snapshot_error_m(rays) - e1_multipath_error_m(rays.delay_m, rays.amplitude_e1)
     assert np.sqrt(np.mean(errors_m**2)) == pytest.approx(1.80, rel=0.03)

@@ -112,7 +112,7 @@ def test_exhaustive_search_finds_as_often_as_theory_says(ms: int, cn0_dbhz: floa
 
 @pytest.mark.judged(by="theory", what="hand-over search", figure="P_d at 37.65 dBHz, two-sided at 1e-4")
 def test_handover_search_finds_as_often_as_theory_says() -> None:
-    """37.65 dBHz, one period of 4 ms, 7500 places; the code lies anywhere within half a tap of the line."""
+    """37.65 dBHz, one period of 4 ms, 7500 positions; the code delay is random within half a correlator spacing."""
     pfa = float(single_event_pfa(1e-3, 7500))
     chips = shortened(random_chips(np.random.default_rng(3), 81_840), 20_460)
     rng = np.random.default_rng(77)

@@ -1,4 +1,4 @@
-"""The model of what searches find against the searches themselves, on samples: two signals of a satellite, or one.
+"""The model of search results against the searches on samples, with one or two signals of a satellite.
 
 The model tests the cell next to a signal, the search all of them: it may find up to 6 in a hundred more (see
 `test_search.py`). Two-sided limits at 1e-4 for each test around that band; fixed seeds.
@@ -99,7 +99,7 @@ def test_exhaustive_search(delay_s: float | None, power_db: float, cn0_dbhz: flo
 
 @pytest.mark.parametrize(("power_db", "cn0_dbhz"), [(-6.0, 37.5), (3.0, 31.2), (10.0, 31.2)])
 def test_handover_search(power_db: float, cn0_dbhz: float) -> None:
-    """E1 has both at 60 dBHz, so all depends on E6: one period of 16 ms at the places of both, 10 µs apart."""
+    """E1 has both at 60 dBHz, so all depends on E6: one period of 16 ms at the delays of both, 10 µs apart."""
     delay_s, trials = 10e-6, 60
     chips = random_chips(np.random.default_rng(17), 81_840)
     limit = search_budget(2 * 2 * WINDOW_S / 4e-3 * 5, MS16, overall_pfa=P_FA, doppler_step_hz=0.0).threshold

@@ -1,4 +1,4 @@
-"""Fixes of a sky over an hour: unbiased, as wrong as their covariance says, and RAIM is chi-square.
+"""Fixes of a sky over an hour: unbiased, with the errors of their covariance, and RAIM is chi-square.
 
 Error budgets: statistics of fixed seeds are compared two-sided at 1e-6 each.
 """
@@ -75,7 +75,7 @@ def test_the_fix_is_consistent_under_an_ionosphere_that_satellites_share() -> No
 
 
 def test_what_is_believed_in_the_shipped_scene_is_a_bound() -> None:
-    """The residual of 2017 alone is as large as believed; with rays, whose σ bounds their tails, errors are smaller."""
+    """The ionosphere of 2017 alone has the assumed σ; with multipath, whose σ is an upper limit, errors are smaller."""
     epochs = ("epochs=900", "interval_s=4.0", "recs.every=30", 'receiver.ionosphere.correlation="iid"')
     quiet = ("receiver.multipath=none", "receiver.e1_multipath=none", "position.multipath_sigma_m=0.0")
     alone, whole = (columns_of(sky_scenario(*epochs, *more))["fix_nees"][0] / 4 for more in (quiet, ()))

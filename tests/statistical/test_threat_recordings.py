@@ -58,7 +58,7 @@ def test_power_distortion_sees_a_lift_off_between_two_recs(between_recs: dict[in
 @pytest.mark.judged(
     by="threat table on samples",
     what="threat table",
-    figure="the same words: missed, detected, detected",
+    figure="the same outcomes: missed, detected, detected",
 )
 def test_the_words_of_a_lift_off_between_two_recs(
     between_recs: dict[int, RecordedVerdicts], script: ModuleType

@@ -17,7 +17,7 @@ def script() -> ModuleType:
 @pytest.mark.judged(
     by="truth of the simulation",
     what="vestigial searches under a meaconer",
-    figure="both signals found, the earlier one taken",
+    figure="both signals found, the earlier signal taken as the true one",
 )
 def test_both_searches_find_both_signals_and_take_the_earlier(script: ModuleType) -> None:
     for seed in (1001, 1002):

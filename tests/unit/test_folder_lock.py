@@ -24,7 +24,7 @@ with only_writer(Path(sys.argv[1])):
 def test_a_second_writer_is_refused_until_the_first_has_left(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "folder"
     with only_writer(folder):
-        with pytest.raises(InputFileError, match="found another process that writes it"), only_writer(folder):
+        with pytest.raises(InputFileError, match="found another process that writes into it"), only_writer(folder):
             pass
         with only_writer(tmp_path / "other"):
             pass
@@ -36,7 +36,7 @@ def test_the_lock_of_a_process_that_was_killed_is_gone(tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path)], stdout=subprocess.PIPE) as holder:  # noqa: S603
         assert holder.stdout is not None
         assert holder.stdout.readline() == b"held\n"
-        with pytest.raises(InputFileError, match="one at a time"), only_writer(tmp_path):
+        with pytest.raises(InputFileError, match="one process at a time"), only_writer(tmp_path):
             pass
         holder.kill()
         holder.wait()

@@ -46,7 +46,7 @@ def test_two_writers_at_once(tmp_path: Path) -> None:
     for number, part in enumerate((one, two, one, two)):
         (part / f"{number}").write_text("text")
     second.__exit__(None, None, None)
-    with pytest.raises(InputFileError, match="a: output folder: found something there already"):
+    with pytest.raises(InputFileError, match="a: output folder: found an existing file or folder"):
         first.__exit__(None, None, None)
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["1", "3"]
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
@@ -74,7 +74,7 @@ def test_what_a_killed_writer_left_is_no_result(tmp_path: Path) -> None:
 
 def test_a_name_that_is_taken(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
-    with pytest.raises(InputFileError, match="a name that is not taken"), new_folder(tmp_path / "a"):
+    with pytest.raises(InputFileError, match="expected a new name"), new_folder(tmp_path / "a"):
         pass
 
 
@@ -92,7 +92,7 @@ def test_an_output_that_is_an_input_or_lies_among_inputs_is_refused(tmp_path: Pa
     (tmp_path / "hard.sbf").hardlink_to(page)
     inputs = (recording, page, None)
     for name in ("raw/e6.bin", "raw/new.csv", "linked/e6.bin", "raw/../pages.sbf", "hard.sbf"):
-        with pytest.raises(InputFileError, match=rf"{name}: output: found (an input|a place in the input folder raw)"):
+        with pytest.raises(InputFileError, match=rf"{name}: output: found (an input|a path in the input folder raw)"):
             check_output(tmp_path / name, inputs)
     for folder in (recording, tmp_path / "linked"):
         with pytest.raises(InputFileError, match="output: found an input"):
@@ -110,9 +110,9 @@ def test_nothing_is_written_into_the_results_of_a_campaign(tmp_path: Path) -> No
     for name in ("keys.csv", "c/0", "b.zarr"):
         output = tmp_path / "a.zarr" / name
         for written in (replacement, new_folder):
-            with pytest.raises(InputFileError, match=r"a place in the results a\.zarr"), written(output):
+            with pytest.raises(InputFileError, match=r"a path in the results a\.zarr"), written(output):
                 pass
-        with pytest.raises(InputFileError, match=r"a place in the results a\.zarr"):
+        with pytest.raises(InputFileError, match=r"a path in the results a\.zarr"):
             check_output(output, ())
     assert sorted(path.name for path in (tmp_path / "a.zarr").iterdir()) == ["c", "zarr.json"]
 

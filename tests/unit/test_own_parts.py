@@ -245,7 +245,10 @@ def test_a_check_that_errs_is_one_line(folder: Path, extra: str, body: str, text
 @pytest.mark.parametrize(
     ("extra", "text"),
     [
-        ("name = 'RAIM'", "found own_f:C and name = 'RAIM', expected a text that is the name of no check of vestige"),
+        (
+            "name = 'RAIM'",
+            "found own_f:C and name = 'RAIM', expected a text that is not the name of one of vestige's checks",
+        ),
         ("p_fa = 2.0", "found own_f:C and p_fa = 2.0, expected a number between 0 and 1"),
         ("level = 4", "found own_f:C and level = 4, expected 1, 2 or 3"),
         ("failure = 'bad'", "found own_f:C and failure = 'bad', expected Status.SUSPECT, Status.SPOOFED or"),

@@ -80,7 +80,7 @@ class _Spaced:
 
     def __post_init__(self) -> None:
         if self.spacing < 1:
-            raise ValueError(f"the correlator spacing must be at least 1 tap, found {self.spacing}")
+            raise ValueError(f"the correlator spacing must be at least 1 correlator, found {self.spacing}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,7 +176,7 @@ class OwnDetector:
         detector = made(kind, detector_class, spacing=spacing)
         require_members(kind, detector, Detector)
         if detector.spacing != spacing:
-            raise OwnPartError(kind, f"spacing {detector.spacing}", f"{spacing}, as it was made with")
+            raise OwnPartError(kind, f"spacing {detector.spacing}", f"{spacing}, with which it was made")
         return cls(kind=kind, detector=detector)
 
     @property
@@ -199,7 +199,7 @@ class OwnDetector:
         n, last = magnitudes.shape[0], magnitudes.shape[1] - 1 - self.spacing
         if tap.shape != (n,) or tap.dtype.kind not in "iu":
             found = f"{tap.dtype} values of shape {tap.shape} from detect"
-            raise OwnPartError(self.kind, found, f"whole numbers of shape {(n,)}, one an epoch")
+            raise OwnPartError(self.kind, found, f"whole numbers of shape {(n,)}, one for each epoch")
         if not np.all((tap == NOT_DETECTED) | ((tap >= self.spacing) & (tap <= last))):
             found = f"indices from {tap.min()} to {tap.max()} from detect"
             raise OwnPartError(self.kind, found, f"{NOT_DETECTED} for none, or {self.spacing} to {last}")
@@ -212,5 +212,7 @@ DETECTORS: dict[str, type[EarlyDetector] | type[MaximumDetector]] = {"early": Ea
 def _punctual(magnitudes: Float[np.ndarray, "n_epochs n_taps"], n: int) -> Float[np.ndarray, "n_epochs n_punctual"]:
     """Return the taps that have both neighbours."""
     if magnitudes.shape[1] < 2 * n + 1:
-        raise ValueError(f"a correlator spacing of {n} needs at least {2 * n + 1} taps, found {magnitudes.shape[1]}")
+        raise ValueError(
+            f"a correlator spacing of {n} needs at least {2 * n + 1} correlators, found {magnitudes.shape[1]}"
+        )
     return magnitudes[:, n : magnitudes.shape[1] - n]

@@ -91,7 +91,7 @@ class OwnCheck:
             step=_OWN_STEP,
             name=attribute(
                 "name", None, lambda one: type(one) is str and one.isprintable() and one and one not in names,
-                "a text that is the name of no check of vestige",
+                "a text that is not the name of one of vestige's checks",
             ),
             failure=attribute(
                 "failure", Status.SUSPECT, lambda one: one in (Status.SUSPECT, Status.SPOOFED, Status.NOT_DETECTED),
@@ -191,6 +191,6 @@ class _NotOffered:
     def _refuse(self, name: str) -> NoReturn:
         raise OwnPartError(
             self._kind,
-            f"a use of evidence.measured.snapshots.{self._what}.{name}",
-            "the other fields of the evidence: stored results hold no samples, so no check may ask for them",
+            f"evidence.measured.snapshots.{self._what}.{name}",
+            "the other fields of the evidence: stored results have no samples, so no check may use them",
         )

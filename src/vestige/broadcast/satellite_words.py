@@ -103,7 +103,7 @@ class SatelliteWords:
             if later.ephemeris.iod_nav == earlier.ephemeris.iod_nav:
                 raise VestigeError(
                     f"E{self.svid:02}: the ephemeris issued at {later.start} has the IODnav "
-                    f"{later.ephemeris.iod_nav} of the issue before; receivers would mix their words"
+                    f"{later.ephemeris.iod_nav} of the previous issue; receivers would mix the words of both"
                 )
         if fec2:
             self._words = [{**words, **parity_words(words)} for words in self._words]
@@ -170,7 +170,9 @@ class SatelliteWords:
     def _number(self, time: GalileoTime) -> int:
         number = bisect_right(self._starts, time) - 1  # each issue starts with a subframe
         if number < 0:
-            raise VestigeError(f"E{self.svid:02}: no ephemeris is issued by {time}; the first is of {self._starts[0]}")
+            raise VestigeError(
+                f"E{self.svid:02}: no ephemeris was issued before {time}; the first is of {self._starts[0]}"
+            )
         return number
 
     def _reduced_ced(self, start: GalileoTime) -> ReducedCed | None:

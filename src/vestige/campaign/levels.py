@@ -218,7 +218,7 @@ def _check_own_parts(scenario: StoredScenario, recorded: str) -> None:
         found = f"{kind}@{digest(kind)}"
         if found not in recorded.split():
             raise VestigeError(
-                f"results of a campaign: own_parts: found {found} now, expected {recorded}, as they were made"
+                f"results of a campaign: own_parts: found {found} now, expected {recorded}, with which they were made"
             )
 
 

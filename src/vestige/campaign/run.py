@@ -207,4 +207,4 @@ def _submitted(
 def _stored(opened: Store) -> str:
     """Return a message with the number of epochs on disk; a chunk may be written but not yet counted in memory."""
     done = sum(len(opened.epochs(chunk)) for chunk in opened.finished(verify=False))
-    return f"{done} of {opened.n_epochs} epochs are stored in {opened.path}; the same run again continues there"
+    return f"{done} of {opened.n_epochs} epochs are stored in {opened.path}; the same command continues there"

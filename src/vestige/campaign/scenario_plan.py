@@ -67,15 +67,15 @@ SCENARIO_COLUMNS = column_table(
     ("truth_range_m", _SATELLITE, "float64", "m", "geometric range"),
     ("truth_clock_m", _EPOCH, "float64", "m", "receiver clock"),
     ("truth_clock_drift_mps", _EPOCH, "float64", "m s-1", "receiver clock drift"),
-    ("truth_iono_diff_m", _SATELLITE, "float64", "m", "differential ionosphere, E6 later"),
+    ("truth_iono_diff_m", _SATELLITE, "float64", "m", "ionospheric delay of E6 minus that of E1"),
     ("truth_e1_noise_m", _SATELLITE, "float64", "m", "noise of the E1 pseudorange"),
     ("truth_e1_phase_noise_m", _SATELLITE, "float64", "m", "noise of the E1 carrier phase times the wavelength"),
     ("truth_e1_rate_noise_mps", _SATELLITE, "float64", "m s-1", "noise of the range rate from the E1 Doppler"),
     ("truth_e1_multipath_m", _SATELLITE, "float64", "m", "multipath error of the E1 pseudorange"),
-    ("truth_bias_m", _SATELLITE, "float64", "m", "group delay and hardware residual, E6 later"),
+    ("truth_bias_m", _SATELLITE, "float64", "m", "residual group delay and hardware bias, E6 minus E1"),
     ("truth_ray_delay_m", _RAYS, "float64", "m", "excess delay of a reflection"),
-    ("truth_ray_amplitude", _RAYS, "complex64", "1", "amplitude of a reflection over the line of sight, on E6"),
-    ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a reflection over the line of sight, on E6"),
+    ("truth_ray_amplitude", _RAYS, "complex64", "1", "amplitude of a reflection relative to the line of sight, on E6"),
+    ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a reflection minus that of the line of sight, on E6"),
     attrs=_FLAGS,
 )
 
@@ -122,7 +122,9 @@ class ScenarioPlan:
         offsets_m = self._judged.processor.offsets_m
         rays = np.arange(simulation.models.n_rays)
         checks = np.array([str(spec.name) for spec in self._judged.processor.specs])
-        e1_taps = Coord(dim="e1_tap", values=np.array(TAP_CHIPS), long_name="chips of E1 after where it is tracked")
+        e1_taps = Coord(
+            dim="e1_tap", values=np.array(TAP_CHIPS), long_name="offset from the tracked code phase in chips of E1"
+        )
         return (
             {
                 "svid": Coord(dim="satellite", values=svids, long_name="satellite"),
@@ -133,7 +135,7 @@ class ScenarioPlan:
                     long_name="detector",
                 ),
                 "check": Coord(dim="check", values=checks, long_name="check"),
-                "ray": Coord(dim="ray", values=rays, long_name="reflection beside the line of sight"),
+                "ray": Coord(dim="ray", values=rays, long_name="number of the reflection"),
             }
             | attack_coords(simulation)
             | (sky_coords() if self.scenario.constellation else {})

@@ -151,7 +151,7 @@ def summarise(
     Raises `ValueError` if the results do not have this detector.
     """
     if detector not in (names := detectors_of(results)):
-        raise ValueError(f"detector {detector!r}: the results have {list(names)}")
+        raise ValueError(f"detector: found {detector!r}, expected one of {list(names)}")
     place = names.index(detector)
     decisions, offsets = 0, []
     for block in _blocks(results[["tap_index", "range_offset_m", "noise_power"]]):
@@ -228,4 +228,4 @@ def _blocks(results: xarray.Dataset) -> Iterator[xarray.Dataset]:
 
 def _check_counts(successes: int, trials: int) -> None:
     if not 0 <= successes <= trials:
-        raise ValueError(f"{successes} successes in {trials} trials")
+        raise ValueError(f"found {successes} successes in {trials} trials, expected 0 to {trials}")

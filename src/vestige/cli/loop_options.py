@@ -66,4 +66,6 @@ def check_no_loop_options() -> None:
     for name in LOOP_NAMES:
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             option = f"--{name.replace('_', '-')}"
-            raise click.UsageError(f"{option}: for E1 that is tracked; here observations are given, or it is measured")
+            raise click.UsageError(
+                f"{option}: only where E1 is tracked; here observations are given, or E1 is measured around each RECS"
+            )

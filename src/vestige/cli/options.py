@@ -149,7 +149,9 @@ trust_options = options_together(
 def check_trust(public_key: Path | None, merkle_tree: Path | None) -> None:
     """Raise a usage error unless a public key or a Merkle tree is given, because OSNMA keys need a trust anchor."""
     if public_key is None and merkle_tree is None:
-        raise click.UsageError("a key is worth nothing without its origin: give --public-key, --merkle-tree or both")
+        raise click.UsageError(
+            "a key proves nothing without the public key of the operator: give --public-key, --merkle-tree or both"
+        )
 
 
 def time_option(_context: click.Context, _parameter: click.Parameter, text: str | None) -> GalileoTime | None:

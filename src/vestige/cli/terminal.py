@@ -113,7 +113,7 @@ def _option(amount: Amount, *names: str, help_text: str) -> click.Option:
 
 
 _OPTIONS = (
-    _option(Amount.QUIET, "--quiet", help_text="Print results and errors; one line stands for all warnings."),
+    _option(Amount.QUIET, "--quiet", help_text="Print only results and errors, and one line in place of all warnings."),
     _option(
         Amount.DETAILED,
         "-v",

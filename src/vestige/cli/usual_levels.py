@@ -77,7 +77,7 @@ usual_level_options = options_together(
     number_option(
         "--alarms-per-day",
         (1e-6, 1000),
-        help="Accept so many false alarms a day, with ten satellites and a RECS each 30 s; sets --kappa.",
+        help="Accepted number of false alarms a day with ten satellites and a RECS each 30 s. It sets --kappa.",
     ),
 )
 

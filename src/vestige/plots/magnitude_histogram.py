@@ -28,8 +28,8 @@ def magnitude_histogram(
     """Return axes with the histogram of the detecting correlator's magnitude, split by detected or not.
 
     Detections begin at the threshold, which is a border of two bins; below the threshold the detecting correlator is
-    not defined. The epochs without a detection are counted by their strongest tap. The line is the Rice distribution of
-    a single correlator that is aligned with the signal, from C/N0 and integration time of the results. The detecting
+    not defined. Epochs without a detection are counted by their strongest correlator. The line is the Rice distribution
+    of a single correlator that is aligned with the signal, from C/N0 and integration time of the results. The detecting
     correlator differs from this distribution because of misalignment, multipath, and its selection.
 
     Parameters
@@ -57,7 +57,7 @@ def magnitude_histogram(
     ax.stairs(hits, edges, fill=True, color=BLUE, label=f"detected: {magnitude.size}")
     ax.stairs(
         misses, edges, fill=True, facecolor=RED, hatch="/////", edgecolor="white", linewidth=0,
-        label=f"not: {strongest.size}, strongest tap",
+        label=f"not detected: {strongest.size}, strongest",
     )  # fmt: skip
     if threshold is not None:
         ax.axvline(

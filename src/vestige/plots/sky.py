@@ -70,7 +70,7 @@ def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
     ax.set_thetagrids(range(0, 360, 45), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])  # type: ignore[attr-defined]
     ax.tick_params(labelsize=LETTERS_PT, pad=0)
     ax.grid(linewidth=0.4)
-    ax.set_title("satellites in view, a dot where each is last", fontsize=LETTERS_PT, pad=8)
+    ax.set_title("satellites in view, dot: last position", fontsize=LETTERS_PT, pad=8)
     return ax
 
 

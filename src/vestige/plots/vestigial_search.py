@@ -38,7 +38,7 @@ def vestigial_search(trace: SearchTrace, *, title: str) -> Axes:
         ax.plot(at_s, magnitude, mark, color=colour, markersize=4, label=name if number < 2 else None)
     highest = max([trace.threshold, *trace.magnitude, *(magnitude for _, magnitude in trace.peaks)])
     ax.set_ylim(0, highest * _ROOM)
-    dress(ax, title=title, x="first chip arrives, after it was sent (s)", y="magnitude (σ)")
+    dress(ax, title=title, x="travel time of the first chip (s)", y="magnitude (σ)")
     legend(ax, columns=2)
     return ax
 

@@ -184,7 +184,7 @@ def _notes(bands: tuple[BandInspection, ...]) -> Iterator[str]:
         if band.hash_agrees is False:
             yield f"{name} does not have the SHA-512 that its description states: the samples were changed"
         if found.deviation == 0:
-            yield f"{name}: all samples are equal: the front end is dead, or the format is another"
+            yield f"{name}: all samples are equal: the front end is dead, or the format is wrong"
         elif found.n_distinct > FEW_VALUES and found.outermost_fraction > CLIPPING:
             yield f"{name}: {found.outermost_fraction:.1%} of the values are ±{found.outermost:g}: the samples clip"
         center, carrier = found.spectral_center_hz, CARRIER_HZ[reader.band]
@@ -214,20 +214,20 @@ def _missing(
     if span is not None:
         seen = None if coverage is None else coverage.span
         if coverage is not None and seen is not None and (seen[1] < span[0] or span[1] < seen[0]):
-            yield f"no observations of this time: {coverage.file.path.name} has {seen[0]} to {seen[1]}"
+            yield f"no observations for this time: {coverage.file.path.name} has {seen[0]} to {seen[1]}"
         if not assistance.assistance.segments and any(file.kind is FileKind.RECS for file in assistance.files):
-            yield f"no RECS of this time: none is transmitted during the E6 samples, {span[0]} to {span[1]}"
+            yield f"no RECS for this time: none is transmitted during the E6 samples, {span[0]} to {span[1]}"
         if description is not None and description.time_uncertainty_s < SUBFRAME_S:
             yield from _missing_margin(description.time_uncertainty_s, assistance.assistance)
     yield from assistance.missing
 
 
 def _missing_time(uncertainty_s: float) -> Iterator[str]:
-    rule = f"it must be below {SUBFRAME_S} s, or nobody knows that E6 was received before the key was public"
+    rule = f"expected below {SUBFRAME_S} s, to prove that E6 was received before the key was public"
     if math.isinf(uncertainty_s):
         yield f"no time uncertainty: the upper limit of the receiver clock's error is not stated; {rule}"
     elif uncertainty_s >= SUBFRAME_S:
-        yield f"no sure time: the receiver clock may be wrong by {uncertainty_s:g} s; {rule}"
+        yield f"time uncertainty too large: the receiver clock may be wrong by {uncertainty_s:g} s; {rule}"
 
 
 def _missing_margin(uncertainty_s: float, assistance: Assistance) -> Iterator[str]:
@@ -241,6 +241,6 @@ def _missing_margin(uncertainty_s: float, assistance: Assistance) -> Iterator[st
     late = [margin_s for margin_s in margins_s if not provably_before_disclosure(margin_s, uncertainty_s)]
     if late:
         yield (
-            f"no sure time for {len(late)} of {len(margins_s)} RECS: the key is on air {min(late):.1f} s after it or "
-            f"later, and the receiver clock may be wrong by {uncertainty_s:g} s"
+            f"time uncertainty too large for {len(late)} of {len(margins_s)} RECS: the key is on air "
+            f"{min(late):.1f} s after the RECS or later, and the receiver clock may be wrong by {uncertainty_s:g} s"
         )

@@ -162,12 +162,13 @@ SEARCH_NOT_RUN = (
     "no E1 samples",
     "no signal of this satellite on E1",
     "no E6 samples",
-    "no RECS of this satellite, or no key that proves anything",
+    "the satellite has no RECS with a known key that was still secret at reception",
     "the E6 samples do not hold the RECS anywhere in the time uncertainty",
     "the RECS was not found in E6",
-    "the RECS was found when its key may have been known",
-    "the RECS holds the open E6-C code, which repeats each ms, so a search cannot tell a replay from the code itself",
-    "not due",
+    "the RECS was found, but its key may have been public when it arrived",
+    "the RECS contains the open E6-C code, which repeats each ms, so a search cannot tell a replay from the code "
+    "itself",
+    "the next search is not due yet",
 )
 
 

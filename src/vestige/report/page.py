@@ -60,7 +60,9 @@ def write_page(page: Page, path: Path) -> None:
     Raises `InputFileError` if a file that is no report has that name.
     """
     if path.exists() and not is_report(path):
-        raise InputFileError(path, "output", "something that is no report", "a new name, or that of an earlier report")
+        raise InputFileError(
+            path, "output", "a file that is not a report", "a new name, or the name of an earlier report"
+        )
     with replacement(path) as part:
         part.write_text(page.html(), encoding="utf-8")
 

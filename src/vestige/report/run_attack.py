@@ -40,7 +40,7 @@ def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str)
         card(
             "worst E1 error accepted",
             number(max(errors_m, key=abs, default=math.nan), 4, "m"),
-            "as authentic, by the attack",
+            "in a range that was AUTHENTIC",
         ),
     ]
 
@@ -50,14 +50,14 @@ def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Ht
     words = {
         DetectedSignal.TRUE: "the true signal",
         DetectedSignal.SPOOFER: "the spoofing signal",
-        DetectedSignal.MIXED: "both in one",
+        DetectedSignal.MIXED: "both in one peak",
         DetectedSignal.NONE: "nothing",
     }
     head = (
         "satellite, detector",
         *(f"found {word}" for word in words.values()),
         "first alarm",
-        "true signal again",
+        "return to the true signal",
         "worst E1 error accepted",
         "E1 captured",
     )
@@ -76,11 +76,14 @@ def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Ht
     return [
         element(
             "p",
-            "Of the truth, which the receiver does not know: which signal each detector had, in the epochs of the "
-            "attack. Two signals less than a chip (58.6 m) apart are one peak. Times count from the attack's begin; "
-            "alarms and accepted errors are those of the verdicts.",
+            "The receiver does not know the true signals of this table. The table says which signal each detector "
+            "found "
+            "during the "
+            "attack. Two signals less than a chip (58.6 m) apart are one peak. Times count from the start of the "
+            "attack. "
+            "Alarms and accepted errors are those of the verdicts.",
         ),
-        table("What came of the attack", head, rows),
+        table("Outcome of the attack", head, rows),
     ]
 
 

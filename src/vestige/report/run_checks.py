@@ -30,12 +30,12 @@ def checks_section(
     processor, attributes = scenario.processor, attributes_of(results)
     offset_m = results["range_offset_m"].sel(detector=processor.detector).values
     beyond = int(np.count_nonzero(np.abs(offset_m) > range_limit_m(results)))
-    own = f" Checks of your own: {', '.join(processor.checks)}; their counts are below." if processor.checks else ""
+    own = f" Your own checks: {', '.join(processor.checks)}; their counts are below." if processor.checks else ""
     parts = [
         element("p", f"Mitigation level {processor.level}; the {processor.detector} detector gives the verdicts.{own}"),
         table(
             "Checks of steps 1 and 2",
-            ("check", "threshold", "what it is", "failed"),
+            ("check", "threshold", "meaning of the threshold", "failed"),
             [
                 (
                     "E6 power",
@@ -59,13 +59,12 @@ def checks_section(
             figure(
                 "checks",
                 "Monitors",
-                "For each check, how near its statistic came to its threshold, against time; the "
-                "table below has the numbers.",
+                "Statistic of each check over its threshold, against time; the table below has the numbers.",
                 "Height: |statistic| over threshold, the largest of all satellites in each stretch. The dashed line is "
                 "the threshold; what is above it is marked.",
             ),
             table(
-                "Monitors: what they compare with",
+                "Thresholds of the monitors",
                 ("check", "budget of a test", "threshold", "unit"),
                 [(one.name, _budget(one), _span(one.threshold), one.unit) for one in checks],
             ),
@@ -87,7 +86,7 @@ def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks:
     ]
     if counts.attacked:
         parts.insert(
-            0, element("p", "Epochs under attack are left out of the first line: an alarm there is no false one.")
+            0, element("p", "Epochs under attack are left out of the first line: an alarm there is not a false alarm.")
         )
     if counts.false_alarms.trials:
         a_day, low, high = (number(value, 3) for value in counts.false_alarms_a_day)
@@ -101,7 +100,8 @@ def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks:
     if checks:
         attacked = "The run has an attack: alarms of these checks may be true ones. " if counts.attacked else ""
         note = (
-            f"{attacked}▲ and ▼: the rate is not the budget (exact two-sided test at 5 %), or exceeds an upper limit."
+            f"{attacked}▲ and ▼: the rate differs from the budget (exact two-sided test at 5 %), or exceeds the "
+            "upper limit."
         )
         head = ("check", "budget", "alarms", "of", "rate", "95 % interval", "")
         parts += [

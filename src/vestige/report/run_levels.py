@@ -22,8 +22,8 @@ def level_cards(found: LevelVerdicts | None) -> list[Html]:
     due = np.count_nonzero(found.recs[:, None] & found.seen)
     small = f"{number(error_m.size)} of {number(int(due))} ranges were in use"
     return [
-        card("alarms that a user saw", number(int(np.count_nonzero(found.begins))), "held for 90 s"),
-        card("worst error in use", number(worst_of(error_m), 4, "m"), small),
+        card("alarms that a user saw", number(int(np.count_nonzero(found.begins))), "each shown for at least 90 s"),
+        card("largest range error in use", number(worst_of(error_m), 4, "m"), small),
     ]
 
 
@@ -46,16 +46,19 @@ def level_content(found: LevelVerdicts | None, results: xarray.Dataset) -> list[
     ]
     parts = [
         table(
-            f"Checks of mitigation level {found.level}, and where they failed",
-            ("check", "tests", "budget of a test", "failed", "first"),
+            f"Checks of mitigation level {found.level}, and when they first failed",
+            ("check", "tests", "budget of a test", "failed", "first failure"),
             rows,
         ),
         element(
             "p",
-            "A verdict of this page is the gravest status since the RECS before. A user is shown the gravest of the "
-            "last 90 s; an alarm begins where none stood.",
+            "A verdict on this page is the gravest status since the previous RECS. The receiver shows its user the "
+            "gravest of the "
+            "last 90 s. An alarm begins when there was none before.",
         ),
     ]
     if found.not_run:
-        parts.append(element("p", f"Not run, the results hold nothing for it: {', '.join(found.not_run)}."))
+        parts.append(
+            element("p", f"Not run, because the results do not hold what the check needs: {', '.join(found.not_run)}.")
+        )
     return parts

@@ -47,7 +47,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
         _contents(),
         _answer(results, scenario, counts, found, attacks, level_cards(of_level)),
         section("verdicts", "Verdicts over time", _status_key(counts), *_timeline(data)),
-        section("correlators", "What the correlators saw", *_waterfall(data)),
+        section("correlators", "Output of the correlators", *_waterfall(data)),
         section("offsets", "Range offset of both detectors", *_offsets(found, data, range_limit_m(results))),
         *([section("attack", "Under attack", *attack_content(attacks))] if attacks else ()),
         checks_section(results, scenario, found, checks, level_content(of_level, results)),
@@ -90,10 +90,10 @@ def _question(scenario: StoredScenario) -> str:
     if scenario.attack:
         return "What does the receiver say while it is under attack, and which signal does it follow?"
     if not scenario.receiver.signal:
-        return "How often does noise alone pass for the signal?"
+        return "How often is noise alone taken for the signal?"
     if scenario.constellation:
         return "Without an attack: which satellites are authenticated, where is the receiver, which checks fail?"
-    return "Without an attack: how often is the true signal found, and how far from where it was predicted?"
+    return "Without an attack: how often is the true signal found, and how far is it from the prediction?"
 
 
 def _contents() -> Html:
@@ -104,7 +104,7 @@ def _contents() -> Html:
         "checks": "Checks",
         "false-alarms": "False alarms",
         "scenario": "Scenario",
-        "reproduce": "Get it again",
+        "reproduce": "Reproduce",
     }
     links = [element("li", element("a", text, href=f"#{name}")) for name, text in names.items()]
     return element("nav", element("ul", *links), aria_label="Sections")
@@ -124,7 +124,7 @@ def _answer(
     undecided = counts.of[Status.NOT_AVAILABLE]
     cards = [
         card(
-            "authentic, of the verdicts due",
+            "verdicts that are AUTHENTIC",
             _share(counts.of[Status.AUTHENTIC], counts.due),
             f"{number(counts.of[Status.AUTHENTIC])} of {number(counts.due)}"
             + (f"; {number(undecided)} not available" if undecided else ""),
@@ -156,9 +156,9 @@ def _answer(
 def _unfinished(results: xarray.Dataset, scenario: StoredScenario) -> Html:
     if "epoch" not in results.coords:
         return Html("")
-    text = f"This run has not ended: {results.sizes['epoch']} of {scenario.epochs} epochs are here."
+    text = f"This run has not ended: {results.sizes['epoch']} of {scenario.epochs} epochs are stored."
     if judged_between_recs(results):
-        text += " Until then a verdict is that of its own epoch: failures between two RECS are not in it."
+        text += " Until then a verdict does not include failures of checks between two RECS."
     return element("p", text, class_="notice")
 
 
@@ -174,11 +174,11 @@ def _status_key(counts: VerdictCounts) -> Html:
 
 
 _MEANINGS = {
-    Status.AUTHENTIC: "no check of the level failed, and E6 is where E1 says",
+    Status.AUTHENTIC: "no check of the level failed, and the range of E6 agrees with E1",
     Status.SUSPECT: "another check of the level failed",
-    Status.SPOOFED: "E6 is not where E1 says, or a satellite was found twice",
+    Status.SPOOFED: "the range of E6 disagrees with E1, or a satellite was found twice",
     Status.NOT_DETECTED: "no encrypted signal where E1 predicts it: an alarm",
-    Status.NOT_AVAILABLE: "nothing can be said: no RECS or key, or too weak a signal",
+    Status.NOT_AVAILABLE: "no evidence: the RECS or its key is missing, or the signal is too weak",
 }
 
 
@@ -189,7 +189,7 @@ def _share(count: int, of: int) -> str:
 def _timeline(data: Mapping[str, Any]) -> list[Html]:
     several = len(data["satellites"]) > 1
     lanes = (
-        "One line for each satellite; the height of a mark tells the alarms from the rest."
+        "One line for each satellite; alarms have higher marks."
         if several
         else ("One line for each verdict, with a mark where it occurred.")
     )
@@ -200,7 +200,7 @@ def _timeline(data: Mapping[str, Any]) -> list[Html]:
             "timeline",
             "Time-line",
             "Verdicts against time; the table above has their numbers.",
-            f"{lanes} Every epoch is in it: {each}.",
+            f"{lanes} The figure includes every epoch: {each}.",
         )
     ]
 
@@ -225,7 +225,7 @@ def _waterfall(data: Mapping[str, Any]) -> list[Html]:
         figure(
             "waterfall",
             "All epochs",
-            "Map of the correlators' magnitude: time from left to right, tap offset upwards. "
+            "Map of the correlators' magnitude: time from left to right, correlator offset upwards. "
             "The slider below chooses an epoch.",
             "Brighter is stronger (mean of each stretch). Marks above the map: alarms.",
         ),
@@ -235,10 +235,10 @@ def _waterfall(data: Mapping[str, Any]) -> list[Html]:
             "epoch",
             "The chosen epoch",
             "Magnitude of each correlator in the chosen epoch, the threshold, and what both "
-            "detectors found; the line above says it in words.",
+            "detectors found; the line above has the same in words.",
             "Dashed: the threshold. Triangles: the correlation that each detector found. "
             + (
-                "Upright lines: where the true signal and the spoofing signal are, which the receiver does not know."
+                "Vertical lines: true signal and spoofing signal, which the receiver does not know."
                 if "true_m" in data["satellites"][0]
                 else ""
             ),
@@ -269,11 +269,12 @@ def _offsets(found: Mapping[str, Summary], data: Mapping[str, Any], limit_m: flo
         for name, one in found.items()
     ]
     head = ("", "missed", "mean", "1σ", *(f"{p:g} %" for p in points))
-    truth = " Lines: where each spoofing signal was." if "true_m" in data["satellites"][0] else ""
+    truth = " Lines: the spoofing signals." if "true_m" in data["satellites"][0] else ""
     parts = [
         element(
             "p",
-            "How much later (positive) than E1 predicts each detector found E6. The range check passes what lies "
+            "The range offset is the delay of E6 after the prediction from E1, for each detector. The range check "
+            "passes offsets "
             f"within ±{number(limit_m, 3, 'm')}.",
         ),
         element("div", *boxes, class_="controls"),
@@ -288,7 +289,7 @@ def _offsets(found: Mapping[str, Summary], data: Mapping[str, Any], limit_m: flo
         parts.append(
             figure(
                 "histogram",
-                "How often",
+                "Histogram",
                 "Histogram of the range offsets of all epochs, in log scale.",
                 "All epochs of all satellites.",
             )

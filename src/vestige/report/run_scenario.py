@@ -31,7 +31,7 @@ def scenario_section(text: str) -> Html:
         "scenario",
         "The scenario",
         element("p", "With all defaults written out. ", save, "."),
-        element("details", element("summary", "Show it"), _code(toml, "Scenario as TOML"), open=""),
+        element("details", element("summary", "Show the scenario"), _code(toml, "Scenario as TOML"), open=""),
     )
 
 
@@ -55,11 +55,11 @@ def reproduce_section(
     same += ", on processors of this kind." if attributes.processor else "."
     return section(
         "reproduce",
-        "How to get it again",
-        element("p", f"{same} A report of them shows the same digests."),
+        "How to reproduce the results",
+        element("p", f"{same} A report of these results shows the same digests."),
         _code(commands, "Commands"),
         table(
-            "What these results are of",
+            "Origin of the results",
             ("", "value"),
             [(key, element("code", value)) for key, value in rows],
             numbers_from=99,
@@ -67,8 +67,9 @@ def reproduce_section(
         element("h3", "What is drawn"),
         element(
             "p",
-            "Tables and statistics are of all epochs, and so are time-lines, map and histogram, where each mark stands "
-            "for a stretch. Single epochs, on the slider and as dots:",
+            "Tables, statistics, time-lines, map and histogram include all epochs. A mark may stand for a stretch "
+            "of epochs. "
+            "The slider and the dots show these single epochs:",
         ),
         element("ul", *(element("li", line) for line in _drawn(thinned, data))),
     )

@@ -18,11 +18,11 @@ _UNMEASURED = ("unmeasured", "○")
 _COUNTS = {"detected": "detected", "mitigated": "mitigated", "missed": "missed", "denied": "no verdict"}
 _SECTIONS = {
     "matrix": "Attack against level",
-    "numbers": "What was measured",
+    "numbers": "Measured outcomes",
     "checks": "Which check failed, and when",
     "false-alarms": "False alarms",
-    "reasons": "Why, and what it does not show",
-    "reproduce": "How to get it again",
+    "reasons": "Reasons for differences, and limits of the scenes",
+    "reproduce": "How to reproduce the table",
     "everything": "The whole table",
 }
 
@@ -69,7 +69,7 @@ def _answer(found: ThreatTable, runs: int) -> Html:
         judged = sum(word in _MARKS for word in words)
         small = f"scenes as expected; {words.count(DIFFERS)} differ, {words.count(UNDECIDED)} undecided"
         if not judged:
-            small = "measured, nothing was expected" if measured else "expected, not measured"
+            small = "measured; the table expects no outcome" if measured else "expected, not measured"
         cards.append((f"level {level}", f"{words.count(AGREES)} of {judged}" if judged else "–", small))
     threats = len({row["threat"] for row, _ in scenes})
     cards.append(("attacks", str(threats), f"in {len(scenes)} scenes, up to {runs} runs of each"))
@@ -86,8 +86,8 @@ def _matrix(found: ThreatTable) -> list[Html]:
     words = (
         "pass: no alarm without an attack. detect: an alarm while the attack acts. mitigate: in the end no wrong range "
         "is in use, and most right ones are. miss: a wrong range is in use or no verdict is possible, and there is no "
-        "alarm. deny: no verdict is possible. partial: detected now and then. What is said of an attack holds if the "
-        "95 % interval over the runs lies on one side of one half."
+        "alarm. deny: no verdict is possible. partial: detected in about half of the runs. An outcome counts if the "
+        "95 % interval of its share of the runs lies above one half."
     )
     head = ("scene", *(f"level {level}" for level in found.levels))
     rows: list[tuple[object, ...]] = []
@@ -106,7 +106,7 @@ def _tile(cell: TableCell) -> Html:
     if not cell.measured:
         kind, sign = _UNMEASURED
         return element(
-            "div", element("span", word or "nothing expected", class_="mark", data_sign=sign), class_=f"tile {kind}"
+            "div", element("span", word or "no expected outcome", class_="mark", data_sign=sign), class_=f"tile {kind}"
         )
     kind, sign = _MARKS.get(cell.agreement.lower(), ("unmeasured", "●"))
     shares = [
@@ -155,7 +155,7 @@ def _numbers(found: ThreatTable) -> list[Html]:
     if parts:
         words = (
             "By chance: runs with an alarm in the same epochs without the attack. Alarm after: the median. Worst "
-            "accepted: the largest range error by the attack that was taken for authentic, of all runs."
+            "accepted: the largest range error by the attack in a range that was AUTHENTIC, in all runs."
         )
         parts.append(element("p", words))
     return parts
@@ -243,7 +243,7 @@ def _reproduce(found: ThreatTable, path: Path, name: str, runs: int) -> list[Htm
         element("p", note),
         element("pre", element("code", commands), tabindex=0, role="region", aria_label="Commands"),
         table(
-            "What this page is of",
+            "Origin of the results",
             ("", "value"),
             [("folder", name), ("SHA-256 of the table", element("code", digest))],
             numbers_from=99,

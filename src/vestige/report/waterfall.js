@@ -108,7 +108,7 @@ class Waterfall {
     const offsets = DATA.offsets_m;
     const half = (offsets[1] - offsets[0]) / 2;
     const x = timeAxis();
-    const y = { low: offsets[0] - half, high: offsets.at(-1) + half, label: 'tap offset (m)' };
+    const y = { low: offsets[0] - half, high: offsets.at(-1) + half, label: 'correlator offset (m)' };
     const { box, toX, toY } = frame(context, width, height, x, y);
     this.place = { box, low: x.low, high: x.high };
     const { of } = this;
@@ -142,7 +142,7 @@ class Waterfall {
     const { of, row } = this;
     const offsets = DATA.offsets_m;
     const half = (offsets[1] - offsets[0]) / 2;
-    const x = { low: offsets[0] - half, high: offsets.at(-1) + half, label: 'tap offset (m)' };
+    const x = { low: offsets[0] - half, high: offsets.at(-1) + half, label: 'correlator offset (m)' };
     const y = { low: 0, high: DATA.top_sigma * 1.12, label: 'magnitude (σ)' };
     const { box, toX, toY } = frame(context, width, height, x, y);
     const upright = (at, name, text) => {

@@ -77,7 +77,7 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     carrier_hz = CARRIER_HZ[batch.band]
     offsets_chips = offsets_m / SPEED_OF_LIGHT_MPS * chips.chip_rate_hz
     if np.max(np.abs(offsets_chips - middle_chips(offsets_chips)), initial=0.0) > REACH_CHIPS:
-        raise ValueError(f"taps reach farther than {REACH_CHIPS} chips from the middle of the bank")
+        raise ValueError(f"correlators reach farther than {REACH_CHIPS} chips from the middle of the bank")
 
     code_rate = chips.chip_rate_hz * (1.0 + handover.doppler_hz / carrier_hz)
     integration_s = chips.chips.size / code_rate

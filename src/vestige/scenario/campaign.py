@@ -243,7 +243,7 @@ class CampaignScenario(Section):
     def _one_geometry(self) -> Self:
         if self.constellation is None:
             if self.trajectory is not None:
-                raise InconsistentSettingsError("trajectory", "no constellation beside it", "[constellation]")
+                raise InconsistentSettingsError("trajectory", "no [constellation]", "one, which this key needs")
             for place, given in (
                 ("position", self.position != PositionTable()),
                 ("osnma", self.osnma != OsnmaTable()),
@@ -251,19 +251,19 @@ class CampaignScenario(Section):
                 ("receiver.accelerometers", self.receiver.accelerometers is not None),
             ):
                 if given:
-                    raise InconsistentSettingsError(place, "no constellation beside it", "[constellation]")
+                    raise InconsistentSettingsError(place, "no [constellation]", "one, which this key needs")
             if self.recs.every != 1:
-                raise InconsistentSettingsError("recs.every", self.recs.every, "1 on a single line of sight")
+                raise InconsistentSettingsError("recs.every", self.recs.every, "1 without [constellation]")
             for number, attack in enumerate(self.attack):
                 if isinstance(attack, Meaconing) and attack.antenna is not None:
                     raise InconsistentSettingsError(
-                        f"attack.{number}.antenna", "no constellation beside it", "[constellation]"
+                        f"attack.{number}.antenna", "no [constellation]", "one, which this key needs"
                     )
             return self
         if self.trajectory is None:
-            raise InconsistentSettingsError("trajectory", "nothing", "where the receiver is, beside [constellation]")
+            raise InconsistentSettingsError("trajectory", "nothing", "one, because there is a [constellation]")
         if "line_of_sight" in self.model_fields_set:
-            raise InconsistentSettingsError("line_of_sight", "a constellation beside it", "one of them")
+            raise InconsistentSettingsError("line_of_sight", "a [constellation] as well", "one of the two")
         check_clock(self.receiver.clock, self.epochs * self.interval_s)
         _ = self.simulations
         return self
@@ -344,7 +344,7 @@ class CampaignScenario(Section):
             (one.elevation.path.trajectory for one in self.simulations if one.elevation is not None), None
         )
         if trajectory is None:
-            raise ValueError("a single line of sight has no place")
+            raise ValueError("a single line of sight has no position")
         return trajectory.motion(time_s - clock_m / SPEED_OF_LIGHT_MPS - self.receiver.clock_offset_s)
 
     @property

@@ -106,7 +106,7 @@ def check_attacks(front_end: FrontEnd, spoofer: Spoofer) -> None:
     """Raise if the model of correlators does not include the effect of the front end on an attack."""
     if not spoofer.attacks or front_end.transparent:
         return
-    samples = 'fidelity = "samples", which knows'
+    samples = 'fidelity = "samples", which simulates both'
     if front_end.bits is not None:
         raise InconsistentSettingsError("receiver.front_end.bits", f"{front_end.bits} under attack", samples)
     if spoofer.effects(Band.E6, 0, np.zeros(1)).jammers:

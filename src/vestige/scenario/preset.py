@@ -37,7 +37,9 @@ class Presets:
             return table
         rest = {key: value for key, value in table.items() if key not in {"preset", *self._elevation}}
         if len(rest) + 1 < len(table):
-            raise InconsistentSettingsError("preset", "elevation_deg beside it", "one of them: both name a model")
+            raise InconsistentSettingsError(
+                "preset", "elevation_deg as well", "one of the two, because both choose a model"
+            )
         return asdict(self._model(table)) | rest
 
     def _model(self, table: Mapping[str, Any]) -> Any:

@@ -59,7 +59,7 @@ class Constellation(Section):
 
     def _why_missing(self, svid: int) -> str:
         """Return the text of an error message for a satellite without ephemeris."""
-        return f"{svid}, which the constellation does not have"
+        return f"{svid}, which is not in the constellation"
 
     def chosen(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
         """Return the ephemerides of the satellites to simulate, by ascending SVID."""
@@ -69,7 +69,9 @@ class Constellation(Section):
         missing = sorted(set(self.svids) - set(found))
         if missing:
             raise InconsistentSettingsError(
-                "constellation.svids", self._why_missing(missing[0]), f"some of {' '.join(map(str, sorted(found)))}"
+                "constellation.svids",
+                self._why_missing(missing[0]),
+                f"satellites among {' '.join(map(str, sorted(found)))}",
             )
         return tuple(found[svid] for svid in sorted(set(self.svids) or found))
 
@@ -114,7 +116,7 @@ class RinexConstellation(Constellation):
             what = "no healthy satellite" if near else "ephemerides"
             raise InconsistentSettingsError(
                 "constellation.path",
-                f"{what} of {_to_minutes(toes[0])} to {_to_minutes(toes[-1])}",
+                f"{what} from {_to_minutes(toes[0])} to {_to_minutes(toes[-1])}",
                 f"a RINEX file of the day of the scenario, within {FIT_INTERVAL_S / 3600:g} h of {_to_minutes(start)}",
             )
         return found

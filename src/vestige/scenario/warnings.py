@@ -84,8 +84,8 @@ def _staircase(rate_hz: float) -> tuple[str, ...]:
     if stairs is None:
         return ()
     return (
-        f"receiver.sample_rate_hz: {rate_hz / 1e6:g} MHz is commensurate with the chip rate of E6, the correlation a "
-        f"staircase with steps of {stairs.tread_m:.1f} m; {stairs.good_rate_hz / 1e6:g} MHz is a good rate",
+        f"receiver.sample_rate_hz: {rate_hz / 1e6:g} MHz is commensurate with the chip rate of E6, so the "
+        f"correlation has steps of {stairs.tread_m:.1f} m; {stairs.good_rate_hz / 1e6:g} MHz is a good rate",
     )
 
 
@@ -98,6 +98,6 @@ def _round_peak(scenario: CampaignScenario) -> tuple[str, ...]:
     if abs(scale - 1) < _FAITHFUL:
         return ()
     return (
-        f"receiver.front_end.bandwidth_hz: {front_end.bandwidth_hz / 1e6:g} MHz round the peak, and three taps "
-        f"{spacing_m:g} m apart, read as a triangle, give {scale:.2f} times the range offset",
+        f"receiver.front_end.bandwidth_hz: {front_end.bandwidth_hz / 1e6:g} MHz make the peak round; three correlators "
+        f"{spacing_m:g} m apart, fitted with a triangle, then give {scale:.2f} times the range offset",
     )

@@ -169,7 +169,7 @@ class Place:
 
     def __post_init__(self) -> None:
         if not (abs(self.latitude_deg) <= 90 and abs(self.longitude_deg) <= 360 and abs(self.height_m) <= 1e7):
-            raise ValueError(f"no place on the Earth: {self.latitude_deg}, {self.longitude_deg}, {self.height_m}")
+            raise ValueError(f"no position on the Earth: {self.latitude_deg}, {self.longitude_deg}, {self.height_m}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

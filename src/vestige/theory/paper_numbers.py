@@ -139,7 +139,7 @@ def _errors() -> list[PaperNumber]:
             _q("E1 MBOC, 24.552 MHz, 0.1 chip", mboc_m, "m", ".2f"),
             _q("E1 BOC(1,1), 14 MHz, 0.25 chip", boc_m, "m", ".2f"),
             _q("E6 bound, 16 ms, 20.46 MHz", snapshot_noise_bound_m(CN0_DBHZ, RECS_S, 20.46e6), "m", ".2f"),
-            remark="true for E1; E6 at 35 dBHz has 2.5 m with taps 15 m apart (E14)",
+            remark="true for E1; E6 at 35 dBHz has 2.5 m with correlators 15 m apart (E14)",
         ),
         _row(5, "II-A", "ADC about 1 ns", _q("1 ns", 1e-9 * C, "m", ".2f")),
         _row(
@@ -337,7 +337,7 @@ def _errata() -> list[PaperNumber]:
         _row(
             "E1", "III-C", "Δτ without ½ and sign",
             *(_q(f"peak at {m:+g} m", estimate, "m", "+.1f") for m, estimate in zip(peaks_m, found_m, strict=True)),
-            remark="taps 15 m apart; the printed formula gives 6, 8 and 15 m",
+            remark="correlators 15 m apart; the printed formula gives 6, 8 and 15 m",
         ),
         _row(
             "E5", "VI", "9 g",

@@ -44,11 +44,11 @@ def range_offset_m(
     """
     step_m = np.diff(offsets_m)
     if not (step_m.size and step_m[0] > 0 and np.allclose(step_m, step_m[0], rtol=_EQUIDISTANT, atol=0)):
-        raise ValueError("the offsets of the taps must ascend in equal steps")
+        raise ValueError("the offsets of the correlators must ascend in equal steps")
     detected = tap >= 0
     outside = detected & ((tap < spacing) | (tap >= offsets_m.size - spacing))
     if offsets_m.size <= 2 * spacing or np.any(outside):
-        raise ValueError(f"a punctual tap must have neighbours {spacing} taps away on both sides")
+        raise ValueError(f"a punctual correlator must have neighbours {spacing} correlators away on both sides")
 
     punctual = np.where(detected, tap, spacing)
     columns = punctual[:, None] + np.array([-spacing, 0, spacing])

@@ -175,7 +175,7 @@ def required_cn0_dbhz(pd: Reals, integration_s: float, pfa: float, n_noncoherent
     """
     _check(pd)
     if np.any(np.less_equal(pd, pfa)):
-        raise ValueError("the wanted probability of detection must exceed the false alarm probability")
+        raise ValueError("the wanted probability of detection must exceed the false-alarm probability")
     g = threshold(pfa, n_noncoherent)
     low, high = np.zeros_like(pd, dtype=np.float64), np.full_like(pd, g + _SURE, dtype=np.float64)
     for _ in range(_BISECTIONS):

@@ -114,7 +114,7 @@ def read_threat_dataset(folder: Path) -> xarray.Dataset:
     """
     from vestige.campaign.store.results import load_small  # noqa: PLC0415  (zarr loads slowly, and no worker needs it)
 
-    return load_small(folder / STORE, "the table that `vestige threats -o` writes; the same command mends it")
+    return load_small(folder / STORE, "the table that `vestige threats -o` writes; the same command repairs it")
 
 
 def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:

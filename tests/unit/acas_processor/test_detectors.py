@@ -151,7 +151,7 @@ def test_no_number_is_not_detected(detector: Detectors) -> None:
 
 @every_detector
 def test_refuses(detector: Detectors) -> None:
-    with pytest.raises(ValueError, match="at least 5 taps, found 4"):
+    with pytest.raises(ValueError, match="at least 5 correlators, found 4"):
         detector(spacing=2).detect(np.ones((1, 4)), 0.5)
-    with pytest.raises(ValueError, match="at least 1 tap"):
+    with pytest.raises(ValueError, match="at least 1 correlator"):
         detector(spacing=0)

@@ -40,7 +40,7 @@ def test_a_quiet_night_passes() -> None:
     assert [str(name) for name in night[-1]] == NAMES
     assert {check.outcome for check in night[-1].values()} == {Outcome.PASS}
     assert night[-1]["RAIM"].statistic == pytest.approx(0.0, abs=1e-3)
-    assert night[0]["clock innovation"].reason == "no epoch shortly before"
+    assert night[0]["clock innovation"].reason == "no position fix shortly before"
 
 
 def test_one_satellite_pulled_is_raims_and_is_named() -> None:

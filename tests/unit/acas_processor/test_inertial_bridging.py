@@ -126,16 +126,16 @@ def test_without_a_position_there_is_nothing_to_compare() -> None:
     sensed = _sensed(STANDING)
     first, second, third = (_epoch(n, STANDING, sensed) for n in range(3))
     before = _step(None, first)
-    assert {one.reason for one in _checks(before).values()} == {"no snapshot with a position fix before"}
+    assert {one.reason for one in _checks(before).values()} == {"no earlier snapshot with a position fix"}
     kept = np.isin(second.svids, list(_checks(before))[:3])
     few = replace(second, e1=replace(second.e1, pseudorange_m=np.where(kept, second.e1.pseudorange_m, np.nan)))
     lost = _step(before.state, few)
     assert {one.reason for one in _checks(lost).values()} == {"no position fix"}
     assert {one.reason for one in _checks(_step(lost.state, third)).values()} == {
-        "no snapshot with a position fix before"
+        "no earlier snapshot with a position fix"
     }
     again = _checks(_step(before.state, replace(first, increments=sensed.increments(START + -0.5, START))))
-    assert {one.reason for one in again.values()} == {"the snapshot before is of the same time"}
+    assert {one.reason for one in again.values()} == {"the previous snapshot has the same time"}
 
 
 def test_a_satellite_that_rose_in_between_is_not_run() -> None:
@@ -144,7 +144,7 @@ def test_a_satellite_that_rose_in_between_is_not_run() -> None:
     hidden = np.where(np.array(first.svids) == risen, np.nan, first.e1.pseudorange_m)
     less = replace(first, e1=replace(first.e1, pseudorange_m=hidden))
     checks = _checks(_step(_step(None, less).state, second))
-    assert checks[risen].reason == "no range rate at both ends"
+    assert checks[risen].reason == "the range rate is not known at the beginning or the end of the interval"
     assert {one.outcome for svid, one in checks.items() if svid != risen} == {Outcome.PASS}
 
 

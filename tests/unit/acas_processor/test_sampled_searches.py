@@ -128,7 +128,7 @@ def test_a_single_signal_from_after_the_disclosure_proves_nothing() -> None:
     snapshot, assistance, true_s = _received(False)
     late_s = _disclosed_at(assistance) - (snapshot.time + -0.1) - true_s - 15e-3
     (found,) = EXHAUSTIVE.search(snapshot, assistance, TimeUncertainty(initial_s=late_s))
-    assert (found.peaks, _why(found)) == ((), "the RECS was found when its key may have been known")
+    assert (found.peaks, _why(found)) == ((), "the RECS was found, but its key may have been public when it arrived")
 
 
 def test_what_is_missing_is_said() -> None:
@@ -145,10 +145,10 @@ def test_what_is_missing_is_said() -> None:
     assert reasons(nothing, assistance) == ("no E1 samples", "no E6 samples")
     assert reasons(snapshot, replace(assistance, keys=())) == (
         "",
-        "no RECS of this satellite, or no key that proves anything",
+        "the satellite has no RECS with a known key that was still secret at reception",
     )
     late = reasons(snapshot, assistance, replace(now, initial_s=100.0))
-    assert late[1] == "no RECS of this satellite, or no key that proves anything"
+    assert late[1] == "the satellite has no RECS with a known key that was still secret at reception"
     elsewhere = CorrelatableSamples(replace(snapshot.e6.batch, start=snapshot.time + -20.0))  # type: ignore[union-attr]
     assert "anywhere in the time uncertainty" in reasons(replace(snapshot, e6=elsewhere), assistance)[1]
 

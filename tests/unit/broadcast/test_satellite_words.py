@@ -113,7 +113,7 @@ def test_an_eccentric_orbit_sends_word_5_in_place_of_16() -> None:
 def test_what_cannot_be_sent_is_one_line() -> None:
     with pytest.raises(VestigeError, match="without an ephemeris"):
         SatelliteWords([], SYSTEM)
-    with pytest.raises(VestigeError, match=r"^E04: no ephemeris is issued by 2025"):
+    with pytest.raises(VestigeError, match=r"^E04: no ephemeris was issued before 2025"):
         SatelliteWords(issued(31.0), SYSTEM).word(START + 31.0)
     same = [EphemerisIssue(start=START + 60.0 * k, ephemeris=NOW) for k in range(2)]
     with pytest.raises(

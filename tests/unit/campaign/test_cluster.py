@@ -136,7 +136,7 @@ def test_a_dead_scheduler_is_one_line(tmp_path: Path) -> None:
     assert found.returncode == 1
     assert len(lines) == 1, found.stderr
     assert lines[0].startswith("vestige: workers were lost (tcp://")
-    assert "the dask scheduler does not answer); what was measured is stored in" in lines[0]
+    assert "the dask scheduler does not answer); the results so far are stored in" in lines[0]
 
 
 @pytest.mark.slow

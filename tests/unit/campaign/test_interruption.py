@@ -102,7 +102,7 @@ def test_ctrl_c(tmp_path: Path, executor: str) -> None:
         os.killpg(process.pid, signal.SIGINT)
         _, errors = process.communicate(timeout=20)
         assert process.returncode == -signal.SIGINT
-        assert f"of {N_EPOCHS} epochs are stored in {tmp_path / 'a.zarr'}; the same run again continues" in errors
+        assert f"of {N_EPOCHS} epochs are stored in {tmp_path / 'a.zarr'}; the same command continues" in errors
     assert_resumes(tmp_path / "a.zarr")
 
 

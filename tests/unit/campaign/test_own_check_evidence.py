@@ -107,7 +107,7 @@ def test_no_other_campaign_has_the_columns(tmp_path: Path) -> None:
     assert set(results.data_vars) - of_level_1 == set(OWN_CHECK_COLUMNS)
     for name in set(OWN_CHECK_COLUMNS) - {"e6_power_db"}:
         assert results[name].dtype == np.float64
-    with pytest.raises(VestigeError, match="found no e6_expected_s, expected them because the scenario has checks"):
+    with pytest.raises(VestigeError, match="found no e6_expected_s, expected them because the scenario has your own"):
         level_verdicts(results.drop_vars("e6_expected_s"), (1,))
 
 
@@ -148,6 +148,6 @@ def test_what_is_not_stored_is_refused_everywhere(use: str, level: int, tmp_path
             said.add(str(error.value))
     used = use.partition("(")[0].removesuffix(".truth")
     assert said == {
-        f"touch:Touch: found a use of evidence.measured.snapshots.{used}, expected the other fields of the evidence: "
-        "stored results hold no samples, so no check may ask for them"
+        f"touch:Touch: found evidence.measured.snapshots.{used}, expected the other fields of the evidence: "
+        "stored results have no samples, so no check may use them"
     }

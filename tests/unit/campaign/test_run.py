@@ -166,7 +166,7 @@ def test_a_plan_that_breaks_its_promise(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"time_s as .*float32") as caught:
         run(Wrong(n_epochs=230), tmp_path / "a.zarr", chunk_epochs=50)
     assert caught.value.__notes__ == [
-        f"100 of 230 epochs are stored in {tmp_path / 'a.zarr'}; the same run again continues there"
+        f"100 of 230 epochs are stored in {tmp_path / 'a.zarr'}; the same command continues there"
     ]
     assert_right(run(PLAN, tmp_path / "a.zarr"))
 

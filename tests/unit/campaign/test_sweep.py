@@ -99,7 +99,7 @@ def test_a_row_of_an_attack_says_what_came_of_it_at_the_level(tmp_path: Path) ->
     assert float(table[0]["worst_accepted_m"]) == first.worst_range_m
     assert table[1]["time_to_detect_s"] == "0.0"
     text = sweep_table(rows, tmp_path / SWEEP_TABLE).splitlines()
-    assert "what came of it" in text[0]
+    assert "outcome" in text[0]
     assert text[1].split()[:4] == ["1", "1", "missed", "none"]
     assert "after 0 s" in text[2]
 

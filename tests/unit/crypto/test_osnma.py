@@ -353,7 +353,7 @@ def test_broadcast_public_keys_that_are_not_used() -> None:
     for known, tree, words in (
         ((CHAIN.public_key, newer), older.tree, "comes before PKID 9, which is in use"),
         ((CHAIN.public_key,), MerkleTree(nodes={(4, 0): bytes(32)}), "not the trusted 0000"),
-        ((CHAIN.public_key,), None, "no Merkle tree to verify it"),
+        ((CHAIN.public_key,), None, "no Merkle tree was given to verify it"),
     ):
         report = verify_pages(pages, known, tree)
         assert any(words in problem.text for problem in report.problems)

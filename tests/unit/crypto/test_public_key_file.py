@@ -109,7 +109,7 @@ def test_every_digit_of_the_tree_counts(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("", "element PKID"),
-        (key_elements() + "<PKID>6</PKID>", "one public key; 5 came before"),
+        (key_elements() + "<PKID>6</PKID>", "one public key; the file also has 5"),
         (key_elements(pkid=16), "a number below 16"),
         (key_elements(POINT[:-1]), "66 hexadecimal digits"),
         ("-----BEGIN PUBLIC KEY-----\nAAAA\n-----END PUBLIC KEY-----\n", "a PEM public key on P-256"),

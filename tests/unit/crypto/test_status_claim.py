@@ -51,7 +51,7 @@ def test_a_forged_do_not_use_costs_30_s_and_no_key() -> None:
     assert all(60 < page - key <= 75 for key, page in seen.items() if key > START + 4 * 30)
     assert {problem.kind for problem in report.problems} == {ProblemKind.STATUS}
     assert sum("E07: unsigned header 0xD9" in problem.text for problem in report.problems) == 2
-    assert any("the tags prove that this is forged" in problem.text for problem in report.problems)
+    assert any("the tags prove that this header is forged" in problem.text for problem in report.problems)
     assert report.failures == ()
     assert all(count.failed == 0 for count in report.tags.by_adkd.values())
 

@@ -61,7 +61,7 @@ def test_false_alarms_beside_the_probability_asked_for() -> None:
     ax = detection_curve(sweep([30.0, 34.0], [10**8, 10**8], [7, 12]), count="false_alarms")
     dots = next(line for line in ax.lines if line.get_label() == "counted")
     np.testing.assert_allclose(dots.get_ydata(), [7e-8, 1.2e-7])
-    theory = next(line for line in ax.lines if line.get_label() == r"$P_\mathrm{fa}$ asked for")
+    theory = next(line for line in ax.lines if line.get_label() == r"required $P_\mathrm{fa}$")
     assert set(theory.get_ydata()) == {1e-7}
 
 

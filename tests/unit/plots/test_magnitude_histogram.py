@@ -29,7 +29,7 @@ def test_every_epoch_with_a_correlation_is_in_a_bar() -> None:
     legend = ax.get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()][:2] == [
-        f"detected: {detected}", f"not: {1900 - detected}, strongest tap",
+        f"detected: {detected}", f"not detected: {1900 - detected}, strongest",
     ]  # fmt: skip
 
 

@@ -21,7 +21,7 @@ def test_the_map_is_the_magnitude_of_every_tap() -> None:
     corners = mesh.get_coordinates()
     np.testing.assert_allclose(corners[0, :, 0], np.arange(31) - 0.5)
     np.testing.assert_allclose(corners[:, 0, 1], np.arange(-82.5, 83, 15))
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time (s)", "tap offset (m)")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time (s)", "correlator offset (m)")
     assert ax.figure.axes[1].get_ylabel() == "magnitude (σ)"
 
 
@@ -42,7 +42,7 @@ def test_the_landscape_is_the_magnitude_of_every_tap() -> None:
     facets = (z[:-1, :-1] + z[1:, :-1] + z[:-1, 1:] + z[1:, 1:]) / 4
     np.testing.assert_allclose(np.asarray(surface.get_array()), facets.ravel(), rtol=1e-5)
     assert ax.get_zlim()[1] >= z.max()
-    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == ("tap offset (m)", "time (s)", "magnitude (σ)")
+    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == ("offset (m)", "time (s)", "magnitude (σ)")
 
 
 def test_long_runs_are_thinned_to_what_can_be_seen() -> None:

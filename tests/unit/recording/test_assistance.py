@@ -103,7 +103,7 @@ def test_write_and_read(folder: Path, assistance: Assistance) -> None:
     ]
     result = read_assistance(folder)
     assert complete(result, assistance)
-    assert result.missing == ("signatures: 4 files are not verified to be the server's",)
+    assert result.missing == ("signatures: 4 files have no verified signature of the server",)
 
 
 def write_pages(path: Path, pages: Sequence[InavPage]) -> None:
@@ -214,7 +214,7 @@ def test_missing_keys_and_group_delays_are_counted(folder: Path, chain: Simulate
         f"OSNMA keys: the key of {first} and 5 more are missing, and RECS without their key get no verdict; "
         "`vestige osnma verify` writes a key file from navigation pages"
     ]
-    assert "group delays: none of E03, E11; taken as 0" in missing
+    assert "group delays: none for E03, E11; taken as 0" in missing
 
 
 def test_no_folder(tmp_path: Path) -> None:
@@ -324,7 +324,7 @@ def test_contradicting_recs_are_not_used(folder: Path, chain: SimulatedChain, as
     result = read_assistance(folder)
     assert result.assistance.segments == assistance.segments[1:]
     assert len(result.problems) == 1
-    assert "RECS: found 1 other than in" in str(result.problems[0])
+    assert "RECS: found 1 that differ from those in" in str(result.problems[0])
 
 
 def test_two_merkle_trees_are_none(folder: Path, osnma_data: Path) -> None:

@@ -206,7 +206,7 @@ def test_both_bands_are_followed_out_of_one_pipe(folder: Path, stdin: Callable[[
 
 
 def test_two_bands_have_no_common_center_frequency() -> None:
-    with pytest.raises(UsageError, match="both bands have their carriers"):
+    with pytest.raises(UsageError, match="with --band both, 0 Hz is the carrier of each band"):
         stdin_description(STDIN | {"center_frequency_hz": 1575.42e6})
     with pytest.raises(UsageError, match="need --layout, --sample-rate-hz, or --description"):
         stdin_description(STDIN | {"layout": None, "sample_rate_hz": None})

@@ -89,12 +89,16 @@ def test_observations_stand_for_e1_if_they_are_of_this_time(tmp_path: Path) -> N
     write_observations(tmp_path, second=0.0)
     assert not said(inspect_recording(tmp_path), "no ")
     write_observations(tmp_path, second=100.0)
-    assert said(inspect_recording(tmp_path), "no observations of this time: log.csv has 2021-11-25T00:41:58.000 GST")
+    assert said(inspect_recording(tmp_path), "no observations for this time: log.csv has 2021-11-25T00:41:58.000 GST")
 
 
 @pytest.mark.parametrize(
     ("uncertainty", "text"),
-    [(None, "no time uncertainty"), (30.0, "no sure time: the receiver clock may be wrong by 30 s"), (29.9, "")],
+    [
+        (None, "no time uncertainty"),
+        (30.0, "time uncertainty too large: the receiver clock may be wrong by 30 s"),
+        (29.9, ""),
+    ],
 )
 def test_the_clock_must_be_sure(tmp_path: Path, uncertainty: float | None, text: str) -> None:
     for band in Band:
@@ -110,7 +114,7 @@ def test_recs_of_another_time_do_not_help(tmp_path: Path) -> None:
     write_recs(tmp_path, START + 30)
     found = inspect_recording(tmp_path)
     assert found.recorded_segments == ()
-    assert said(found, "no RECS of this time")
+    assert said(found, "no RECS for this time")
     other = inspect_recording(tmp_path, start=START + 30)
     assert len(other.recorded_segments) == 1
     assert not said(other, "no RECS")
@@ -127,7 +131,7 @@ def test_the_clock_must_be_sure_before_each_key_is_on_air(tmp_path: Path, uncert
     pem = chain.private_key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
     (tmp_path / "public_key.pem").write_bytes(pem)
     assert 21.0 < key.disclosed_at - start < 27.0
-    assert said(inspect_recording(tmp_path, start=start), "no sure time for 1 of 1 RECS") is not proven
+    assert said(inspect_recording(tmp_path, start=start), "time uncertainty too large for 1 of 1 RECS") is not proven
 
 
 def test_a_time_must_be_told(tmp_path: Path) -> None:

@@ -138,10 +138,10 @@ def test_nothing_half_written_looks_like_a_recording(tmp_path: Path) -> None:
 def test_existing_recordings_are_kept(tmp_path: Path) -> None:
     meta = write_sigmf(tmp_path / "x", [batch(noise(10))], form=CF32)
     before = meta.read_bytes()
-    with pytest.raises(InputFileError, match="a name that is not taken"):
+    with pytest.raises(InputFileError, match="expected a new name"):
         write_sigmf(tmp_path / "x", [batch(noise(20))], form=CF32)
     write_collection(tmp_path / "c", [meta])
-    with pytest.raises(InputFileError, match="a name that is not taken"):
+    with pytest.raises(InputFileError, match="expected a new name"):
         write_collection(tmp_path / "c", [meta])
     assert meta.read_bytes() == before
 

@@ -53,7 +53,7 @@ def test_a_page_is_written_over_a_page_alone(tmp_path: Path) -> None:
     write_page(PAGE, path)
     assert path.read_text(encoding="utf-8") == first
     path.write_text("<!doctype html><title>mine</title>")
-    with pytest.raises(InputFileError, match="expected a new name, or that of an earlier report"):
+    with pytest.raises(InputFileError, match="expected a new name, or the name of an earlier report"):
         write_page(PAGE, path)
     assert "mine" in path.read_text()
     assert [path.name for path in tmp_path.iterdir()] == ["a.html"]

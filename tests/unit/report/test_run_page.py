@@ -89,7 +89,7 @@ def test_thresholds_and_misses(results: dict[str, xarray.Dataset], pages: dict[s
 def test_both_detectors_and_the_truth_of_an_attack(pages: dict[str, str]) -> None:
     page, data = pages["liftoff_sudden"], data_of(pages["liftoff_sudden"])
     assert "under attack (lift-off)" in page
-    assert {"E11, early", "E11, maximum"} <= set(rows_of(page, "What came of the attack"))
+    assert {"E11, early", "E11, maximum"} <= set(rows_of(page, "Outcome of the attack"))
     (attack,) = data["satellites"][0]["spoofing_signals"]
     power_db = unpacked(attack["power_db"])
     assert attack["name"] == "0 lift-off"
@@ -108,7 +108,7 @@ def test_false_alarms_are_those_without_the_attack(results: dict[str, xarray.Dat
 def test_the_checks_of_a_sky(results: dict[str, xarray.Dataset], pages: dict[str, str]) -> None:
     page, (found_at_3,) = pages["sky"], level_verdicts(results["sky"], (3,))
     budgets, alarms = (
-        rows_of(page, "Monitors: what they compare with"),
+        rows_of(page, "Thresholds of the monitors"),
         rows_of(page[page.index('id="false-alarms"') :], "Monitors"),
     )
     assert set(budgets) == set(alarms) == {name.value for name in found_at_3.checks}
@@ -202,13 +202,13 @@ def test_misses_are_kept_whatever_the_verdict(
 
 def test_a_run_that_has_not_ended_says_so(results: dict[str, xarray.Dataset]) -> None:
     part = results["quick"].isel(epoch=slice(0, 60)).assign_coords(epoch=np.arange(60))
-    assert "This run has not ended: 60 of 400 epochs are here." in run_page(part, "part").html()
+    assert "This run has not ended: 60 of 400 epochs are stored." in run_page(part, "part").html()
 
 
 def test_noise_alone(tmp_path: Path) -> None:
     store = made(tmp_path / "noise", "quick", "epochs=50", "receiver.signal=false", "processor.p_fa=0.01")
     page = run_page(open_results(store).dataset.load(), "noise").html()
-    assert "How often does noise alone pass for the signal?" in page
+    assert "How often is noise alone taken for the signal?" in page
     assert "detected in noise by the early detector" in page
 
 
@@ -266,9 +266,9 @@ def test_the_verdicts_are_those_of_the_level(at_level_2: xarray.Dataset) -> None
 def test_every_check_of_the_level_is_there(at_level_2: xarray.Dataset) -> None:
     (found,) = level_verdicts(at_level_2, (2,))
     page = run_page(at_level_2, "two").html()
-    rows = rows_of(page, "Checks of mitigation level 2, and where they failed")
+    rows = rows_of(page, "Checks of mitigation level 2, and when they first failed")
     assert set(rows) == {name for name, tests in found.tests.items() if tests.any()}
     failed = found.failed["E6 C/N0"]
     assert rows["E6 C/N0"][2:] == [str(failed.sum()), f"T = {np.flatnonzero(failed.any(axis=1))[0]} s"]
-    assert "Not run, the results hold nothing for it: clock innovation" in page
+    assert "Not run, because the results do not hold what the check needs: clock innovation" in page
     assert f"<dt>alarms that a user saw</dt><dd>{found.begins.sum()}" in page

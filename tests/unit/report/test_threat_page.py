@@ -89,7 +89,7 @@ def test_every_column_is_there_even_an_unknown_one(tmp_path: Path) -> None:
 def test_own_attacks_have_no_expectation(tmp_path: Path) -> None:
     own = {"threat": "mine", "attack": "", "scene": "", "expected_level_1": "", "expected_level_2": "", "level_1": ""}
     rows = rows_of(page_of(tmp_path, own), MATRIX)
-    assert rows == {"mine": ["measured detected 95 %, missed 15 %", "nothing expected"]}
+    assert rows == {"mine": ["measured detected 95 %, missed 15 %", "no expected outcome"]}
 
 
 @pytest.mark.slow

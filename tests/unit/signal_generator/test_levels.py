@@ -18,7 +18,7 @@ def components(band: Band, svid: int, encrypted: bool) -> tuple[Component, ...]:
     return (found[0], encrypted_component(b"secret", svid, START)) if encrypted else found
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     band=st.sampled_from(list(Band)),
     encrypted=st.booleans(),

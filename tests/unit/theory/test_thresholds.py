@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import i0e
@@ -65,6 +65,7 @@ def test_a_signal_of_nothing_is_detected_as_often_as_noise(time_s: float, pfa: f
     assert probability_of_detection(-200.0, time_s, pfa, k) == pytest.approx(pfa, rel=1e-9, abs=0)
 
 
+@settings(max_examples=30)
 @given(st.floats(0.01, 1 - 1e-9), times, st.floats(-15, -3).map(lambda e: 10.0**e), sums)
 def test_required_cn0_inverts_the_probability_of_detection(pd: float, time_s: float, pfa: float, k: int) -> None:
     cn0 = required_cn0_dbhz(pd, time_s, pfa, k)

@@ -157,8 +157,8 @@ class ClockCheck:
                 return "no position fix, so no receiver clock"
             if np.isnan(statistic[epoch]):
                 if self.name is CheckName.CLOCK_SLOPE:
-                    return f"fewer than {self.monitor.window} epochs in a row"
-                return "no epoch shortly before"
+                    return f"fewer than {self.monitor.window} position fixes in a row"
+                return "no position fix shortly before"
             return f"{what} {statistic[epoch]:+.3g} {unit}, more than {threshold[epoch]:.3g} {unit}"
 
         fix = evidence.measured.fix
@@ -167,8 +167,8 @@ class ClockCheck:
 
 _PARTS = {
     CheckName.CLOCK_INNOVATION: ("innovation", "m/s", "the clock's drift jumped by"),
-    CheckName.CLOCK_CONSISTENCY: ("consistency", "m", "the clock's bias left its drift by"),
-    CheckName.CLOCK_SLOPE: ("slope", "m/s²", "the clock's drift is pulled at"),
+    CheckName.CLOCK_CONSISTENCY: ("consistency", "m", "the clock's bias differs from its prediction by"),
+    CheckName.CLOCK_SLOPE: ("slope", "m/s²", "the clock's drift changes steadily by"),
 }
 
 

@@ -90,7 +90,9 @@ class InertialMonitor(Monitor):
             if evidence.measured.snapshots.increments is None:
                 return "no accelerations of inertial sensors"
             if np.isnan(statistic[epoch, satellite]):
-                return steps.reasons.get(epoch, "no range rate at both ends")
+                return steps.reasons.get(
+                    epoch, "the range rate is not known at the beginning or the end of the interval"
+                )
             return f"the range rate changed by {statistic[epoch, satellite]:+.2f} m/s more than the motion explains"
 
         return series_of(self, statistic, np.where(np.isnan(statistic), np.nan, threshold), explain)

@@ -59,7 +59,7 @@ class RaimMonitor(Monitor):
             if fix is None or not used[epoch]:
                 return "no position fix"
             if used[epoch] <= UNKNOWNS:
-                return f"{used[epoch]} satellites leave nothing to compare"
+                return f"{used[epoch]} satellites give a position, but no further range to compare"
             one = fix.at(epoch)
             parts = redundancy(one.geometry, one.weight)
             culprit = int(exclude_one(parts, one.residual_m, one.weight, self.p_fa).excluded[0])

@@ -113,7 +113,7 @@ class SolutionSeparationMonitor(Monitor):
             if fix is None or not used[epoch]:
                 return "no position fix"
             if used[epoch] <= UNKNOWNS:
-                return f"{used[epoch]} satellites leave nothing to compare"
+                return f"{used[epoch]} satellites give a position, but no further range to compare"
             ratios = self.ratios(fix.at(epoch))[0]
             known = np.where(np.isfinite(ratios), ratios, -np.inf)
             axis, column = np.unravel_index(int(np.argmax(known)), known.shape)

@@ -201,9 +201,9 @@ def _why_no_step(
     if not ends.valid[step + 1]:
         return "no position fix"
     if not ends.valid[step]:
-        return "no snapshot with a position fix before"
+        return "no earlier snapshot with a position fix"
     if not interval_s[step] > 0:
-        return "the snapshot before is of the same time"
+        return "the previous snapshot has the same time"
     if not covered[step]:
         return f"the accelerations do not cover the time since {ends.time.at(step)}"
     return None

@@ -36,9 +36,9 @@ _RANGE_RATE_MPS = 1000.0  # upper limit on the Earth; converts clock error to sa
 # why a range is not possible, as numbers in `why_impossible`
 REASONS = (
     "",
-    "no travel time and no clock error that is allowed explain it",
-    "the ranges of the other satellites disagree",
-    "the known position does not allow it",
+    "no possible travel time and clock error give such a range",
+    "the ranges of the other satellites disagree with it",
+    "no satellite has such a range at the known position",
 )
 _TRAVEL, _OTHERS, BY_POSITION = 1, 2, 3
 

@@ -91,7 +91,10 @@ class ProcessorSearches:
         by_svid = {one.svid: one for one in found}
         shape = (1, len(svids))
         signals, carrying, earliest_m = np.full((3, *shape), np.nan)
-        not_run = np.full(shape, SEARCH_NOT_RUN.index("no RECS of this satellite, or no key that proves anything") + 1)
+        not_run = np.full(
+            shape,
+            SEARCH_NOT_RUN.index("the satellite has no RECS with a known key that was still secret at reception") + 1,
+        )
         for column, svid in enumerate(svids):
             one = by_svid.get(svid)
             if one is None:

@@ -271,11 +271,13 @@ def _of_decision(
     """Return the result of an exhaustive search for one satellite."""
     if decision is None:
         why = "the E6 samples do not hold the RECS anywhere in the time uncertainty"
-        return _not_run(svid, why if codes else "no RECS of this satellite, or no key that proves anything")
+        return _not_run(
+            svid, why if codes else "the satellite has no RECS with a known key that was still secret at reception"
+        )
     if not decision.peaks:
         return _not_run(svid, "the RECS was not found in E6")
     if decision.true is None and not decision.spoofed:
-        return _not_run(svid, "the RECS was found when its key may have been known")
+        return _not_run(svid, "the RECS was found, but its key may have been public when it arrived")
     return SatelliteSearch(
         svid=svid,
         signals=(),

@@ -22,7 +22,7 @@ from vestige.acas_processor.evidence import Evidence
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.records.snapshot_block import SEARCH_NOT_RUN, SearchBlock
 
-NOT_DUE = SEARCH_NOT_RUN.index("not due") + 1
+NOT_DUE = SEARCH_NOT_RUN.index("the next search is not due yet") + 1
 _ROUNDING_S = 1e-6  # rounding error of times that are sums of intervals
 
 
@@ -77,7 +77,7 @@ class SearchResults:
                 return f"{text}E6 does not tell which is the true signal"
             text = f"{text}{self.carrying[here]:.0f} carry the encrypted chips; "
             if np.isnan(self.earliest_m[here]):
-                return f"{text}all of them when their key may have been known"
+                return f"{text}all of them arrived when their key may have been public"
             return f"{text}the earliest, {self.earliest_m[here]:+.1f} m from the E1 prediction, is the true signal"
 
         return CheckSeries(

@@ -15,17 +15,17 @@ _SATELLITE, _ATTACKS = ("epoch", "satellite"), ("epoch", "satellite", "attack")
 
 ATTACK_COLUMNS = column_table(
     ("truth_phase_rad", _SATELLITE, "float32", "rad", "carrier phase of the line of sight on E6"),
-    ("truth_prediction_error_m", _SATELLITE, "float64", "m", "line of sight on E6, later than predicted"),
+    ("truth_prediction_error_m", _SATELLITE, "float64", "m", "delay of the line of sight on E6 after the prediction"),
     ("truth_spoofed", _SATELLITE, "bool", "1", "whether any spoofing signal is on the air"),
-    ("truth_spoofer_offset_m", _ATTACKS, "float64", "m", "spoofing signal on E6, later than the line of sight"),
-    ("truth_spoofer_power_db", _ATTACKS, "float32", "dB", "spoofing signal on E6 over the line of sight"),
-    ("truth_spoofer_phase_rad", _ATTACKS, "float32", "rad", "spoofing signal on E6 against the line of sight"),
+    ("truth_spoofer_offset_m", _ATTACKS, "float64", "m", "spoofing signal's delay on E6 after the line of sight"),
+    ("truth_spoofer_power_db", _ATTACKS, "float32", "dB", "spoofing signal's power on E6 over the line of sight"),
+    ("truth_spoofer_phase_rad", _ATTACKS, "float32", "rad", "spoofing signal's phase on E6 minus the line of sight's"),
     ("truth_noise_rise_db", _SATELLITE, "float32", "dB", "noise density behind an E6 correlator over N0"),
-    ("truth_e1_spoofer_offset_m", _ATTACKS, "float64", "m", "spoofing signal on E1, later than the line of sight"),
-    ("truth_e1_spoofer_power_db", _ATTACKS, "float32", "dB", "spoofing signal on E1 over the line of sight"),
+    ("truth_e1_spoofer_offset_m", _ATTACKS, "float64", "m", "spoofing signal's delay on E1 after the line of sight"),
+    ("truth_e1_spoofer_power_db", _ATTACKS, "float32", "dB", "spoofing signal's power on E1 over the line of sight"),
     ("truth_e1_noise_rise_db", _SATELLITE, "float32", "dB", "noise density behind an E1 correlator over N0"),
     ("truth_e1_error_m", _SATELLITE, "float64", "m", "error of the E1 pseudorange by the attack"),
-    ("truth_e1_worst_error_m", _SATELLITE, "float64", "m", "the largest since the epoch before"),
+    ("truth_e1_worst_error_m", _SATELLITE, "float64", "m", "largest E1 error by the attack since the previous epoch"),
     ("truth_e1_captured", _SATELLITE, "bool", "1", "whether E1 tracking is on a spoofing signal"),
 )
 
@@ -40,7 +40,7 @@ def attack_coords(simulation: Simulation) -> dict[str, Coord]:
     forged = np.array([one is not None and one.forged_chips for one in made])
     return {
         "attack": Coord(dim="attack", values=names, long_name="attack"),
-        "forged": Coord(dim="attack", values=forged, long_name="whether its E6 chips are made up"),
+        "forged": Coord(dim="attack", values=forged, long_name="whether the attacker invents its E6 chips"),
     }
 
 

@@ -19,19 +19,19 @@ _FLAGS: Mapping[str, Mapping[str, Any]] = {
     "state": _STATUSES,
     "check_result": {"flag_values": [-1, 0, 1], "flag_meanings": "not_run passed failed"},
     "cause": {
-        "comment": f"place on the axis `check`; {NO_CAUSE} for none, {OTHERS} if another satellite has two signals"
+        "comment": f"index on the axis `check`; {NO_CAUSE} for none, {OTHERS} if another satellite has two signals"
     },
 }
 
 JUDGED_COLUMNS = column_table(
     ("status", _SATELLITE, "int8", "1", "verdict at the level of the scenario"),
-    ("state", _SATELLITE, "int8", "1", "what the receiver shows its user"),
-    ("cause", _SATELLITE, "int8", "1", "check that the verdict follows from"),
+    ("state", _SATELLITE, "int8", "1", "state that the receiver shows its user"),
+    ("cause", _SATELLITE, "int8", "1", "check that decided the verdict"),
     ("check_result", _CHECKS, "int8", "1", "outcome of a check, after confirmation"),
     ("check_statistic", _CHECKS, "float32", "1", "statistic of a check, in its own unit"),
-    ("check_threshold", _CHECKS, "float32", "1", "what its magnitude must not exceed"),
+    ("check_threshold", _CHECKS, "float32", "1", "limit of the magnitude of the statistic"),
     ("range_in_use_m", _SATELLITE, "float64", "m", "pseudorange that may be used; NaN if none"),
-    ("range_is_earlier", _SATELLITE, "bool", "1", "whether it is the earliest of several signals, not that of E1"),
+    ("range_is_earlier", _SATELLITE, "bool", "1", "whether the range is that of the earliest of several signals"),
     ("searched", _EPOCH, "bool", "1", "whether the exhaustive search was made"),
     attrs=_FLAGS,
 )

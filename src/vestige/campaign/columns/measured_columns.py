@@ -46,15 +46,15 @@ MEASURED_COLUMNS = column_table(
     ("time_s", _EPOCH, "float64", "s", "time of transmission after the start"),
     ("recs", _EPOCH, "bool", "1", "whether a RECS is sent"),
     ("osnma_key", _EPOCH, "bool", "1", "whether the OSNMA key of a RECS of this epoch is received"),
-    ("availability", _SATELLITE, "int8", "1", "how far the measurement of E6 came"),
+    ("availability", _SATELLITE, "int8", "1", "whether E6 was correlated, or why not"),
     ("e6_received_s", _SATELLITE, "float64", "s", "when samples too late to prove anything ended, after the start"),
     ("taps", (*_SATELLITE, "tap"), "complex64", "1", "correlator output"),
     ("noise_power", _SATELLITE, "float32", "1", "mean squared magnitude of noise in a correlator"),
     ("predicted_pd", _SATELLITE, "float32", "1", "probability of detection that the C/N0 of E1 predicts"),
     ("e1_pseudorange_m", _SATELLITE, "float64", "m", "E1 pseudorange; NaN if not tracked"),
     ("e1_cn0_dbhz", _SATELLITE, "float32", "dB Hz", "C/N0 of E1-C as the receiver estimates it"),
-    ("predicted_phase_rad", _SATELLITE, "float32", "rad", "phase of correlators that E1 predicts, but for a constant"),
-    ("e1_extrapolated_s", _SATELLITE, "float32", "s", "how long the Doppler of E1 carried that phase on"),
+    ("predicted_phase_rad", _SATELLITE, "float32", "rad", "phase of correlators predicted by E1, up to a constant"),
+    ("e1_extrapolated_s", _SATELLITE, "float32", "s", "time over which the Doppler of E1 extrapolated that phase"),
     attrs=_AVAILABILITY,
 )
 
@@ -66,19 +66,19 @@ E1_COLUMNS = column_table(
     ("e6_power_db", _EPOCH, "float32", "dB", "power of the E6 band over that without attack; NaN without RECS"),
     ("e1_signals", _SATELLITE, "float32", "1", "signals that the search of E1 finds; NaN without RECS"),
     ("handover_carrying", _SATELLITE, "float32", "1", "signals of E1 that carry the encrypted chips in E6"),
-    ("handover_earliest_m", _SATELLITE, "float64", "m", "the earliest of several of them after where E1 puts it"),
+    ("handover_earliest_m", _SATELLITE, "float64", "m", "delay of the earliest of these after the E1 prediction"),
     ("exhaustive_signals", _SATELLITE, "float32", "1", "signals that an exhaustive search of E6 finds"),
-    ("exhaustive_earliest_m", _SATELLITE, "float64", "m", "the earliest of several of them after where E1 puts it"),
+    ("exhaustive_earliest_m", _SATELLITE, "float64", "m", "delay of the earliest of these after the E1 prediction"),
     ("earliest_received_s", _SATELLITE, "float64", "s", "end of the earliest signal's RECS, after the start"),
 )
 
 OSNMA_COLUMNS = column_table(
     ("in_view", _SATELLITE, "bool", "1", "whether the satellite is above the mask"),
-    ("osnma_due", _EPOCH, "int16", "1", "I/NAV pages that were due since the epoch before, by bits"),
-    ("osnma_pages", _SATELLITE, "int16", "1", "those of them that were received, by bits"),
-    ("osnma_differs", _SATELLITE, "bool", "1", "whether their data are not what the satellite sent"),
-    ("osnma_data", _SATELLITE, "bool", "1", "whether that key authenticates its navigation data"),
-    ("delta_velocity_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity gained, as accelerometers say"),
+    ("osnma_due", _EPOCH, "int16", "1", "I/NAV pages that were due since the previous epoch, as bits"),
+    ("osnma_pages", _SATELLITE, "int16", "1", "those of the due pages that were received, as bits"),
+    ("osnma_differs", _SATELLITE, "bool", "1", "whether data of these pages differ from what the satellite sent"),
+    ("osnma_data", _SATELLITE, "bool", "1", "whether OSNMA authenticates the navigation data of the satellite"),
+    ("delta_velocity_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity change by the accelerometers"),
 )
 
 _FINDS = {
@@ -125,7 +125,7 @@ def e1_columns(snapshots: SnapshotBlock, finds: SearchFinds) -> dict[str, np.nda
 def osnma_columns(snapshots: SnapshotBlock, pages: PagesReceived) -> dict[str, np.ndarray]:
     """Return the values of `OSNMA_COLUMNS`."""
     if snapshots.data_authenticated is None:
-        raise TypeError("nobody looked which data OSNMA authenticates")
+        raise TypeError("data_authenticated: found nothing, expected which navigation data OSNMA authenticates")
     delta_velocity_mps = np.full((len(snapshots.time), 3), np.nan)
     if snapshots.increments is not None:
         delta_velocity_mps[snapshots.increments.epoch] = snapshots.increments.delta_velocity_mps

@@ -22,9 +22,15 @@ OWN_CHECK_COLUMNS = column_table(
     ("e1_carrier_phase_cycles", _SATELLITE, "float64", "1", "carrier phase on E1 in cycles"),
     ("e1_doppler_hz", _SATELLITE, "float64", "Hz", "Doppler on E1, positive when the satellite approaches"),
     ("e1_doppler_rate_hz_per_s", _SATELLITE, "float64", "Hz s-1", "rate of the Doppler on E1"),
-    ("e6_expected_s", _SATELLITE, "float64", "s", "when E1 expects the RECS, after the epoch; NaN if not correlated"),
-    ("e6_expected_doppler_hz", _SATELLITE, "float64", "Hz", "Doppler on E6 that E1 expects; NaN if not correlated"),
-    ("e6_received_at_s", _SATELLITE, "float64", "s", "when the last E6 sample was received, after the start"),
+    (
+        "e6_expected_s",
+        _SATELLITE,
+        "float64",
+        "s",
+        "RECS arrival that E1 predicts, after the epoch; NaN if not correlated",
+    ),
+    ("e6_expected_doppler_hz", _SATELLITE, "float64", "Hz", "Doppler on E6 that E1 predicts; NaN if not correlated"),
+    ("e6_received_at_s", _SATELLITE, "float64", "s", "time at which the last E6 sample was received, after the start"),
     ("e6_power_db", _EPOCH, "float32", "dB", "power of the E6 band over that without attack; NaN without RECS"),
 )
 
@@ -48,6 +54,6 @@ def require_own_check_columns(columns: Mapping[str, np.ndarray]) -> None:
     missing = [name for name in OWN_CHECK_COLUMNS if name not in columns]
     if missing:
         raise VestigeError(
-            f"results of a campaign: found no {', '.join(missing)}, expected them because the scenario has checks of "
-            "yours; run the campaign again with this version"
+            f"results of a campaign: found no {', '.join(missing)}, expected them because the scenario has your own "
+            "checks; run the campaign again with this version"
         )

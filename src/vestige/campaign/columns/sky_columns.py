@@ -41,8 +41,8 @@ _SATELLITE, _FIX = ("epoch", "satellite"), ("fix", "epoch")
 SKY_COLUMNS = column_table(
     ("azimuth_deg", _SATELLITE, "float32", "degree", "azimuth of a satellite in view"),
     ("elevation_deg", _SATELLITE, "float32", "degree", "elevation of a satellite in view"),
-    ("e1_sigma_m", _SATELLITE, "float32", "m", "standard deviation that the receiver believes of its pseudorange"),
-    ("e1_rate_sigma_mps", _SATELLITE, "float32", "m s-1", "standard deviation of its rate"),
+    ("e1_sigma_m", _SATELLITE, "float32", "m", "standard deviation assumed for the pseudorange"),
+    ("e1_rate_sigma_mps", _SATELLITE, "float32", "m s-1", "standard deviation assumed for the range rate"),
     ("fix_satellites", _FIX, "int8", "1", "satellites in the position fix"),
     ("fix_position_m", (*_FIX, "axis"), "float64", "m", "position, ECEF x, y, z"),
     ("fix_error_m", (*_FIX, "local_axis"), "float64", "m", "error of the position"),
@@ -50,16 +50,16 @@ SKY_COLUMNS = column_table(
     ("fix_clock_error_m", _FIX, "float64", "m", "error of the receiver clock"),
     ("fix_drift_mps", _FIX, "float64", "m s-1", "receiver clock drift"),
     ("fix_drift_error_mps", _FIX, "float64", "m s-1", "error of the receiver clock drift"),
-    ("fix_sigma_m", (*_FIX, "local_axis"), "float32", "m", "standard deviation that the receiver believes of it"),
-    ("fix_sigma_clock_m", _FIX, "float32", "m", "standard deviation that the receiver believes of its clock"),
-    ("fix_own_sigma_clock_m", _FIX, "float32", "m", "the same if no error were common to the satellites"),
-    ("fix_sigma_drift_mps", _FIX, "float32", "m s-1", "standard deviation that it believes of the drift"),
+    ("fix_sigma_m", (*_FIX, "local_axis"), "float32", "m", "standard deviation of the position, as estimated"),
+    ("fix_sigma_clock_m", _FIX, "float32", "m", "standard deviation of the clock, as estimated"),
+    ("fix_own_sigma_clock_m", _FIX, "float32", "m", "the same without errors common to all satellites"),
+    ("fix_sigma_drift_mps", _FIX, "float32", "m s-1", "standard deviation of the drift, as estimated"),
     ("fix_nees", _FIX, "float32", "1", "normalised squared error of position and clock"),
     ("fix_dilution", (*_FIX, "dilution"), "float32", "1", "dilution of precision"),
     ("raim_statistic", _FIX, "float32", "1", "sum of squared residuals over their variances"),
-    ("separation_sigmas", (*_FIX, "local_axis"), "float32", "1", "largest solution separation over its deviation"),
-    ("separation_modes", _FIX, "int8", "1", "satellites that were left out in turn for it"),
-    ("available_at_s", _FIX, "float64", "s", "when the fix can be known, after the start"),
+    ("separation_sigmas", (*_FIX, "local_axis"), "float32", "1", "largest solution separation over its 1σ"),
+    ("separation_modes", _FIX, "int8", "1", "number of satellites left out in turn for the solution separation"),
+    ("available_at_s", _FIX, "float64", "s", "time at which the fix is available, after the start"),
 )
 
 
@@ -87,7 +87,7 @@ def fix_columns(
     """Return the columns of the fixes, and the standard deviations that the receiver assumes for its pseudoranges."""
     measured, position = block.measured, block.position
     if measured.fix is None or position is None:
-        raise ValueError("a sky has orbits")
+        raise ValueError("the position fixes: found none, expected those of a campaign with [constellation]")
     time_s, clock_m = columns["time_s"], columns["truth_clock_m"]
     truth = _Truth(true_place_m(scenario, time_s, clock_m), clock_m, columns["truth_clock_drift_mps"])
     everything: Int64[np.ndarray, " n"] = np.arange(time_s.size)

@@ -175,7 +175,7 @@ def open_results(
         raise InputFileError(path, f"epoch {torn[0].start}", found, f"the values that were written; {MENDS}")
     if len(finished) < store.n_chunks and not partial:
         found = f"{sum(len(store.epochs(chunk)) for chunk in finished)} epochs"
-        raise InputFileError(path, "results", found, f"{store.n_epochs} epochs (the same run again finishes it)")
+        raise InputFileError(path, "results", found, f"{store.n_epochs} epochs (the same command finishes it)")
     dataset = open_dataset(path)
     _check_attributes(path, dataset)
     if len(finished) < store.n_chunks:
@@ -224,4 +224,4 @@ def _check_attributes(path: Path, dataset: xarray.Dataset) -> None:
     """Raise if a number among the attributes is not finite or too large for a computation."""
     for name, value in dataset.attrs.items():
         if isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
-            raise InputFileError(path, name, value, "a finite number of reasonable size")
+            raise InputFileError(path, name, value, f"a number between {-LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}")

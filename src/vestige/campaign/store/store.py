@@ -53,7 +53,7 @@ from vestige.campaign.store.store_skeleton import (
 from vestige.errors import InputFileError
 from vestige.scenario.limits import MAX_EPOCHS
 
-MENDS = "the same run again mends it"
+MENDS = "the same command repairs it"
 _DIGITS = 10  # upper limit of the digits of a chunk number, not included
 
 
@@ -220,7 +220,7 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
 def _check_sizes(store: Store) -> None:
     """Raise ValueError if the metadata of a store give sizes that a campaign does not write."""
     if not 1 <= store.chunk_epochs <= store.n_epochs <= MAX_EPOCHS:
-        raise ValueError(f"{store.n_epochs} epochs in chunks of {store.chunk_epochs}, at most {MAX_EPOCHS} are written")
+        raise ValueError(f"{store.n_epochs} epochs in chunks of {store.chunk_epochs}, expected at most {MAX_EPOCHS}")
     if store.digests.shape != (store.n_chunks,) or store.digests.chunks != (1,):
         raise ValueError("another number of chunks than that with which the store was made")
     check_array(DIGEST, store.digests)

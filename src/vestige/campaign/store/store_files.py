@@ -78,16 +78,16 @@ def check_array(name: str, array: zarr.Array[Any], *, at_most: int = MAX_CHUNK_B
     """
     codecs = {str(codec.to_dict()["name"]) for codec in array.metadata.codecs}  # type: ignore[union-attr]
     if not codecs <= _CODECS:
-        raise ValueError(f"{name}: packed with {', '.join(sorted(codecs))}")
+        raise ValueError(f"{name}: codecs: found {', '.join(sorted(codecs))}, expected {', '.join(sorted(_CODECS))}")
     if (size := _values_bytes(array, array.chunks)) > at_most:
-        raise ValueError(f"{name}: {size} bytes in a chunk, at most {at_most} bytes are written")
+        raise ValueError(f"{name}: found {size} bytes in a chunk, expected at most {at_most} bytes")
 
 
 def check_small_array(folder: Path, name: str, array: zarr.Array[Any]) -> None:
     """Check that an array of coordinates or of a table is small enough to be read at once; else raise ValueError."""
     check_array(name, array, at_most=MAX_LABELS_BYTES)
     if (size := _values_bytes(array, array.shape)) > MAX_LABELS_BYTES:
-        raise ValueError(f"{name}: {size} bytes, at most {MAX_LABELS_BYTES} bytes are written")
+        raise ValueError(f"{name}: found {size} bytes, expected at most {MAX_LABELS_BYTES} bytes")
     for index in np.ndindex(*(-(-length // of_one) for length, of_one in zip(array.shape, array.chunks, strict=True))):
         check_chunk(folder, name, array, index)
 
@@ -108,7 +108,7 @@ def check_chunk(folder: Path, name: str, array: zarr.Array[Any], index: tuple[in
     unpacked = _unpacked_bytes(head)
     fits = unpacked is not None and (unpacked <= expected if text else unpacked == expected)
     if not fits or length > 2 * expected + 1024:
-        raise ValueError(f"{name}: {length} bytes that unpack to {unpacked}, expected {expected}")
+        raise ValueError(f"{name}: found {length} bytes that unpack to {unpacked}, expected {expected}")
 
 
 def _values_bytes(array: zarr.Array[Any], shape: tuple[int, ...]) -> int:

@@ -43,7 +43,7 @@ def parse_axis(text: str) -> Axis:
     except ValueError as error:
         raise VestigeError(f"--sweep {text}: {error}") from error
     if len({(isinstance(value, bool), value) for value in values}) < len(values):
-        raise VestigeError(f"--sweep {text}: a value stands there twice")
+        raise VestigeError(f"--sweep {text}: found a value twice, expected each value once")
     return Axis(key=key, values=values)
 
 
@@ -81,7 +81,7 @@ def _range(start: str, stop: str, step: str) -> tuple[Value, ...]:
     """Return start, start + step, … up to stop; decimal arithmetic avoids rounding errors."""
     first, last, by = Decimal(start), Decimal(stop), Decimal(step)
     if not by or (last - first) / by < 0:
-        raise ValueError(f"steps of {step} from {start} never come to {stop}")
+        raise ValueError(f"steps of {step} from {start} never reach {stop}")
     if (steps := (last - first) / by) >= MAX_CAMPAIGNS:
         raise ValueError(f"more than {MAX_CAMPAIGNS} values")
     values = [first + i * by for i in range(int(steps) + 1)]

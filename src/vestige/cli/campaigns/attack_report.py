@@ -14,8 +14,8 @@ from vestige.campaign.statistics import detectors_of
 
 _NAMES = {
     DetectedSignal.TRUE: "the true signal",
-    DetectedSignal.SPOOFER: "the spoofer",
-    DetectedSignal.MIXED: "both within a chip",
+    DetectedSignal.SPOOFER: "the spoofing signal",
+    DetectedSignal.MIXED: "both in one peak",
     DetectedSignal.NONE: "nothing",
 }
 
@@ -55,7 +55,7 @@ def _attack_line(svid: int, reports: dict[str, AttackReport]) -> str:
     one = next(iter(reports.values()))  # verdicts and E1 are the same for both detectors
     alarm = "no alarm" if math.isnan(one.time_to_detect_s) else f"first alarm after {one.time_to_detect_s:g} s"
     worst = (
-        "nothing accepted"
+        "no range accepted"
         if math.isnan(one.worst_accepted_m)
         else f"worst error accepted {one.worst_accepted_m:+.1f} m"
     )
@@ -68,5 +68,6 @@ def _attack_line(svid: int, reports: dict[str, AttackReport]) -> str:
 def _detector_line(one: AttackReport) -> str:
     shares = ", ".join(f"{text} {100 * one.shares[kind]:.1f} %" for kind, text in _NAMES.items())
     if math.isnan(one.time_to_mitigate_s):
-        return f"  {one.detector:8s} found {shares}; never the true signal for good"
-    return f"  {one.detector:8s} found {shares}; the true signal for good after {one.time_to_mitigate_s:g} s"
+        return f"  {one.detector:8s} found {shares}; it did not return to the true signal to stay"
+    returned = f"it returned to the true signal after {one.time_to_mitigate_s:g} s and stayed"
+    return f"  {one.detector:8s} found {shares}; {returned}"

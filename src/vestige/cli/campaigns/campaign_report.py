@@ -49,16 +49,17 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
     strength = f"C/N0 {attributes.cn0_dbhz:g} dBHz" if attributes.signal else "no signal"
     lines = [
         f"{store}: {results.sizes['epoch']} epochs, {attributes.fidelity}, {strength}, P_fa {attributes.p_fa:g}",
-        f"false alarms of single taps on noise: {_count(false_alarms(results))}",
+        f"false alarms of single correlators on noise: {_count(false_alarms(results))}",
     ]
     if attributes.signal:
-        lines.append(f"theory, thermal noise alone, on a tap: P_d {_theory(results):.7f}")
+        lines.append(f"theory with thermal noise only, delay on a correlator: P_d {_theory(results):.7f}")
     judged, level = verdicts_of_run(results)
     counts = verdict_counts(judged)
     if undecided := counts.of[Status.NOT_AVAILABLE]:
         lines.append(
-            f"not available: {undecided} of {counts.due} verdicts: no key, not provably received before its "
-            "disclosure, or too weak a signal"
+            f"NOT_AVAILABLE: {undecided} of {counts.due} verdicts; there is no key, or no proof of reception before "
+            "its "
+            "disclosure, or the signal is too weak"
         )
     for name in detectors_of(results):
         lines += _detector_lines(results, name) if attributes.signal else _alarm_line(results, name)
@@ -83,7 +84,9 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
     keys = list(rows[0].settings)
     detectors = _detectors(rows)
     missed = [f"missed {name}" for name in detectors]
-    table = [[*keys, "counted", *missed, "P_d", "95 % interval", "theory", "false alarms a tap", "95 % interval"]]
+    table = [
+        [*keys, "counted", *missed, "P_d", "95 % interval", "theory", "false alarms per correlator", "95 % interval"]
+    ]
     for row in rows:
         found, alarms = row.detections[row.detector], row.false_alarms
         table.append(
@@ -109,7 +112,15 @@ def _detectors(rows: Sequence[Row]) -> list[str]:
 def _outcome_cells(rows: Sequence[Row]) -> list[list[str]]:
     """Return the cells of a sweep with an attack, or with a level above 1: its outcome."""
     keys = list(rows[0].settings)
-    names = ["level", "what came of it", "first alarm", "by", "mitigated", "largest error in use", "of a position"]
+    names = [
+        "level",
+        "outcome",
+        "first alarm",
+        "by",
+        "mitigated",
+        "largest range error in use",
+        "largest position error",
+    ]
     detectors = _detectors(rows)
     table = [[*keys, *names, *(f"missed {name}" for name in detectors)]]
     for row in rows:
@@ -146,7 +157,7 @@ def _detector_lines(results: xarray.Dataset, name: str) -> list[str]:
     found = summarise(results, name)
     rate = found.detections
     if not rate.trials:
-        return [f"{name:8s} detector: nothing to decide"]
+        return [f"{name:8s} detector: no RECS was correlated"]
     low_m, high_m = found.cluster_m
     return [
         f"{name:8s} detector: {found.misses} missed, P_d {rate.value:.6f} "

@@ -40,18 +40,18 @@ def level_lines(results: xarray.Dataset, found: LevelVerdicts) -> list[str]:
     """Return the outcome as a few lines of text."""
     values = level_values(results, found)
     states = ", ".join(f"{count} {name}" for name, count in values["state"].items() if count)
-    lines = [f"level {values['level']}: {values['alarms']} alarms; with a RECS the state was: {states}"]
+    lines = [f"level {values['level']}: {values['alarms']} alarms; states at the RECS: {states}"]
     for name, first_s in values["first_failures"].items():
         lines.append(f"  {name} failed {values['failures'][name]} times, first at T = {first_s:g} s")
     lines += [
-        f"  {name}, a check of yours: {one['failed']} of {one['tests']} tests failed"
+        f"  {name}, your own check: {one['failed']} of {one['tests']} tests failed"
         for name, one in values["own_checks"].items()
     ]
     if values["not_run"]:
-        lines.append(f"  not run, the results hold nothing for it: {', '.join(values['not_run'])}")
+        lines.append(f"  not run, because the results do not hold what the check needs: {', '.join(values['not_run'])}")
     lines.append(
         f"  ranges in use: {values['ranges_in_use']} of {values['ranges_due']}, "
-        f"{values['ranges_of_the_earlier_signal']} of them of the earlier of two signals; "
-        f"the attack's largest error in them {values['worst_range_in_use_m']:.1f} m"
+        f"{values['ranges_of_the_earlier_signal']} of them from the earlier of two signals; "
+        f"largest range error by the attack {values['worst_range_in_use_m']:.1f} m"
     )
     return lines

@@ -42,21 +42,25 @@ KINDS = {
     "range-histogram": FigureKind(help="range offset, in log scale"),
     "range-offset": FigureKind(help="range offset against time", compared=True),
     "attack-comparison": FigureKind(
-        help="range offset of both detectors, over the attack's truth", of_attack=True, with_detector=False
+        help="range offset of both detectors, with the true offset of the spoofing signal",
+        of_attack=True,
+        with_detector=False,
     ),
     "animation": FigureKind(
-        help="correlators and detections as a moving picture, a GIF", with_detector=False, formats=("gif",)
+        help="correlators and detections as an animated GIF", with_detector=False, formats=("gif",)
     ),
-    "sky": FigureKind(help="positions of the satellites (of a sky)", of_sky=True),
-    "position": FigureKind(help="error of the position fixes against time (of a sky)", of_sky=True),
+    "sky": FigureKind(help="positions of the satellites (needs [constellation])", of_sky=True),
+    "position": FigureKind(help="error of the position fixes against time (needs [constellation])", of_sky=True),
     "monitors": FigureKind(
-        help="times at which each check was run and failed (of a sky, or with own checks)", of_sky=True
+        help="times at which each check was run and failed (needs [constellation] or own checks)", of_sky=True
     ),
-    "decision-map": FigureKind(help="power and distortion on E1, and their classes (of a sky)", of_sky=True),
+    "decision-map": FigureKind(
+        help="power and distortion on E1, and their classes (needs [constellation])", of_sky=True
+    ),
     "detection-curve": FigureKind(help="probability of detection against C/N0", of_sweep=True),
     "miss-curve": FigureKind(help="probability of a miss against C/N0, in log scale", of_sweep=True),
     "false-alarm-curve": FigureKind(help="probability of a false alarm against C/N0, in log scale", of_sweep=True),
-    "threats": FigureKind(help="attack by mitigation level, of the folder of `vestige threats`", of_threats=True),
+    "threats": FigureKind(help="outcome of each attack at each mitigation level", of_threats=True),
 }
 _COUNT = {"detection-curve": "detections", "miss-curve": "misses", "false-alarm-curve": "false_alarms"}
 _ALL = "all"
@@ -64,7 +68,7 @@ _ALL = "all"
 
 _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
     [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if not kind.of_sweep and not kind.of_threats]
-    + [f"  {_ALL:21} all but the animation and those of a sky as PNG, into a folder; under attack for both detectors"]
+    + [f"  {_ALL:21} all but the animation and those that need [constellation], as PNG files in a folder"]
     + ["KINDs of a sweep, of several campaigns that differ in C/N0, or of a CSV table of counts:"]
     + [f"  {name:21} {kind.help}" for name, kind in KINDS.items() if kind.of_sweep]
     + ["KINDs of a threat table:"]
@@ -77,10 +81,10 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
 @click.argument("results", nargs=-1, required=True, type=PATH)
 @click.option("-o", "--output", required=True, type=PATH, help="File (.png, .pdf, .svg, .gif) or folder.")
 @detector_option
-@click.option("--svid", type=int, help="Satellite; needed if there are several.")
+@click.option("--svid", type=int, help="Satellite to draw. It is needed if there are several.")
 @number_option("--width-cm", (4, 60), default=8.0, help="Width of the figure.")
-@click.option("--from", "start_s", type=FiniteNumber(), help="First time to show, in s after the start.")
-@click.option("--to", "stop_s", type=FiniteNumber(), help="Time before which to stop, in s after the start.")
+@click.option("--from", "start_s", type=FiniteNumber(), help="Start of the figure in s after the start.")
+@click.option("--to", "stop_s", type=FiniteNumber(), help="End of the figure in s after the start.")
 @click.option(
     "--flank-from",
     "flank_from_m",
@@ -112,7 +116,7 @@ def command(
         return
     if chosen is None or not chosen.of_sweep:
         if len(results) > 1:
-            raise click.UsageError(f"{kind} is of one campaign, found {len(results)}")
+            raise click.UsageError(f"{kind} draws one campaign, found {len(results)}")
         choice = _Choice(detector=detector, svid=svid, flank_from_m=flank_from_m, width_cm=width_cm)
         _draw_campaign(kind, results[0], _open(results[0], start_s, stop_s), output, choice)
         return
@@ -130,7 +134,7 @@ def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
     from vestige.threats.table import read_threat_dataset
 
     if len(folders) > 1:
-        raise click.UsageError(f"threats is of one table, found {len(folders)}")
+        raise click.UsageError(f"threats draws one table, found {len(folders)}")
     plots.write(plots.threat_map(read_threat_dataset(folders[0])), output)
     echo(str(output))
 
@@ -192,7 +196,7 @@ def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dat
 
     results = open_results(path, partial=True).dataset
     if "epoch" in results.coords:
-        warn(f"{path}: the campaign has not ended; {results.sizes['epoch']} epochs are drawn")
+        warn(f"{path}: the campaign has not ended; only its first {results.sizes['epoch']} epochs are drawn")
     try:
         return plots.between(results, start_s, stop_s)
     except VestigeError as error:

@@ -52,11 +52,11 @@ def _page(path: Path, question: str) -> Page:
     if not (path / "zarr.json").is_file() and not any((path / one).is_file() for one in (THREATS, SWEEP)):
         raise InputFileError(path, "result", _what(path), RESULT)
     if path.name == STORE and (path.resolve().parent / THREATS).is_file():
-        raise InputFileError(path, "result", "the store of a threat table", "the folder that it is in")
+        raise InputFileError(path, "result", "the store of a threat table", "the folder that contains this store")
     if (path / THREATS).is_file():
         return threat_page(path / THREATS, name, question=question)
     if (path / SWEEP).is_file():
-        raise InputFileError(path, "folder", "a sweep", "one of the stores in it")
+        raise InputFileError(path, "folder", "a sweep", "one of the stores in this folder")
     results = open_results(path, partial=True)
     try:
         return run_page(results.dataset.load(), name, question=question)

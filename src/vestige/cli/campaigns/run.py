@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     "--chunk",
     "chunk_epochs",
     type=click.IntRange(1, 1_000_000),
-    help="Epochs in a chunk.  [2000; 10000 of a single line of sight without samples]",
+    help="Epochs in a chunk of the store.  [default: 2000; 10000 for a single satellite without samples]",
 )
 @click.option(
     "--fidelity", type=click.Choice(["samples", "correlators"]), help="Fidelity, used in place of the scenario's own."
@@ -43,9 +43,14 @@ if TYPE_CHECKING:
     "sweeps",
     multiple=True,
     metavar="KEY=A:B:STEP",
-    help="One campaign a value, ends included; or KEY=a,b,c. Several: each combination. OUTPUT is a folder of stores.",
+    help="Run a campaign for each value, B included, or for each of KEY=a,b,c. Several --sweep run every "
+    "combination. OUTPUT is a folder of stores.",
 )
-@click.option("--width", type=WidthType(), help="End a campaign of a sweep at this width of its interval: 0.01, 20%.")
+@click.option(
+    "--width",
+    type=WidthType(),
+    help="End each campaign of a sweep when its 95 % interval is this narrow, for example 0.01 or 20%.",
+)
 @json_option
 @parts_option
 def command(
@@ -68,9 +73,9 @@ def command(
     from vestige.campaign.execution.executors import ONE_THREAD
 
     if width is not None and not sweeps:
-        raise click.UsageError("--width needs --sweep: a single campaign has the epochs of its scenario")
+        raise click.UsageError("--width needs --sweep: a single campaign runs all epochs of its scenario")
     if scheduler is not None and (workers, threads) != (None, None):
-        raise click.UsageError("--scheduler has the cluster's workers: -j, --threads and --processes choose nothing")
+        raise click.UsageError("--scheduler uses the workers of the cluster; leave out -j, --threads and --processes")
     check_output(output, (scenario,), folder=True)
     os.environ.update(ONE_THREAD)  # set before numpy is loaded, because chunks run in parallel; the bits stay the same
     own = (f'fidelity="{fidelity}"',) if fidelity else ()
@@ -129,7 +134,7 @@ def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
 
     for store in stores:
         if chunk_epochs is not None and (kept := kept_chunk_epochs(store, chunk_epochs)) is not None:
-            line = f"chunks of {kept} epochs, as when the store was made; --chunk {chunk_epochs} changes nothing"
+            line = f"--chunk {chunk_epochs} has no effect: the store was made with chunks of {kept} epochs"
             warn(f"{store}: {line}")
 
 

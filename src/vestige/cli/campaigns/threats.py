@@ -54,7 +54,7 @@ _PRELOAD = ("vestige.threats.matrix", "dask.array", "numba.typed", "scipy.interp
     "files",
     multiple=True,
     type=PATH,
-    help="A campaign scenario of your own, in place of the table.",
+    help="Measure this campaign scenario of your own in place of the table.",
 )
 @click.option(
     "--set",
@@ -88,18 +88,24 @@ def command(
     table that was stopped.
     """
     if quick and n_seeds is not None:
-        raise click.UsageError("--quick and --seeds give different numbers of runs")
+        raise click.UsageError("--quick and --seeds both set the number of runs; leave one of the two out")
     if ids and files:
-        raise click.UsageError("--only chooses rows of the table, and --attack takes its place")
+        raise click.UsageError("--only chooses rows of the table, which --attack replaces; leave one of the two out")
     if expected and files:
-        raise click.UsageError("there is no expected outcome for a scenario of your own")
+        raise click.UsageError(
+            "--expected prints the outcomes of the table, which has none for --attack; leave one of the two out"
+        )
     if expected and settings:
-        raise click.UsageError("nothing else is expected with --set: it belongs to a measurement")
+        raise click.UsageError(
+            "--expected prints the outcomes of the table, which --set does not change; leave one of the two out"
+        )
     for one in settings:
         if one.partition("=")[0].strip() in ("seed", "kind", "processor.level"):
-            raise click.BadParameter(f"{one}: every seed and every level is measured", param_hint="--set")
+            raise click.BadParameter(
+                f"{one}: this key cannot be set, because every seed and every level is measured", param_hint="--set"
+            )
     if scheduler is not None and workers is not None:
-        raise click.UsageError("--scheduler has the cluster's workers: -j chooses nothing")
+        raise click.UsageError("--scheduler uses the workers of the cluster; leave out -j")
 
     from vestige.campaign.execution.executors import ONE_THREAD
 
@@ -169,7 +175,7 @@ def _measured(
     from vestige.cli.progress import progress
     from vestige.threats.matrix import measure_threats
 
-    kept = "" if output is None else f"what was measured is stored in {output}; the same command again continues there"
+    kept = "" if output is None else f"the results so far are stored in {output}; the same command continues there"
     try:
         with progress() as report:
             yield from measure_threats(chosen, seeds, executor, workers=calls, folder=output, progress=report)

@@ -57,7 +57,14 @@ def threats_text(cells: Sequence[SceneCell], levels: Sequence[int] = LEVEL_NUMBE
     attacked = [cell for cell in shown if cell.attacked]
     quiet = [cell for cell in shown if not cell.attacked]
     settings = _settings(shown)
-    parts = [f"Every scene with {', '.join(settings)}; expectations are for scenes without."] if settings else []
+    parts = (
+        [
+            f"Every scene was run with {', '.join(settings)}. The expected outcomes are for scenes without these "
+            "settings."
+        ]
+        if settings
+        else []
+    )
     parts += [_rendered(_attacks(attacked)), _rendered(_checks(attacked, max(levels)))] if attacked else []
     parts += [_rendered(_false_alarms(quiet)), _rendered(_by_check(quiet))] if quiet else []
     parts += [
@@ -75,7 +82,7 @@ def _settings(cells: Sequence[SceneCell]) -> list[str]:
 
 def _attacks(cells: Sequence[SceneCell]) -> Table:
     runs = max(cell.found.detected.trials for cell in cells)
-    title = f"{runs} runs of each scene; runs in which it is so, and 95 % intervals in %"
+    title = f"{runs} runs of each scene: number of runs with each outcome, and 95 % interval of its share in %"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("attack", width=34)
     for name in ("level", "expected", "measured", "", "detected", "mitigated", "missed"):
@@ -113,7 +120,7 @@ def _values(cell: SceneCell) -> list[str]:
 
 def _checks(cells: Sequence[SceneCell], level: int) -> Table:
     """Return the checks of a level that failed under each attack, with number of runs and median time of failure."""
-    title = f"Level {level}: checks that failed, the earliest first: in how many runs, and after how long in the median"
+    title = f"Level {level}: failed checks, the earliest first, with number of runs and median time of first failure"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("scene", width=34)
     table.add_column("checks")
@@ -128,7 +135,9 @@ def _checks(cells: Sequence[SceneCell], level: int) -> Table:
 
 
 def _false_alarms(cells: Sequence[SceneCell]) -> Table:
-    table = Table(title="False alarms a day without an attack, 95 %", box=SIMPLE_HEAD, padding=(0, 2, 0, 0))
+    table = Table(
+        title="False alarms a day without an attack, with 95 % intervals", box=SIMPLE_HEAD, padding=(0, 2, 0, 0)
+    )
     for name in (
         "scene",
         "level",
@@ -166,7 +175,7 @@ def _false_alarms(cells: Sequence[SceneCell]) -> Table:
 
 def _by_check(cells: Sequence[SceneCell]) -> Table:
     """Return the number of failures of each check without an attack, against the budget of that check."""
-    title = "Failures without an attack by check, and what the budget of each check allows; * exceeded"
+    title = "Failures of each check without an attack, and the number that its budget allows; * budget exceeded"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for name in ("scene", "level", "days", "failures of budget"):
         table.add_column(name)

@@ -62,7 +62,7 @@ def check_usage(recording: Path, options: dict[str, Any]) -> None:
     given = ", ".join(f"--{name.replace('_', '-')}" for name in STDIN_ONLY if options[name])
     if recording != STDIN and given:
         raise click.UsageError(
-            f"{given.replace('sample-format', 'format')}: for samples on standard input, vestige live -"
+            f"{given.replace('sample-format', 'format')}: only for samples on standard input (vestige live -)"
         )
 
 
@@ -108,7 +108,7 @@ def _run(
         following.index, following.after = journal.progress.index + 1, journal.progress.sent
         state = journal.progress.state
         following.live.resume(journal.progress.sent, journal.progress.time_tag_error_s)
-        note(f"going on after snapshot {journal.progress.index}, {journal.progress.sent}")
+        note(f"continuing after snapshot {journal.progress.index}, {journal.progress.sent}")
     try:
         for epoch in following:
             if not tally.snapshots:
@@ -146,7 +146,7 @@ def _run(
         _print_end(tally, following.live.n_dropped, as_json=options["as_json"])
         stop.add_note(f"{tally.snapshots} snapshots: {tally}{_dropped(following.live.n_dropped)}")
         if journal is not None:
-            stop.add_note(f"the same command goes on from {options['output']}")
+            stop.add_note(f"the same command continues from {options['output']}")
         raise
     early.say()
     if state is None:
@@ -288,7 +288,8 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
             raise wrong
         raise VestigeError(
             f"{description.path}: observations: found none, expected E1 samples to track, a file of E1 observations "
-            f"(--observations), or a clock that is right to {TIME_TAG_TOLERANCE_S:g} s: 100 ms of E1 tell time modulo "
+            f"(--observations), or a clock that is right to {TIME_TAG_TOLERANCE_S:g} s: 100 ms of E1 tell time only "
+            "modulo "
             "100 ms"
         )
     named = options["observations"] is not None or named_observations(description)

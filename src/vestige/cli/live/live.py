@@ -43,15 +43,21 @@ LIVE_GROUPS = {
 
 @click.command(cls=GroupedCommand, groups=LIVE_GROUPS | PROCESSOR_GROUPS)
 @processor_options
-@click.option("-o", "--output", type=PATH, help="Keep verdicts and state in this folder; go on from it if it exists.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON objects, one a line.")
+@click.option(
+    "-o", "--output", type=PATH, help="Keep verdicts and state in this folder. If it exists, continue from its state."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON objects, one on each line.")
 @output_options
 @number_option("--poll-s", (0.001, 60), default=1.0, metavar="SECONDS", help="Time between two looks for new samples.")
-@number_option("--idle-s", (0, 1e7), metavar="SECONDS", help="End when nothing new came for so long. [default: never]")
-@number_option("--wait-s", (0, 1e7), default=180.0, metavar="SECONDS", help="How long to wait for the key of a RECS.")
+@number_option(
+    "--idle-s", (0, 1e7), metavar="SECONDS", help="End if nothing new arrives for this time. [default: never]"
+)
+@number_option("--wait-s", (0, 1e7), default=180.0, metavar="SECONDS", help="Time to wait for the key of a RECS.")
 @click.option("--observations", type=PATH, help="File of E1 observations, if RECORDING does not name it.")
 @stdin_options
-@click.option("--real-time", is_flag=True, help="Drop samples when the buffer is full, since a recorder cannot wait.")
+@click.option(
+    "--real-time", is_flag=True, help="Drop samples when the buffer is full, because the recorder cannot wait."
+)
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING while it is being written.
 

@@ -75,7 +75,7 @@ def live_tracking(
         check_no_loop_options()
         return None
     if file is None:
-        raise InputFileError(description.path, "E1", "no samples", "E1 samples, which are tracked (--no-track)")
+        raise InputFileError(description.path, "E1", "no samples", "E1 samples to track; without them, give --no-track")
     message = ReceivedMessage(description.path)
     return LiveTracking(file, message, settings=loop_settings(options), workers=options["workers"], warn=warn)
 
@@ -133,7 +133,7 @@ stdin_options = options_together(
     click.option(
         "--band",
         type=click.Choice(["e6", "e1", "both"]),
-        help="Standard input: its band; both: a sample of E1 and one of E6 in turn.",
+        help="Standard input: band of the samples. With both, samples of E1 and E6 alternate.",
     ),
     click.option(
         "--format", "sample_format", type=click.Choice(SAMPLE_FORMATS), help="Standard input: type of the numbers."
@@ -145,7 +145,9 @@ stdin_options = options_together(
         (0, None),
         help="Standard input: radio frequency at 0 Hz in the samples. [default of both bands: the carriers]",
     ),
-    number_option("--buffer-mb", (1, 1e6), default=512.0, help="Standard input: buffer of each band in MB."),
+    number_option(
+        "--buffer-mb", (1, 1e6), default=512.0, help="Standard input: size of the buffer of each band in MB."
+    ),
 )
 
 
@@ -168,7 +170,7 @@ def stdin_description(options: dict[str, Any], default_band: str = "e6") -> Reco
     if options["description"] is None:
         return RecordingDescription(path=STDIN, bands=_stdin_files(options, options["band"] or default_band))
     if options["band"] is not None:
-        raise click.UsageError("--band: the description says it; leave one of the two out")
+        raise click.UsageError("--band: the description also states the band; leave one of the two out")
     found = read_recording_toml(options["description"])
     only = Band[default_band.upper()]
     bands = {
@@ -193,7 +195,9 @@ def _stdin_files(options: dict[str, Any], band_name: str) -> dict[Band, BandFile
     if len(names) == 1:
         needed["--center-frequency-hz"] = "center_frequency_hz"
     elif options["center_frequency_hz"] is not None:
-        raise click.UsageError("--center-frequency-hz: both bands have their carriers; state others in --description")
+        raise click.UsageError(
+            "--center-frequency-hz: with --band both, 0 Hz is the carrier of each band; state others in --description"
+        )
     needed["--start"] = "start"
     if missing := [name for name, key in needed.items() if options[key] is None]:
         raise click.UsageError(f"samples on standard input need {', '.join(missing)}, or --description")

@@ -22,12 +22,16 @@ if TYPE_CHECKING:
     "--start", callback=time_option, help="Time of the earliest sample, used in place of the recording's own time tag."
 )
 @click.option("--time-uncertainty", type=click.FloatRange(0), help="Upper limit of the receiver clock's error in s.")
-@click.option("--assistance", type=PATH, help="Folder with RECS, group delays and keys [that of the recording].")
+@click.option(
+    "--assistance", type=PATH, help="Folder with RECS, group delays and keys. [default: RECORDING/assistance]"
+)
 @trust_options
 @click.option(
-    "--check-hash", is_flag=True, help="Compare the samples with the hash in their description, which reads them all."
+    "--check-hash", is_flag=True, help="Read all samples, and compare them with the hash in their description."
 )
-@click.option("--quick", is_flag=True, help="Do not look for signals, which takes 10 s, or 40 s where none are found.")
+@click.option(
+    "--quick", is_flag=True, help="Do not search for signals. The search takes 10 s, or 40 s if there is none."
+)
 @json_option
 def command(path: Path, **options: Any) -> None:
     """Say what PATH holds, what is wrong with it, and what is missing for ACAS.

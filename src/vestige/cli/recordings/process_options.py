@@ -109,7 +109,7 @@ _level_options = options_together(
     click.option(
         "--second-channel",
         type=PATH,
-        help="Level 3: folder with OSNMA keys or pages that came by another channel.",
+        help="Level 3: folder with OSNMA keys or pages from a second channel.",
     ),
     click.option("--accelerations", type=PATH, help="Level 3: CSV file of the accelerometer."),
     number_option(
@@ -152,8 +152,8 @@ _e6_options = options_together(
         "--early-reach-m",
         (0, 900),
         default=600.0,
-        help="How far before the prediction further E6 correlators stand, in m. They see the true signal when E1 "
-        "follows a repeater.",
+        help="Extend the bank of E6 correlators by this distance in m to the early side. If E1 tracks a repeater, "
+        "the true signal is there.",
     ),
     click.option(
         "--spacing",
@@ -235,7 +235,7 @@ processor_options = options_together(
 def check_processor_usage(options: dict[str, Any]) -> None:
     """Raise a usage error for options of the processor that do not go together."""
     if options["accelerations"] and options["level"] != "3":
-        raise click.UsageError("--accelerations: for level 3")
+        raise click.UsageError("--accelerations: only at --level 3")
     stated = click.get_current_context().get_parameter_source("kappa") is ParameterSource.COMMANDLINE
     if options["alarms_per_day"] is not None and stated:
         raise click.UsageError("--kappa: follows from --alarms-per-day; leave one of the two out")

@@ -222,7 +222,9 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     is_flag=True,
     help="Set the threshold for the effective number of hypotheses, since neighbours are correlated.",
 )
-@click.option("-o", "--output", type=PATH, help="Keep progress and results in this file; go on from it if it exists.")
+@click.option(
+    "-o", "--output", type=PATH, help="Keep progress and results in this file. If it exists, continue from it."
+)
 @_plot
 @json_option
 def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:

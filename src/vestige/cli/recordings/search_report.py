@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from vestige.time import GalileoTime
 
 REPORT_EVERY_S = 5.0  # interval of progress lines
-_NOWHERE = "no signal on E1 to hand over, or no place in the samples within the time uncertainty"
+_NOWHERE = "no signal on E1 for the hand-over, or the samples do not hold the RECS within the time uncertainty"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +43,8 @@ def print_budget(budget: SearchBudget, search: ExhaustiveSearch, engine: EngineC
         ("threshold", f"{budget.threshold:.3f} σ"),
         (
             "C/N0 for P_d 0.9",
-            f"{budget.required_cn0_dbhz:.2f} dBHz on the grid, {budget.grid_loss_db:.2f} dB more between",
+            f"{budget.required_cn0_dbhz:.2f} dBHz at a grid point, up to {budget.grid_loss_db:.2f} dB more between "
+            "them",
         ),
         ("engine", str(engine)),
         ("expected run time", f"{expected_seconds(search, budget.hypotheses):.0f} s"),
@@ -56,7 +57,7 @@ def places_line(svid: int, budget: SearchBudget) -> str:
     """Return the size and the sensitivity of the hand-over search for a RECS, as a line of text."""
     return (
         f"E{svid:02d}  {budget.hypotheses:.4g} hypotheses, P_FA {budget.pfa_overall:g}: threshold "
-        f"{budget.threshold:.2f} σ, {budget.required_cn0_dbhz:.2f} dBHz for P_d 0.9 on the grid"
+        f"{budget.threshold:.2f} σ, {budget.required_cn0_dbhz:.2f} dBHz for P_d 0.9 at a grid point"
     )
 
 
@@ -77,7 +78,7 @@ def follow_search(
     state, done = before, 0.0
     if before is not None:
         done = before.done
-        note(f"goes on after {done / max(before.total, 1):.1%}, {len(before.peaks)} peaks")
+        note(f"continues after {done / max(before.total, 1):.1%}, {len(before.peaks)} peaks")
     begin = reported = time.monotonic()
     try:
         for latest in states:
@@ -133,17 +134,17 @@ def print_answers(answers: Sequence[Answer], *, as_json: bool, unsearched: Galil
         for peak in one.decision.peaks:
             echo(f"{_peak_line(peak)}  {_role(peak, one)}")
     if unsearched is not None:
-        echo(f"INTERRUPTED: from {unsearched} on not all was searched, there may be later signals")
+        echo(f"INTERRUPTED: samples from {unsearched} on were not all searched, so there may be later signals")
 
 
 def _role(peak: Peak, answer: Answer) -> str:
     if answer.decision.open_code:
-        return "says nothing: the RECS holds the open E6-C code, which repeats each ms"
+        return "proves nothing: the RECS contains the open E6-C code, which repeats each ms"
     if peak is answer.decision.true:
         return "true: the earliest"
     if peak is not answer.decision.peaks[0]:
         return "later: SPOOFING"
-    return "proves nothing: its key may have been known"
+    return "proves nothing: its key may have been public"
 
 
 def _peak_line(peak: Peak) -> str:
@@ -173,7 +174,7 @@ def e1_lines(found: E1Signals) -> Iterator[str]:
     yield f"at {found.batch.start}, sample {found.batch.first_sample}"
     for one in found.signals:
         rank = "" if sum(other.svid == one.svid for other in found.signals) == 1 else "  one of several: spoofing"
-        rough = "" if one.is_measured else "  not measured: ±63 Hz, C/N0 up to 4 dB low"
+        rough = "" if one.is_measured else "  rough: Doppler ±63 Hz, C/N0 up to 4 dB too low"
         yield (
             f"E{one.svid:02d}  code phase {one.code_start_s * 1e3:8.5f} ms  Doppler {one.doppler_hz:8.1f} Hz  "
             f"C/N0 {one.cn0_dbhz:5.1f} dBHz{rough}{rank}"

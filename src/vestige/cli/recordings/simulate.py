@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("scenario", type=PATH)
 @click.option(
-    "-o", "--output", required=True, type=PATH, help="Folder to write, must not exist; - for samples to a pipe."
+    "-o", "--output", required=True, type=PATH, help="Folder to write; must not exist. With -, samples go to a pipe."
 )
 @click.option(
     "--band",
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     help="Also write the files that this receiver reads. May be given several times.",
 )
 @threads_option("Number of threads that make samples.")
-@number_option("--max-gb", (0, 1e6), default=10.0, help="Refuse to write more gigabytes than these.")
+@number_option("--max-gb", (0, 1e6), default=10.0, help="Largest size of the recording in GB.")
 @parts_option
 def command(scenario: Path, **options: Any) -> None:
     """Write E1 and E6 samples of SCENARIO as a SigMF collection, with all files that belong to them.
@@ -72,7 +72,9 @@ def command(scenario: Path, **options: Any) -> None:
     loaded = load_scenario(scenario, options["settings"])
     if isinstance(loaded, RecordingScenario):
         if options["epochs"]:
-            raise click.UsageError("--epochs is for campaigns; a recording is written whole")
+            raise click.UsageError(
+                "--epochs chooses epochs of a campaign; this scenario is a recording, which is written whole"
+            )
         source = open_code_recording(loaded)
     else:
         loaded = with_default_range(loaded)
@@ -121,7 +123,7 @@ def _check_pipe(to_pipe: bool, options: dict[str, Any]) -> None:
     if to_pipe and options["band"] is None:
         raise click.UsageError("-o - writes samples to a pipe; say of which band: --band e1, --band e6 or --band both")
     if to_pipe and options["exports"]:
-        raise click.UsageError("--export writes files; -o - writes samples alone")
+        raise click.UsageError("--export writes files, but -o - writes only samples; give a folder")
     if not to_pipe and options["band"] is not None:
         raise click.UsageError("--band is for -o -; a folder gets both bands")
     if to_pipe and sys.stdout.isatty():
@@ -163,5 +165,5 @@ def _test_case(scenario: CampaignScenario, epochs: str | None) -> SimulatedRecor
 
     match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", epochs or f"0:{scenario.epochs}", re.ASCII)
     if match is None:
-        raise click.UsageError(f"--epochs A:B says which of the campaign's {scenario.epochs} epochs to write")
+        raise click.UsageError(f"--epochs: found {epochs}, expected A:B within 0:{scenario.epochs}")
     return simulated(AcasTestCase(scenario=scenario, first=int(match[1]), end=int(match[2])))

@@ -50,11 +50,11 @@ def label_error_s(recording: Recording, assistance: Assistance, around_s: float,
     for decision in found.decisions:
         if decision.spoofed:
             times = ", ".join(str(peak.start_time) for peak in decision.peaks)
-            warn(f"E{decision.svid:02d}: spoofing: its RECS comes {len(decision.peaks)} times: {times}")
+            warn(f"E{decision.svid:02d}: spoofing: its RECS was found {len(decision.peaks)} times, at {times}")
     if found.error_s is None:
         warn(
             f"no RECS was found within the time tag's ±{around_s:g} s, so the time tag is taken to be right "
-            f"to {TIME_TAG_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time modulo 100 ms only"
+            f"to {TIME_TAG_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time only modulo 100 ms"
         )
         return 0.0
     if abs(found.error_s) > TIME_TAG_TOLERANCE_S:

@@ -24,6 +24,13 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", type=PATH, required=True, help="Folder to write; must not exist.")
 @start_option
 @loop_options
+@click.option(
+    "--observation-rate-hz",
+    type=click.IntRange(1, 100),
+    default=10,
+    show_default=True,
+    help="Observations of each satellite per second.",
+)
 @threads_option("Number of threads that track E1.")
 @stdin_options
 def command(recording_path: Path, **options: Any) -> None:
@@ -41,7 +48,7 @@ def command(recording_path: Path, **options: Any) -> None:
         _tracked_stdin(options) if recording_path == STDIN else _tracked(recording_path, options)
     )
     _check_duration(recording_path, tracked, n_samples / rate_hz)
-    _print(tracked)
+    _print(tracked, options["observation_rate_hz"])
     folder.mkdir(parents=True)
     for path in write_tracked(folder, tracked, rate_hz):
         echo(f"wrote {path}")
@@ -68,14 +75,20 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
 
     if unfit := [f"--{name.replace('_', '-')}" for name in STDIN_OPTIONS if options[name] is not None]:
         names = ", ".join(unfit).replace("sample-format", "format")
-        raise click.UsageError(f"{names}: for samples on standard input, vestige track -")
+        raise click.UsageError(f"{names}: only for samples on standard input (vestige track -)")
     recording = open_recording(recording_path, start=options["start"])
     if recording.e1 is None:
         raise _without_e1(recording.description.path)
     for line in recording.notes:
         warn(line)
     with progress() as report:
-        tracked = track_recording(recording, loop_settings(options), workers=options["workers"], progress=report)
+        tracked = track_recording(
+            recording,
+            loop_settings(options),
+            epochs_per_s=options["observation_rate_hz"],
+            workers=options["workers"],
+            progress=report,
+        )
     return tracked, recording.e1.n_samples, recording.e1.file.sample_rate_hz
 
 
@@ -90,7 +103,12 @@ def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, int, floa
     if file.start is None:
         raise InputFileError(file.described_in, "start time", "nothing", "start in the description, or --start")
     stream = stdin_stream(file, capacity_bytes=round(options["buffer_mb"] * 1e6))
-    tracked = track_batches(streamed_batches(stream), loop_settings(options), workers=options["workers"])
+    tracked = track_batches(
+        streamed_batches(stream),
+        loop_settings(options),
+        epochs_per_s=options["observation_rate_hz"],
+        workers=options["workers"],
+    )
     n_samples = stream.look().end_sample - file.first_sample
     if n_samples == 0:
         raise InputFileError(STDIN, "standard input", "no sample", "samples of E1")
@@ -101,7 +119,7 @@ def _without_e1(path: Path) -> InputFileError:
     return InputFileError(path, "bands", "no E1", "samples of E1, the band that is tracked")
 
 
-def _print(tracked: TrackedRecording) -> None:
+def _print(tracked: TrackedRecording, rate_hz: int) -> None:
     """Print a line for each satellite, and the clock error that the message tells."""
     import math
     import statistics
@@ -125,10 +143,13 @@ def _print(tracked: TrackedRecording) -> None:
         known = [value for value in strengths if not math.isnan(value)]
         cn0 = f"{statistics.median(known):5.1f} dBHz" if known else "     -     "
         issue = str(issues.get(svid, "-"))
-        echo(f"  E{svid:02d} {len(strengths) / 10:8.1f} s  {cn0}  {slips[svid]:12d}  {pages:12d}  {issue:>6}")
+        echo(f"  E{svid:02d} {len(strengths) / rate_hz:8.1f} s  {cn0}  {slips[svid]:12d}  {pages:12d}  {issue:>6}")
     if tracked.time_tag_error_s is None:
-        echo("no message told the time; ranges are placed by the time tag of the samples")
+        echo("no navigation message gave the time; the ranges rest on the time tag of the samples")
     else:
-        echo(f"the time tag of the samples is {late_or_early(tracked.time_tag_error_s)} by the message, ± 10 ms")
+        echo(
+            f"the time tag of the samples is {late_or_early(tracked.time_tag_error_s)} according to the message, ± "
+            "10 ms"
+        )
         if offset_s := clock_set_s(tracked):
             echo(f"the clock of the files is set {offset_s} s earlier than that of the samples")

@@ -66,7 +66,9 @@ class Tally:
         """Reason why there is no verdict at all; empty if there is one."""
         if self.counts:
             return ""
-        why = "no satellite of the RECS is seen on E1" if self.missed else "no RECS is of this recording's time"
+        why = (
+            "no satellite of the RECS is seen on E1" if self.missed else "no RECS was transmitted during this recording"
+        )
         return f"no verdict: {why}"
 
     @property
@@ -205,14 +207,14 @@ def print_snapshot(step: Step) -> None:
             f"{verdict.status.name}{'' if verdict.status.name == 'AUTHENTIC' else f': {verdict.reason}'}"
         )
         if row["true_offset_m"] is not None:
-            echo(f"{'':46}its earliest signal is {-row['true_offset_m']:.1f} m nearer than E1 says: the true signal")
+            echo(f"{'':46}the true signal is its earliest one, {-row['true_offset_m']:.1f} m nearer than E1 says")
     _print_position(step)
     _print_not_run(step.verdicts)
 
 
 def _print_position(step: Step) -> None:
     for found in step.positions:
-        earlier = f", of {len(found.earlier)} the earliest of several signals" if found.earlier else ""
+        earlier = f", {len(found.earlier)} of them from the earliest of several signals" if found.earlier else ""
         unproven = "" if found.orbits_authenticated else ", orbits not authenticated"
         echo(
             f"  position {found.latitude_deg:.6f}° {found.longitude_deg:.6f}° {found.height_m:.1f} m "
@@ -257,7 +259,7 @@ def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> Tally:
 def print_not_seen(tally: Tally, put: Callable[[str], None] = echo) -> None:
     """Print the satellites with RECS that were never found on E1, if there are any."""
     if unseen := tally.not_seen_on_e1:
-        put(f"RECS, but not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}")
+        put(f"satellites with RECS that were not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}")
 
 
 def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> Tally:

@@ -37,7 +37,7 @@ def command() -> None:
     "--start",
     callback=time_option,
     metavar="TIME",
-    help="Start of a test-vector CSV; default: as its navigation data says.",
+    help="Start time of a test-vector CSV. [default: from its navigation data]",
 )
 @json_option
 def verify_command(
@@ -80,7 +80,9 @@ def verify_command(
         echo(file, *(f"{label}{key}" for label, key in zip(labels, public_keys, strict=False)))
         echo(*(f"  broadcast    {key}" for key in report.broadcast_keys), *_lines(report, counts))
         if output is not None:
-            written = f"{len(keys)} keys written to {output}" if keys else "no file written: no key is validated"
+            written = (
+                f"{len(keys)} keys written to {output}" if keys else "no file was written, because no key is validated"
+            )
             echo(f"  output       {written}")
     report.raise_if_failed()
 
@@ -91,17 +93,17 @@ def _lines(report: OsnmaReport, counts: SbfCounts) -> list[str]:
 
     from vestige.crypto.osnma.messages.subframe import Content
 
-    span = f"{report.first} to {report.last}" if report.first is not None else "none usable"
+    span = f"{report.first} to {report.last}" if report.first is not None else "none is usable"
     contents = ", ".join(f"{report.subframes.get(content, 0)} {content.value}" for content in Content)
     lines = [
         f"  pages        {report.n_pages} of {len(report.satellites)} satellites, {span}",
         f"               {', '.join(_losses(report, counts)) or 'none lost'}",
         f"  subframes    {contents}; {len(report.osnma_satellites)} satellites with OSNMA",
-        f"  time         {report.time_stamps} navigation words that tell it agree",
+        f"  time         {report.time_stamps} navigation words agree on it",
     ]
     for check in report.roots:
         verdict = "signature and padding verify" if check.root is not None else f"NOT VERIFIED: {check.reason}"
-        known = ", on the chain of an earlier one" if check.on_known_chain else ""
+        known = ", on the chain of an earlier root key" if check.on_known_chain else ""
         lines.append(f"  root key     DSM {check.dsm_id}, header {check.header}: {verdict}{known}")
         if check.kroot is not None:
             of = f"of {check.root.time}, " if check.root is not None else ""
@@ -144,7 +146,11 @@ def _tag_lines(report: OsnmaReport) -> list[str]:
         f"  tags         {by_adkd} verify; {tags.dummy} dummies",
         f"               not counted: {tags.no_data} without navigation data, {tags.no_key} without key"
         + (f", {tags.unsupported} of unknown kind" if tags.unsupported else ""),
-        *([f"               {tags.data_before} verify with the word before a new one"] if tags.data_before else []),
+        *(
+            [f"               {tags.data_before} verify with the navigation data before a change"]
+            if tags.data_before
+            else []
+        ),
         f"  navigation   authenticated data of {len(proven)} satellites: "
         + (" ".join(f"E{svid:02d}" for svid in proven) or "none"),
     ]

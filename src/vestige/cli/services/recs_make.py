@@ -12,7 +12,7 @@ from vestige.cli.terminal import echo, warn
 
 
 @click.command()
-@click.option("--from-recording", "recording_path", required=True, type=PATH, help="The recording.")
+@click.option("--from-recording", "recording_path", required=True, type=PATH, help="Recording with open E6-C.")
 @click.option("--keys", "keys_path", required=True, type=PATH, help="Key file, or navigation pages (SBF, CSV).")
 @click.option("--public-key", type=PATH, help="OSNMA public key (XML, PEM).")
 @click.option("--merkle-tree", type=PATH, help="OSNMA Merkle tree (XML).")
@@ -27,9 +27,16 @@ from vestige.cli.terminal import echo, warn
     default=30.0,
     help="Time between RECS in s.",
 )
-@click.option("--kdi", type=click.IntRange(0, 1), default=0, help="Key delay indicator.")
+@click.option(
+    "--kdi",
+    type=click.IntRange(0, 1),
+    default=0,
+    help="Key delay indicator: the key is sent in the same subframe (0) or the next one (1).",
+)
 @cipher_mode_option
-@click.option("--svids", default="", show_default=False, help="Satellites, `2,3,7-9`; default: those that E1 sees.")
+@click.option(
+    "--svids", default="", show_default=False, help="Satellites, for example 2,3,7-9. [default: those found on E1]"
+)
 @start_option
 @json_option
 def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, **options: Any) -> None:

@@ -27,13 +27,17 @@ _probability = FiniteRange(1e-250, 1, max_open=True)
     "--integration-ms",
     type=FiniteRange(0, 1e6, min_open=True),
     default=16.0,
-    help="Coherent integration.",
+    help="Coherent integration time in ms.",
 )
-@click.option("--p-fa", type=_probability, help=f"False alarm probability of one test.  [default: {DEFAULT_P_FA:g}]")
-@click.option("--p-fa-overall", type=_probability, help="False alarm probability of all tests, in place of --p-fa.")
+@click.option("--p-fa", type=_probability, help=f"False-alarm probability of one test.  [default: {DEFAULT_P_FA:g}]")
+@click.option(
+    "--p-fa-overall", type=_probability, help="False-alarm probability of all tests together, in place of --p-fa."
+)
 @click.option("--hypotheses", type=FiniteRange(1, 1e30), default=1.0, help="Number of tests.")
-@click.option("--p-d", type=_probability, default=0.9, help="Detection probability to require.")
-@click.option("--noncoherent", type=click.IntRange(1, 1000), default=1, help="Squared magnitudes added.")
+@click.option("--p-d", type=_probability, default=0.9, help="Required probability of detection.")
+@click.option(
+    "--noncoherent", type=click.IntRange(1, 1000), default=1, help="Number of squared magnitudes that are added."
+)
 @click.option("--paper", is_flag=True, help="Print the paper's numbers, recomputed; the other options have no effect.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object, in full precision.")
 def command(
@@ -63,7 +67,7 @@ def command(
     if p_fa_overall is not None:
         single = theory.single_event_pfa(p_fa_overall, hypotheses)
     if p_d <= single:
-        raise click.UsageError(f"--p-d {p_d:g} must exceed the false alarm probability {single:g}")
+        raise click.UsageError(f"--p-d {p_d:g} must exceed the false-alarm probability {single:g}")
 
     integration_s = integration_ms / 1e3
     case = (integration_s, single, noncoherent)

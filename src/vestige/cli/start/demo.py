@@ -53,17 +53,21 @@ def command(folder: Path) -> None:
     echo("", "3. The key has arrived over E1-B. Decrypt, correlate, compare with E1.")
     _run("process", night, "--calibrate", "--write-bias", night / "assistance")
 
-    echo("", "4. RECS under the key of the next subframe that claim to be under this one's: nothing correlates.")
+    echo(
+        "",
+        "4. The RECS are encrypted under the key of the next subframe, but name the key of this one: nothing "
+        "correlates.",
+    )
     _encrypt_under_the_next_key(night / "assistance", wrong_key)
     _run("process", night, "--assistance", wrong_key)
 
-    echo("", "5. E6 two samples (48 m) late against E1, as if replayed: the signal is there, but not where E1 says.")
+    echo("", "5. E6 is two samples (48 m) late, as if replayed: the signal is there, but not where E1 predicts it.")
     _delay_e6(night, late, samples=2)
     _run("process", late, "--assistance", night / "assistance")
 
-    echo("", "6. A sky: 3 s of E1 and E6 from four satellites, with their message, the OSNMA keys and a RECS of each.")
+    echo("", "6. A sky: 3 s of E1 and E6 from four satellites, with their message, OSNMA keys and one RECS of each.")
     _run("simulate", scenarios / "night.toml", "--epochs", SKY_EPOCHS, "-o", sky, *_set(SKY_SETTINGS))
-    echo("", "7. E1 is tracked in the samples; the RECS is looked for in E6 where E1 says it must be.")
+    echo("", "7. E1 is tracked in the samples; the RECS is correlated in E6 at the delay that E1 predicts.")
     _run("process", sky, "--track", "--public-key", sky / "assistance" / "public_key.pem")
     echo(
         "All four are AUTHENTIC: the encrypted signal stands far above the noise of E6 (σ), and its range differs by",

@@ -27,7 +27,7 @@ def command(folder: Path) -> None:
     for line, what in (
         (f"vestige run {scenarios / 'quick.toml'} -o quick.zarr", "statistics of the paper's harsh conditions"),
         (f"vestige simulate {scenarios / 'first_light.toml'} -o first_light", "a recording of both bands"),
-        ("vestige demo", "both, an attack, and what they show"),
+        ("vestige demo", "both, with an attack and the verdicts"),
     ):
         echo(f"  {line:<64}# {what}")
 
@@ -38,7 +38,7 @@ def write_scenarios(folder: Path) -> list[Path]:
 
     target = folder / "scenarios"
     if target.exists():
-        raise InputFileError(target, "folder", "something there already", "a name that is not taken")
+        raise InputFileError(target, "folder", "an existing file or folder", "a new name")
     target.mkdir(parents=True)
     written = []
     for path in shipped_scenarios():

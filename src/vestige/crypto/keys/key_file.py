@@ -204,7 +204,7 @@ def _read_root_1(path: Path, number: int, line: str, public_keys: Sequence[Publi
         raise InputFileError(path, f"line {number}, week", near.week, root.time.week)
     if root.header.withdraws:
         raise InputFileError(
-            path, f"line {number}", f"a root key of status {root.header}, and not when it was received",
+            path, f"line {number}", f"a root key of status {root.header}, without its time of reception",
             f"{KEY_FILE_FIRST_LINE!r}; write the file again with `vestige osnma verify`",
         )  # fmt: skip
     return root

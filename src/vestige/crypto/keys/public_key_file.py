@@ -40,7 +40,7 @@ def read_public_key(path: Path) -> ClaimedPublicKey:
     for name, content in _ELEMENT.findall(text):
         value = content.strip()
         if found.setdefault(name, value) != value:
-            raise InputFileError(path, f"element {name}", value, f"one public key; {found[name]} came before")
+            raise InputFileError(path, f"element {name}", value, f"one public key; the file also has {found[name]}")
     for name in ("PKID", "point"):
         if name not in found:
             raise InputFileError(path, f"element {name}", "none", "an OSNMA public key in XML, or PEM")

@@ -62,7 +62,7 @@ class _Collection:
         """Return how many blocks of a DSM-KROOT were received, and their total, which only block 0 gives."""
         n = len(self.blocks)
         if 0 not in self.blocks:
-            return f"{n} block{'s' * (n != 1)}, but not block 0, which says of how many"
+            return f"{n} block{'s' * (n != 1)}, but not block 0, which gives their number"
         try:
             return f"{n} of {kroot_blocks(self.blocks[0][0])} blocks"
         except UnsupportedError:
@@ -116,4 +116,4 @@ class DsmCollector:
             for (source, _, dsm_id), collection in sorted(self._collections.items())
             if source == _ALL and dsm_id < FIRST_PKR_ID
         }
-        return ", ".join(f"DSM {dsm_id}: {progress}" for dsm_id, progress in parts.items()) or "no block"
+        return ", ".join(f"DSM {dsm_id}: {progress}" for dsm_id, progress in parts.items()) or "no block was received"

@@ -58,7 +58,9 @@ class DsmVerifier:
             self._take_root(message, time)
         elif self._tree is None:
             what = "an alert message" if is_alert(message.data) else "a public key"
-            self._problems.report_once(ProblemKind.IGNORED, time, f"{dsm}: {what}; no Merkle tree to verify it")
+            self._problems.report_once(
+                ProblemKind.IGNORED, time, f"{dsm}: {what}; no Merkle tree was given to verify it"
+            )
         else:
             try:
                 if is_alert(message.data):

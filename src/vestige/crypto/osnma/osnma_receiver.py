@@ -329,9 +329,8 @@ class OsnmaReceiver:
             self._claims.remove(claim)
             if all(proven.values()) and not self._register.refusal(claim.chain, message.time):
                 del self._withheld[message.time.gst_seconds]
-                text = (
-                    f"{_claim_text(message.refusing)}; the tags prove that this is forged: the key is used, 30 s late"
-                )
+                forged = "the tags prove that this header is forged, so the key is used, 30 s late"
+                text = f"{_claim_text(message.refusing)}; {forged}"
                 self._problems.report(ProblemKind.STATUS, message.time, text)
                 keys += self._accept(message, claim.subframes, claim.chain, claim.key, proven)
         return keys

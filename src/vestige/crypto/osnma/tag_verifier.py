@@ -66,7 +66,7 @@ class TagVerifier:
             elif not slot.allows(adkd=tag.adkd, own=tag.svid == mack.svid):
                 self._count(tag, ok=False)
                 self._problem(ProblemKind.TAG, mack, f"tag {tag.counter} says ADKD {tag.adkd} of E{tag.svid:02d}; "
-                              "the MAC look-up table has another use for its slot")  # fmt: skip
+                              "the MAC look-up table allows no such tag in this slot")  # fmt: skip
             else:
                 data = navigation.get(tag.svid, NavigationWords()).candidates(tag.svid, tag.adkd, mack.time)
                 self._wait(chain, mack.time.gst_seconds + tag.key_delay_s, _Check(message, tag, data))

@@ -172,7 +172,10 @@ def serialize_group_delay_file(file: GroupDelayFile) -> bytes:
     atow = deciseconds_of_week(exact).to_bytes(3, "big")
     provider = file.provider.encode("ascii")
     if not re.fullmatch(rb"[A-Za-z0-9]{4}", provider) or len(file.validity) != 6:
-        raise ValueError(f"provider {file.provider!r} is four letters or digits, validity six bytes")
+        raise ValueError(
+            f"found provider {file.provider!r} and {len(file.validity)} bytes of validity, expected four letters or "
+            "digits and 6 bytes"
+        )
     header = _HEADER.pack(
         provider,
         BGD_INTERFACE_VERSION,

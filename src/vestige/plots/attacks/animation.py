@@ -73,7 +73,7 @@ def write_animation(
     spacing_m = float(np.max(np.diff(offsets_m), initial=1.0))
     ax.set_xlim(offsets_m[0] - spacing_m / 2, offsets_m[-1] + spacing_m / 2)
     ax.set_ylim(0.0, 1.15 * max(float(np.nanmax(magnitude, initial=1.0)), threshold or 0.0))
-    dress(ax, title=title_of("Correlators", one, with_detector=False), x="tap offset (m)", y="magnitude (σ)")
+    dress(ax, title=title_of("Correlators", one, with_detector=False), x="correlator offset (m)", y="magnitude (σ)")
     clock = ax.text(0.02, 0.96, "", transform=ax.transAxes, va="top", fontsize=LETTERS_PT)
     legend(ax, "upper right")
     figure = figure_of(ax)

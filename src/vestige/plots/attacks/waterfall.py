@@ -46,7 +46,7 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
     space.view_init(**_VIEW)
     space.set_box_aspect(_BOX, zoom=0.9)  # room for the labels, which the layout ignores
     title, time = title_of("Correlators", shown, with_detector=False), time_label(space.yaxis, time_s)
-    dress(space, title=title, x="tap offset (m)", y=time)
+    dress(space, title=title, x="offset (m)", y=time)
     space.set_zlabel("magnitude (σ)", fontsize=LETTERS_PT)
     for axis, label_pt in ((space.xaxis, -6), (space.yaxis, -3), (space.zaxis, -8)):
         axis.labelpad = label_pt
@@ -71,7 +71,7 @@ def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes 
         cmap=COLOUR_MAP, vmin=0, rasterized=True,
     )  # fmt: skip
     title, time = title_of("Correlators", shown, with_detector=False), time_label(ax.xaxis, time_s)
-    dress(ax, title=title, x=time, y="tap offset (m)")
+    dress(ax, title=title, x=time, y="correlator offset (m)")
     _ticks_at_taps(ax.yaxis, offsets_m)
     bar = figure_of(ax).colorbar(mesh, ax=ax, pad=0.02, aspect=25)
     dress(bar.ax, title="", x="", y="magnitude (σ)")

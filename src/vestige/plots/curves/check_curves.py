@@ -39,6 +39,6 @@ def check_curves(
     if log:
         ax.set_xscale("log")
     ax.set_ylim(-0.03, 1.03)
-    dress(ax, title=title, x=label, y="runs in which it is seen")
+    dress(ax, title=title, x=label, y="share of runs that fail")
     legend(ax)
     return ax

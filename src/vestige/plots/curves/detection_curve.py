@@ -45,7 +45,7 @@ COUNTED_EVENTS = {
         "Missed detection", f"1 − {PD_TEXT}", *_DETECTED, miss_probability, f"1 − {_ALIGNED}", of_others=True
     ),
     "false_alarms": _Kind(
-        "False alarm", PFA_TEXT, "false_alarm_trials", "false_alarms", _as_asked, f"{PFA_TEXT} asked for"
+        "False alarm", PFA_TEXT, "false_alarm_trials", "false_alarms", _as_asked, f"required {PFA_TEXT}"
     ),
 }
 

@@ -64,7 +64,9 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     except csv.Error as error:
         raise InputFileError(path, "table", str(error), "comma-separated text in UTF-8") from error
     if not table or "cn0_dbhz" not in table[0]:
-        raise InputFileError(path, "table", "no column cn0_dbhz, or no row", "cn0_dbhz,trials,detections and rows")
+        raise InputFileError(
+            path, "table", "no column cn0_dbhz, or no row", "columns cn0_dbhz, trials, detections, and at least one row"
+        )
     wanted = {name: name for name in ("cn0_dbhz", *_COUNTS, *_CONSTANT)}
     if (own := f"detections_{detector}") in table[0]:
         wanted["detections"] = own

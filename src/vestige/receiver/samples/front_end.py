@@ -70,7 +70,7 @@ class FrontEnd:
             below = f"{self.input_rate_hz / 1e6:g} MHz, the rate at which samples reach the filter"
             raise ValueError(f"a bandwidth above 0 and below {below}")
         if self.oversampling < 1 or (self.oversampling > 1 and self.bandwidth_hz is None):
-            raise ValueError("samples can only be thinned out behind a filter")
+            raise ValueError("a receiver that decimates samples needs a filter before the decimation")
         if self.transition_hz is not None and not self.transition_hz > 0:
             raise ValueError(f"transition band {self.transition_hz} Hz is not positive")
 

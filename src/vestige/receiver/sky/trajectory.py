@@ -117,7 +117,9 @@ class WaypointTrajectory:
         Raises `ValueError` if a time is before the first or after the last waypoint.
         """
         if np.any(elapsed_s < self.time_s[0]) or np.any(elapsed_s > self.time_s[-1]):
-            raise ValueError(f"the waypoints reach from {self.time_s[0]:g} s to {self.time_s[-1]:g} s")
+            raise ValueError(
+                f"times: expected {self.time_s[0]:g} s to {self.time_s[-1]:g} s, the span of the waypoints"
+            )
         bend = self._accelerations()
         leg = np.clip(np.searchsorted(self.time_s, elapsed_s, side="right") - 1, 0, self.time_s.size - 2)
         length = (self.time_s[leg + 1] - self.time_s[leg])[:, None]

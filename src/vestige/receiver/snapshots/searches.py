@@ -30,7 +30,7 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
     SEARCH_NOT_RUN.index(reason) + 1
     for reason in (
         "no signal of this satellite on E1",
-        "no RECS of this satellite, or no key that proves anything",
+        "the satellite has no RECS with a known key that was still secret at reception",
         "the RECS was not found in E6",
     )
 )

@@ -92,8 +92,8 @@ class AssistanceFolder:
         """Warnings to read before trusting a verdict: data for which the folder itself is the only evidence."""
         anchors = [file.path.name for file in self.files if file.kind in (FileKind.PUBLIC_KEY, FileKind.MERKLE_TREE)]
         corrections = [file for file in self.files if file.kind in (FileKind.RECEIVER, FileKind.IONOSPHERE)]
-        trust = f"OSNMA keys are trusted on the word of the assistance folder itself ({', '.join(anchors)}); "
-        trust += "name your own public key or Merkle tree"
+        trust = f"the only proof of the OSNMA keys is in the assistance folder itself ({', '.join(anchors)}); "
+        trust += "give your own public key or Merkle tree"
         return (*([trust] if anchors else []), *(f"{file.path}: {file.content}" for file in corrections))
 
 
@@ -200,7 +200,7 @@ def read_assistance(
     if settings.server_keys:
         for kind in (FileKind.RECEIVER, FileKind.IONOSPHERE):
             problems.add(
-                InputFileError(path, "signature", "a correction, which nobody signs", "signed files only")
+                InputFileError(path, "signature", "a correction, which has no signature", "signed files only")
                 for path in by_kind[kind]
             )
             by_kind[kind] = []
@@ -270,7 +270,7 @@ def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
     """Return the trust anchors in the folder itself; None if there are none, or two Merkle trees."""
     public_keys, trees = files[FileKind.PUBLIC_KEY], files[FileKind.MERKLE_TREE]
     if len(trees) > 1:
-        raise InputFileError(trees[1], "Merkle tree", f"a second tree beside {trees[0]}", "one tree; name yours")
+        raise InputFileError(trees[1], "Merkle tree", f"a second tree beside {trees[0]}", "one tree; give yours")
     return FileTrust.load(public_keys, trees[0] if trees else None) if public_keys or trees else None
 
 
@@ -281,7 +281,7 @@ def _trust_content(files: Mapping[FileKind, Sequence[Path]]) -> Iterator[Assista
     for kind, paths in files.items():
         for path in paths:
             keys = FileTrust.load([path] if kind is FileKind.PUBLIC_KEY else [], tree).public_keys
-            texts = [f"the key of {named[key.point].name}" if key.point in named else str(key) for key in keys]
+            texts = [f"the same key as in {named[key.point].name}" if key.point in named else str(key) for key in keys]
             named |= {key.point: path for key in keys if key.point not in named}
             yield AssistanceFile(path=path, kind=kind, content=", ".join(dict.fromkeys(texts)))
 
@@ -342,7 +342,9 @@ def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problem
             contradicted.add(key)
             between[path, earlier_path] += 1
     problems.add(
-        InputFileError(path, what, f"{count} other than in {earlier_path.name}", "the same; neither is used")
+        InputFileError(
+            path, what, f"{count} that differ from those in {earlier_path.name}", "the same; neither is used"
+        )
         for (path, earlier_path), count in between.items()
     )
     return tuple(found[key][0] for key in sorted(found) if key not in contradicted)
@@ -383,7 +385,7 @@ def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: Fil
         missing.append("OSNMA keys: none")
     without = {s.svid for s in assistance.segments} - {delay.svid for delay in assistance.group_delays}
     if without:
-        missing.append(f"group delays: none of {', '.join(f'E{svid:02d}' for svid in sorted(without))}; taken as 0")
+        missing.append(f"group delays: none for {', '.join(f'E{svid:02d}' for svid in sorted(without))}; taken as 0")
     missing += _of_another_time(assistance)
     kinds = {file.kind for file in files}
     if FileKind.RECEIVER not in kinds:
@@ -392,5 +394,5 @@ def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: Fil
         missing.append("ionosphere.csv: none, so no ionospheric delay is predicted")
     unverified = sum(file.signature not in (None, SignatureStatus.VERIFIED) for file in files)
     if unverified:
-        missing.append(f"signatures: {unverified} files are not verified to be the server's")
+        missing.append(f"signatures: {unverified} files have no verified signature of the server")
     return tuple(missing)

@@ -30,7 +30,7 @@ from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
 NOTE_NAME = "OPEN_CODE.txt"
-OPEN_CODE = "these RECS hold the open E6-C code, which everybody knows: they prove nothing against a spoofer"
+OPEN_CODE = "these RECS contain the open E6-C code, which everybody knows: they prove nothing against a spoofer"
 
 
 def transmit_times(
@@ -175,13 +175,13 @@ def _segments_of(
     times = transmit_times(first, last, travel_s=travel_s, duration_s=duration_ms / 1e3, interval_s=interval_s)
     if not times:
         raise VestigeError(
-            f"{recording.description.path}: {reader.duration_s:g} s of E6 hold no {duration_ms} ms of every satellite "
-            "from a tenth of a second on; a longer recording or a shorter RECS does"
+            f"{recording.description.path}: {reader.duration_s:g} s of E6 are too short for a RECS of {duration_ms} ms "
+            "from every satellite, sent at a multiple of 0.1 s; take a longer recording or a shorter RECS"
         )
     segments = make_segments(
         svids or sorted(seen), times, keys, length=length, key_delay=key_delay, cipher_mode=cipher_mode
     )
     if not segments:
         span = f"{keys[0].time} to {keys[-1].time}" if keys else "none"
-        raise VestigeError(f"no OSNMA key is of the recording's time, {first} to {last}; keys: {span}")
+        raise VestigeError(f"no OSNMA key falls into the time of the recording, {first} to {last}; keys: {span}")
     return segments

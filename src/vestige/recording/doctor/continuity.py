@@ -86,9 +86,9 @@ def examine_continuity(
             at_s = (first - reader.first_sample) / reader.file.sample_rate_hz
             yield fault(
                 FindingKind.NO_SIGNAL, reader.band,
-                f"E1: {satellite_names(one.svid for one in followed)}, strong at the beginning, are not there "
+                f"E1: {satellite_names(one.svid for one in followed)}, strong at the beginning, are not found "
                 f"{at_s:.1f} s later",
-                "check whether the antenna was connected all the time",
+                "check whether the antenna was always connected",
             )  # fmt: skip
             return
         places.append(place)
@@ -184,7 +184,7 @@ def _at_the_beginning(reader: SampleReader, followed: Sequence[E1Satellite]) -> 
             yield fault(
                 FindingKind.SEVERAL_SIGNALS, reader.band,
                 f"E1: {len(signals)} signals of E{one.svid:02d} at once ({weaker})",
-                "a transmitter repeats or simulates signals: see vestige search e1",
+                "a transmitter repeats or simulates signals; `vestige search e1` lists them",
             )  # fmt: skip
     if jumps:
         by_s, at_s = median(one.by_s for one in jumps), median(one.at_s for one in jumps)

@@ -91,7 +91,7 @@ def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: P
             return E1Result(file=file, satellites=(), findings=tuple(findings))
         reading, found = hit
         names = satellite_names(one.svid for one in found)
-        findings.append(reading.fault(f"no signal as described, {names} {reading.says}"))
+        findings.append(reading.fault(f"no signal was found as described, but {names} {reading.says}"))
         file = reading.file
         batch = head(file, E1_WINDOW_S) or batch
         found = _acquire(batch, _STRETCHES) or found

@@ -93,7 +93,7 @@ def examine_e6(
             findings.append(_nothing(sky))
             return E6Result(file=file, satellites=(), findings=tuple(findings))
         names = satellite_names(one.svid for one in _shown(reading.file, sky, span_hz))
-        findings.append(reading.fault(f"no signal as described, {names} {reading.says}"))
+        findings.append(reading.fault(f"no signal was found as described, but {names} {reading.says}"))
         file = reading.file
     batch = head(file, E6_WINDOW_S)
     if batch is None:
@@ -203,8 +203,8 @@ def _offset(batch: SampleBatch, e1: Sequence[E1Satellite], acquired: dict[int, E
         by_s = median(apart)
         yield fault(
             FindingKind.BAND_OFFSET, Band.E6,
-            f"E6 is {by_s * 1e6:+.1f} µs ({by_s * batch.sample_rate_hz:+.0f} samples, modulo 1 ms) from where E1 "
-            "places it",
+            f"E6 is {by_s * 1e6:+.1f} µs ({by_s * batch.sample_rate_hz:+.0f} samples, modulo 1 ms) away from the "
+            "delay that E1 predicts",
             "check first_sample and the start of both bands; samples may be missing at the beginning of one of them",
         )  # fmt: skip
 
@@ -243,10 +243,10 @@ def _reversed(file: BandFile, sky: list[tuple[int, float]], span_hz: float) -> R
 
 def _nothing(sky: list[tuple[int, float]]) -> Finding:
     names = satellite_names(svid for svid, _ in sky[:_TRIED])
-    seen = f"{names}, the strongest on E1, are not there" if sky else "no satellite is there"
+    seen = f"{names}, the strongest on E1, are not found" if sky else "E1 has no satellite"
     return fault(
         FindingKind.NO_SIGNAL,
         Band.E6,
-        f"E6: no E6-B, as described or with one other value: {seen}",
+        f"E6: no E6-B signal was found, as described or with one value changed: {seen}",
         "check centre frequency, antenna and filters of the E6 front end",
     )

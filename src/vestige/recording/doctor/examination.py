@@ -146,14 +146,14 @@ def _equal_or_broken(reader: SampleReader) -> Iterator[Finding]:
         if not np.any(samples != samples[0]):
             yield fault(
                 FindingKind.EMPTY, band,
-                f"{band.value}: {name} holds one value only ({samples[0]:.4g}) {where}, in {count / rate * 1e3:.3g} ms",
+                f"{band.value}: {name} has one value only ({samples[0]:.4g}) {where}, in {count / rate * 1e3:.3g} ms",
                 "check that the front end of this band was on, and the format",
             )  # fmt: skip
             return
         if reader.file.form.is_complex and 0.0 in (float(np.std(values[:, 0])), float(np.std(values[:, 1]))):
             yield fault(
                 FindingKind.EMPTY, band,
-                f"{band.value}: one of I and Q in {name} holds one value only {where}",
+                f"{band.value}: one of I and Q in {name} has one value only {where}",
                 "check the cable or channel of that component; if the samples are real ones, convert them to real",
             )  # fmt: skip
             return
@@ -177,7 +177,7 @@ def _not_finite(reader: SampleReader, limit: TimeLimit) -> Iterator[Finding]:
                 FindingKind.NOT_FINITE, reader.band,
                 f"{reader.band.value}: no NaN or infinity in the first {read_s:.1f} s of {reader.duration_s:.1f} s, "
                 "as far as the file was read, nor at its middle and end",
-                "vestige process and vestige track name such a sample where they come to it",
+                "vestige process and vestige track stop at such a sample, and name it",
             )  # fmt: skip
             return
         try:
@@ -198,13 +198,13 @@ def _clipped(reader: SampleReader) -> Iterator[Finding]:
     if n_values == _ENDS_ONLY:
         yield fault(
             FindingKind.CLIPPED, reader.band,
-            f"{reader.band.value}: all values stand at the ends of the scale",
+            f"{reader.band.value}: all values are at the ends of the scale",
             "lower the gain: noise should reach a third of the scale (1 σ); store samples of a 1-bit front end as ±1",
         )  # fmt: skip
     elif n_values > _FEW_VALUES:
         yield fault(
             FindingKind.CLIPPED, reader.band,
-            f"{reader.band.value}: more than {CLIPPED:.0%} of the values stand at the end of the scale",
+            f"{reader.band.value}: more than {CLIPPED:.0%} of the values are at the end of the scale",
             "lower the gain: noise should reach a third of the scale (1 σ)",
         )  # fmt: skip
 

@@ -193,7 +193,7 @@ def centre_reading(file: BandFile, offset_hz: float) -> Reading:
     return Reading(
         kind=FindingKind.CENTRE_FREQUENCY,
         file=replace(file, center_frequency_hz=center_hz),
-        says=f"{offset_hz / 1e3:+.1f} kHz from where the description places them",
+        says=f"{offset_hz / 1e3:+.1f} kHz away from the frequency in the description",
         change=f"set center_frequency_hz = {center_hz:.0f} (to ±4 kHz), or correct the oscillator, which is "
         f"{-offset_hz / CARRIER_HZ[file.band] * 1e6:+.1f} ppm off if the frequency is the one that was set",
     )

@@ -79,7 +79,7 @@ class FollowJournal:
         if not (self._folder / STATE).exists():
             if any(not path.name.startswith(f".{STATE}") for path in self._folder.iterdir()):
                 expected = f"a folder that is empty, or has a {STATE}"
-                raise InputFileError(self._folder, "folder", "something there already", expected)
+                raise InputFileError(self._folder, "folder", "files of another origin", expected)
             nothing = hashlib.sha256().hexdigest()
             self._keep(_State(format=FORMAT, settings=self._settings, n_bytes=0, sha256=nothing, progress=None))
         state = self._read()
@@ -111,7 +111,7 @@ class FollowJournal:
         for name in sorted(state.settings.keys() | self._settings.keys()):
             then, now = state.settings.get(name, "nothing"), self._settings.get(name, "nothing")
             if then != now:
-                raise InputFileError(path, name, now, f"{then}, with which this was begun")
+                raise InputFileError(path, name, now, f"{then}, with which this folder was begun")
         return state
 
     def record(self, lines: Sequence[str], progress: FollowProgress) -> None:

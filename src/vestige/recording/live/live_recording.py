@@ -165,7 +165,8 @@ class LiveRecording:
         if not self._told:
             self._warn(
                 VestigeError(
-                    f"{self.description.path}: E1: no message has told the time, and the time tag need not be right to "
+                    f"{self.description.path}: E1: no navigation message has given the time, and the time tag may "
+                    "be wrong by more than "
                     f"{TIME_TAG_TOLERANCE_S:g} s (--time-uncertainty), so E1 has no ranges"
                 )
             )

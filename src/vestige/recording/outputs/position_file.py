@@ -202,8 +202,8 @@ class PositionFile:
                 size = self._stream.write(head + tail)
             elif not self._is_continued(head, tail, size):
                 self._stream.close()
-                expected = "positions that vestige wrote in this format, or a name that is not taken"
-                raise InputFileError(path, "positions", "something else", expected)
+                expected = "positions that vestige wrote in this format, or a new name"
+                raise InputFileError(path, "positions", "other contents", expected)
         self._end = size - len(tail)  # byte offset of the next position
         self._first = self._end == len(head)
 

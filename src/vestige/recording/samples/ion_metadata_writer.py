@@ -116,7 +116,7 @@ def _band(path: Path, file: BandFile) -> str:
         raise UnsupportedError(f"{file.path}: ION metadata has no encoding for {form.component}, only 8 and 16 bits")
     if file.trailing_bytes or file.path.parent != path.parent:
         raise UnsupportedError(
-            f"{file.path}: ION metadata must stand beside the samples, and no other data may follow the samples"
+            f"{file.path}: ION metadata must be in the folder of the samples, and no other data may follow the samples"
         )
     encoding, bits = _ENCODINGS[form.component]
     width = "" if file.bandwidth_hz is None else f'    <bandwidth format="Hz">{file.bandwidth_hz!r}</bandwidth>\n'

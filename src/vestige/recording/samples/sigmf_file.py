@@ -170,7 +170,7 @@ def _metadata(path: Path) -> dict[str, Any]:
     except jsonschema.ValidationError as error:
         place = ".".join(map(str, error.absolute_path)) or "content"
         if error.validator == "required":
-            raise InputFileError(path, place, "a key too few", error.message) from error
+            raise InputFileError(path, place, "a missing key", error.message) from error
         raise InputFileError(path, place[:80], error.instance, f"{error.validator} {error.validator_value}") from error
     except RecursionError as error:
         raise InputFileError(path, "content", "deep nesting", "SigMF metadata") from error

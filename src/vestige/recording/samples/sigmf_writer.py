@@ -122,14 +122,14 @@ class SigmfWriter:
         while found < left and (block := self._stream.read(min(_BLOCK_BYTES, left - found))):
             if found == 0 and block[: len(begin)] != begin[: len(block)]:
                 self._stream.close()
-                expected = "those that this command makes; what was left is removed, so begin again"
+                expected = "the samples that this command writes; the unfinished file is removed, so begin again"
                 raise InputFileError(self._part, "first samples", "other samples", expected)
             self._look_at(block)
             found += len(block)
         if found < left:
             self._stream.close()
             raise InputFileError(
-                self._part, "length", f"{found} bytes", f"{left} bytes; what was left is removed, so begin again"
+                self._part, "length", f"{found} bytes", f"{left} bytes; the unfinished file is removed, so begin again"
             )
         self._stream.seek(left)
         self._stream.truncate()
@@ -234,4 +234,4 @@ def write_collection(base: Path, metas: Sequence[Path], *, description: str = ""
 
 def _refuse_existing(path: Path) -> None:
     if path.exists():
-        raise InputFileError(path, "file", "a file of that name", "a name that is not taken")
+        raise InputFileError(path, "file", "an existing file", "a new name")

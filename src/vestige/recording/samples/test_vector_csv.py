@@ -83,10 +83,10 @@ def _read_lines(path: Path) -> dict[int, bytes]:
             continue
         svid, data = _read_line(path, number, line)
         if svid in satellites:
-            raise InputFileError(path, f"line {number}", f"SVID {svid} again", "one line a satellite")
+            raise InputFileError(path, f"line {number}", f"SVID {svid} again", "one line for each satellite")
         satellites[svid] = data
     if not satellites:
-        raise InputFileError(path, "line 2", "nothing", "one line a satellite")
+        raise InputFileError(path, "line 2", "nothing", "one line for each satellite")
     return satellites
 
 
@@ -125,5 +125,7 @@ def _start(path: Path, satellites: Mapping[int, bytes]) -> GalileoTime:
         raise InputFileError(path, "words 0 and 5", "no time", "a page that tells the time, or the start time given")
     (start, count), *_ = votes.most_common(1)
     if start < 0 or 2 * count <= votes.total():
-        raise InputFileError(path, "words 0 and 5", f"{len(votes)} different start times", "one on which most agree")
+        raise InputFileError(
+            path, "words 0 and 5", f"{len(votes)} different start times", "one start time on which most words agree"
+        )
     return GalileoTime.from_gst_seconds(start)

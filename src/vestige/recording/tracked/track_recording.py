@@ -1,6 +1,6 @@
 """Tracking of E1 in a recording from the first sample to the last.
 
-The result is the same as from a receiver beside the recorder: observations ten times a second and the navigation pages.
+The result is the same as from a receiver beside the recorder: observations and the navigation pages.
 The pages tell the time. Before that, pseudoranges refer to the time tag of the samples, modulo 100 ms. When the whole
 recording is tracked, the message corrects these pseudoranges. A satellite whose own message has told the time is never
 corrected by the messages of others, so a replay that is seconds late is seen.
@@ -19,7 +19,7 @@ from vestige.recording.samples.sample_stream import SampleStream
 from vestige.records import E1Observation, SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.sample_processor.tracking.settings import TrackingSettings
-from vestige.sample_processor.tracking.tracking_receiver import TRACKED_STRETCH_S, TrackingReceiver
+from vestige.sample_processor.tracking.tracking_receiver import EPOCHS_PER_S, TRACKED_STRETCH_S, TrackingReceiver
 from vestige.time import GalileoTime
 
 _LOOK_S = 0.02  # time between two looks at a pipe
@@ -55,6 +55,7 @@ def track_recording(
     recording: Recording,
     settings: TrackingSettings | None = None,
     *,
+    epochs_per_s: int = EPOCHS_PER_S,
     workers: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> TrackedRecording:
@@ -66,6 +67,8 @@ def track_recording(
         Recording with E1 samples.
     settings
         Loop settings, the same for all channels.
+    epochs_per_s
+        Number of observations per second.
     workers
         Number of threads.
     progress
@@ -87,13 +90,15 @@ def track_recording(
         if progress is not None:
             progress("tracking E1", done, n_pieces)
 
-    return track_batches(tracked_batches(reader), settings, workers=workers, progress=report)
+    batches = tracked_batches(reader)
+    return track_batches(batches, settings, epochs_per_s=epochs_per_s, workers=workers, progress=report)
 
 
 def track_batches(
     batches: Iterable[SampleBatch],
     settings: TrackingSettings | None = None,
     *,
+    epochs_per_s: int = EPOCHS_PER_S,
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> TrackedRecording:
@@ -103,7 +108,7 @@ def track_batches(
     ----------
     batches
         Consecutive pieces of samples.
-    settings, workers
+    settings, epochs_per_s, workers
         The same as for `track_recording`.
     progress
         Called with the number of stretches of `TRACKED_STRETCH_S` that are done.
@@ -113,7 +118,7 @@ def track_batches(
     VestigeError
         If the rate is too low for tracking, or the samples cannot be read.
     """
-    receiver = TrackingReceiver(settings=settings or TrackingSettings(), workers=workers)
+    receiver = TrackingReceiver(settings=settings or TrackingSettings(), epochs_per_s=epochs_per_s, workers=workers)
     epochs: list[ObservationEpoch] = []
     pages: list[InavPage] = []
     untold = 0  # number of epochs before a message told the time; the receiver has corrected later epochs

@@ -2,11 +2,11 @@
 
 | file | content |
 |---|---|
-| `observations.rnx` | RINEX 3.05 observations of E1-C, ten a second |
+| `observations.rnx` | RINEX 3.05 observations of E1-C, ten a second or as asked |
 | `navigation.rnx` | RINEX navigation: the ephemerides in the message |
 | `inav_pages.csv` | I/NAV pages in the format of the official OSNMA test vectors; a missing page is zero |
-| `taps.csv` | correlators of E1-C every 100 ms: time, satellite, then in-phase and quadrature part of each |
-| `power.csv` | C/N0 and power of E1-C every 100 ms, and the power of all samples, for each satellite |
+| `taps.csv` | correlators of E1-C over 100 ms: time, satellite, then in-phase and quadrature part of each |
+| `power.csv` | C/N0 and power of E1-C over 100 ms, and the power of all samples, for each satellite |
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def _write_taps(path: Path, epochs: Sequence[ObservationEpoch], offset_s: int) -
             time = _earlier(epoch.time, offset_s)
             for svid, taps in sorted(epoch.taps.items()):
                 values = [f"{value:.3f}" for tap in taps for value in (tap.real, tap.imag)]
-                table.writerow([time.week, f"{time.second + time.fraction:.1f}", svid, *values])
+                table.writerow([time.week, f"{time.second + time.fraction:.3f}", svid, *values])
 
 
 def signal_power_db(prompt: complex, samples_power_db: float, sample_rate_hz: float) -> float:
@@ -140,7 +140,7 @@ def _write_power(path: Path, epochs: Sequence[ObservationEpoch], offset_s: int, 
                 if taps is not None and taps.size:
                     power_db = signal_power_db(complex(taps[prompt]), epoch.power_db, sample_rate_hz)
                 values = ["" if math.isnan(one) else f"{one:.2f}" for one in (one.cn0_dbhz, power_db, epoch.power_db)]
-                table.writerow([time.week, f"{time.second + time.fraction:.1f}", svid, *values])
+                table.writerow([time.week, f"{time.second + time.fraction:.3f}", svid, *values])
 
 
 def _without_gaps(pages: Sequence[InavPage]) -> dict[int, list[InavPage]]:

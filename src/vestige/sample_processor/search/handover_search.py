@@ -114,7 +114,7 @@ def search_handover(
         deviations of the noise.
     """
     if taps < 1 or taps % 2 == 0:
-        raise ValueError(f"the number of taps must be odd, not {taps}")
+        raise ValueError(f"the number of correlators must be odd, not {taps}")
     places = handover_positions(source, line, first_start, last_start)
     found: list[Peak] = []
     done = 0

@@ -38,10 +38,11 @@ from vestige.sample_processor.tracking.correlator_bank_kernel import (
     removed_cycles,
     running_sums,
 )
-from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
+from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY, PLL_DISCRIMINATORS
 
 CODE_LENGTH = 4092.0  # chips of E1-B and E1-C
 PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
+ARCTAN = PLL_DISCRIMINATORS.index("arctan")  # the discriminator to which half a cycle is no error
 _LARGEST_RATE = 1.001  # largest code rate over its nominal value: a Doppler of 1.5 MHz on E1
 _AMPLITUDE_TIME_S = 0.2  # time over which the amplitude of the prompt is smoothed
 _CN0_SHARE = 0.1  # share of the newest 100 ms in the smoothed signal and noise: 1 s
@@ -240,7 +241,8 @@ def _track_piece(
         s.carrier_cycles += count * s.carrier_step
         total += pilot
         s.integrated += 1
-        _lock(c, s, pilot[c.prompt])
+        if _lock(c, s, pilot[c.prompt]):
+            total *= -1.0
         s.period += 1
         if s.integrated == c.periods:
             _update(c, s, total)
@@ -259,6 +261,8 @@ def _update(c, s, total):
     t = c.interval_s
     # the mean of the in-phase part contains no noise, but it is no measure while the phase is not locked
     size = np.hypot(prompt.real, prompt.imag) if s.mode == PULL_IN else prompt.real
+    if c.phase_kind == ARCTAN:
+        size = abs(size)  # the in-phase part is negative while the loop is locked half a cycle away
     s.amplitude = size if s.amplitude == 0.0 else s.amplitude + t / _AMPLITUDE_TIME_S * (size - s.amplitude)
     rate_hz = 0.0
     angle = _phase_error(c.phase_kind, prompt, s.amplitude)
@@ -305,7 +309,7 @@ def _phase_error(kind, prompt, amplitude):
     """
     if kind == 1:
         return np.arctan2(prompt.imag, prompt.real) / (2 * np.pi)
-    if kind == 2:
+    if kind == ARCTAN:
         return np.arctan(prompt.imag / prompt.real) / (2 * np.pi) if prompt.real != 0.0 else 0.0
     size = max(amplitude, 0.5 * np.hypot(prompt.real, prompt.imag))
     if size <= 0.0:
@@ -317,7 +321,11 @@ def _phase_error(kind, prompt, amplitude):
 
 @njit(cache=True, nogil=True)
 def _lock(c, s, prompt):
-    """Add a prompt to the sums of its secondary code; at the end determine C/N0, phase lock and loss of signal."""
+    """Add a prompt to the sums of its secondary code; at the end determine C/N0, phase lock and loss of signal.
+
+    Return whether the carrier was turned by half a cycle at the end. The loop of an arctangent also locks half a cycle
+    away, where the secondary code, which is known, has the wrong sign.
+    """
     s.sum_re += prompt.real
     s.sum_im += prompt.imag
     s.sum_in_phase += prompt.real**2
@@ -326,7 +334,7 @@ def _lock(c, s, prompt):
         s.in_phase += _IN_PHASE_SHARE * (prompt.real - s.in_phase)
         s.turned |= s.in_phase < _TURNED * s.amplitude / c.periods
     if s.period % PERIODS_PER_SECONDARY != PERIODS_PER_SECONDARY - 1:
-        return
+        return False
     wide = s.sum_re**2 + s.sum_im**2
     if s.summed == PERIODS_PER_SECONDARY and wide > 0.0:
         n = PERIODS_PER_SECONDARY
@@ -351,4 +359,9 @@ def _lock(c, s, prompt):
         s.bad += 1  # there is no power
     if s.bad > c.patience:
         s.mode = LOST
+    opposite = c.phase_kind == ARCTAN and s.mode == TRACKING and s.sum_re < -abs(s.sum_im)
+    if opposite:
+        s.carrier_cycles += 0.5
+        s.in_phase = -s.in_phase
     s.sum_re, s.sum_im, s.sum_in_phase, s.summed = 0.0, 0.0, 0.0, 0
+    return opposite

@@ -159,8 +159,8 @@ class OsnmaTable(Section):
             if event.kind in _NEW_LEAVES and self.merkle_tree is not None:
                 raise InconsistentSettingsError(
                     f"osnma.event.{number}.kind",
-                    f"{event.kind.value} with a merkle_tree of yours",
-                    "no merkle_tree: the operator has one key of it and no notice",
+                    f"{event.kind.value} with your own merkle_tree",
+                    "no merkle_tree: with your tree the operator has only one key, and no signed notice of an alert",
                 )
         return OsnmaService(events=events, key=self._key)
 
@@ -171,7 +171,9 @@ class OsnmaTable(Section):
             return
         before, after = pair
         number = max(k for k, event in enumerate(events) if event is after)
-        over = f"{before.times[-1] - start:g} s or later" if before.complete else "no event after one that does not end"
+        over = (
+            f"{before.times[-1] - start:g} s or later" if before.complete else "no event after an event without an end"
+        )
         raise InconsistentSettingsError(
             f"osnma.event.{number}.start_s",
             f"{after.announced - start:g} s, within the {before.kind.value} of {before.announced - start:g} s",

@@ -19,7 +19,7 @@ from vestige.crypto.file_toml import DEEPEST, parse_toml
 from vestige.errors import InputFileError, VestigeError
 
 NOTHING = "none"  # value of a setting that removes a key
-OURS, OWN = "a kind of vestige", "a kind of the user"  # parts between the keys in the position of an error
+OURS, OWN = "a kind of vestige", "a user's own kind"  # parts between the keys in the position of an error
 LARGEST_NUMBER = 1e15
 _MAX_FILE_BYTES = 1 << 20
 _BARE = re.compile(r"[A-Za-z_][\w.-]*(:[A-Za-z_]\w*)?", re.ASCII)

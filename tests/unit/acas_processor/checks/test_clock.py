@@ -117,7 +117,7 @@ def test_each_part_sees_its_attack() -> None:
     assert jump[0].outcome is Outcome.FAIL
     push = _results(monitor, [*still, (10.0, 30.0, 0.0)])[-1]
     assert [check.outcome for check in push] == [Outcome.PASS, Outcome.FAIL, Outcome.PASS]
-    assert "bias left its drift by +30" in push[1].reason
+    assert "bias differs from its prediction by +30" in push[1].reason
     pulled = _results(monitor, [(float(t), 0.15 * t**2, 0.3 * t) for t in range(10)])[-1]
     assert [check.outcome for check in pulled] == [Outcome.PASS, Outcome.PASS, Outcome.FAIL]
     hidden = _results(monitor, [(float(t), 0.015 * t**2, 0.03 * t) for t in range(10)])[-1]
@@ -129,9 +129,9 @@ def test_gaps_and_missing_fixes() -> None:
     values = [(0.0, 0.0, 0.0), (30.0, 0.0, 0.0), (200.0, 1e6, 500.0), (230.0, 1e6 + 15_000, 500.0)]
     results = _results(monitor, values, sigma_bias_m=3.0)
     assert all(check.outcome is Outcome.NOT_RUN for check in (*results[0], *results[2]))
-    assert results[2][0].reason == "no epoch shortly before"
+    assert results[2][0].reason == "no position fix shortly before"
     assert results[3][0].outcome is Outcome.PASS
-    assert results[3][2].reason == "fewer than 3 epochs in a row"
+    assert results[3][2].reason == "fewer than 3 position fixes in a row"
     for name in NAMES:
         assert outcome(ClockCheck(name=name, monitor=monitor), evidence()).reason.startswith("no position fix")
     with pytest.raises(ValueError, match="three epochs"):

@@ -110,7 +110,7 @@ def test_fading_is_run_with_any_interval() -> None:
     given = steady_evidence(np.zeros((40, 1)), 10 + rng.standard_normal((40, 1)), interval_s=30.0, predicted_rad=np.nan)
     assert E6FadingMonitor().series(given).result(39, 0).outcome is Outcome.PASS
     early = E6FadingMonitor().series(given).result(28, 0)
-    assert early.reason == "fewer than 30 RECS in a row since E1 tracks the satellite"
+    assert early.reason == "fewer than 30 RECS in a row since E1 began to track the satellite"
     fades = steady_evidence(np.zeros((40, 1)), 10 + 6 * (-1.0) ** np.arange(40)[:, None], interval_s=30.0)
     assert "the magnitude of E6 scatters" in E6FadingMonitor().series(fades).result(39, 0).reason
 

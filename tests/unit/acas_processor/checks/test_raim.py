@@ -115,7 +115,7 @@ def test_the_reason_names_the_satellite() -> None:
 
 def test_checks_that_cannot_run() -> None:
     four, svids = _fixes(1, keep=4)
-    assert _of(RaimMonitor(), four, svids).reason == "4 satellites leave nothing to compare"
+    assert _of(RaimMonitor(), four, svids).reason == "4 satellites give a position, but no further range to compare"
     assert _of(SolutionSeparationMonitor(), four, svids).outcome is Outcome.NOT_RUN
     three, svids = _fixes(1, keep=3)
     assert _of(RaimMonitor(), three, svids).reason == "no position fix"

@@ -296,7 +296,7 @@ def _broken() -> Iterator[tuple[str, Callable[[Made], None], tuple[FindingKind, 
     yield "one component", one_component, (FindingKind.EMPTY, Band.E6), "one of I and Q"
     yield "NaN", nan, (FindingKind.NOT_FINITE, Band.E6), "a finite number"
     yield "clipped", clipped, (FindingKind.CLIPPED, Band.E6), "lower the gain"
-    yield "clipped to one bit", one_bit, (FindingKind.CLIPPED, Band.E6), "all values stand at the ends of the scale"
+    yield "clipped to one bit", one_bit, (FindingKind.CLIPPED, Band.E6), "all values are at the ends of the scale"
     yield "short", short, (FindingKind.TOO_SHORT, Band.E1), "E1 lasts 40 ms, too short"
 
 

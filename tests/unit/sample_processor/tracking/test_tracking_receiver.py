@@ -14,7 +14,7 @@ from vestige.records.observation_epoch import ObservationEpoch
 from vestige.sample_processor.acquisition import acquire
 from vestige.sample_processor.e1_snapshot import measure_e1
 from vestige.sample_processor.tracking.channel import Channel, correlator_lags, track_together
-from vestige.sample_processor.tracking.settings import TrackingSettings
+from vestige.sample_processor.tracking.settings import PLL_DISCRIMINATORS, TrackingSettings
 from vestige.sample_processor.tracking.tracking_receiver import TrackedStretch, TrackingReceiver, recut
 
 RATE_HZ = 4.1e6
@@ -29,6 +29,11 @@ def _sky(duration_s: float = 1.2, seed: int = 4) -> SampleBatch:
 @pytest.fixture(scope="module")
 def sky() -> SampleBatch:
     return _sky()
+
+
+@pytest.fixture(scope="module")
+def long_sky() -> SampleBatch:
+    return _sky(duration_s=2.0)
 
 
 def _cut(whole: SampleBatch, places: list[int]) -> list[SampleBatch]:
@@ -163,16 +168,39 @@ def test_a_front_end_beside_e1_gives_the_same_observations(sky: SampleBatch, off
         assert abs(cycles - round(cycles)) < 1e-5
 
 
-def test_a_phase_jump_is_flagged(sky: SampleBatch) -> None:
-    """While the loop turns back there is no observation, and the next one is flagged."""
-    samples = sky.samples.copy()
+def test_the_observation_rate_adds_epochs_and_changes_none(sky: SampleBatch) -> None:
+    usual = {epoch.time: epoch.observations for epoch in _track([sky])}
+    often = _epochs(list(TrackingReceiver(svids=(11, 17, 30), epochs_per_s=50).run([sky])))
+    assert {round((after.time - before.time) * 1e6) for before, after in pairwise(often)} == {20_000}
+    common = {epoch.time: epoch.observations for epoch in often if epoch.time in usual}
+    assert len(common) == len(usual)
+    seen = [time for time in usual if 11 in usual[time]]
+    assert len(seen) > 3
+    for time in seen:
+        assert common[time][11].pseudorange_m == pytest.approx(usual[time][11].pseudorange_m, abs=1e-6)
+        assert common[time][11].doppler_hz == pytest.approx(usual[time][11].doppler_hz, abs=1e-6)
+
+
+@pytest.mark.parametrize("discriminator", PLL_DISCRIMINATORS)
+def test_a_phase_jump_is_flagged(long_sky: SampleBatch, discriminator: str) -> None:
+    """Half a cycle is solved by the sign of the secondary code; until then there is no observation.
+
+    The next observation is flagged, and no later one. Its carrier phase differs by half a cycle, or by half a cycle and
+    whole cycles, from that without the jump.
+    """
+    samples = long_sky.samples.copy()
     samples[int(0.62 * RATE_HZ) :] *= -1
-    epochs = _track([replace(sky, samples=samples)])
+    epochs = _track([replace(long_sky, samples=samples)], pll_discriminator=discriminator)
+    usual = _track([long_sky], pll_discriminator=discriminator)
     seen = {round(epoch.time - START, 1): 11 in epoch.observations for epoch in epochs}
     assert seen[0.6]
     assert not seen[0.7]
-    flagged = [round(epoch.time - START, 1) for epoch in epochs if 11 in epoch.slipped]
-    assert any(time > 0.7 for time in flagged)
+    back = next(time for time, there in seen.items() if there and time > 0.7)
+    assert back <= 1.2
+    assert all(there for time, there in seen.items() if time >= back)
+    assert [time for epoch in epochs if 11 in epoch.slipped and (time := round(epoch.time - START, 1)) > 0.6] == [back]
+    last, usual_last = (each[-1].observations[11].carrier_phase_cycles for each in (epochs, usual))
+    assert (last - usual_last) % 1.0 == pytest.approx(0.5, abs=0.05)
 
 
 def test_noise_alone_gives_nothing() -> None:

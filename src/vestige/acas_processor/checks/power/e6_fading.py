@@ -84,7 +84,7 @@ class E6FadingMonitor(Monitor):
             if evidence.measured.detected.tap[here] < 0:
                 return "nothing was detected on E6"
             if np.isnan(statistic[here]):
-                return f"fewer than {n} RECS in a row since E1 tracks the satellite"
+                return f"fewer than {n} RECS in a row since E1 began to track the satellite"
             return f"the magnitude of E6 scatters {statistic[here]:.1f} times as much as noise does"
 
         return series_of(self, statistic, threshold, explain)

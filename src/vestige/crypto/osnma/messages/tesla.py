@@ -72,7 +72,7 @@ class Chain:
 
     def __init__(self, root: RootKey) -> None:
         if type(root) is not RootKey:
-            raise TypeError(f"a Chain hangs on a RootKey, not on a {type(root).__name__}")
+            raise TypeError(f"a Chain needs a RootKey, not a {type(root).__name__}")
         self._root = root
         self._known = {root.time.gst_seconds: root.data}
         self._times = [root.time.gst_seconds]
@@ -173,7 +173,7 @@ class Chain:
 def _check_types(key: Key) -> None:
     """Raise a TypeError unless a key consists of immutable types; subclasses and bytearrays can change."""
     if type(key) is not Key:
-        raise TypeError(f"a Key is validated along a Chain, not a {type(key).__name__}")
+        raise TypeError(f"only a Key is validated along a Chain, not a {type(key).__name__}")
     if type(key.data) is not bytes or type(key.time) is not GalileoTime:
         raise TypeError(
             f"a Key has a GalileoTime and bytes, not a {type(key.time).__name__} and a {type(key.data).__name__}"

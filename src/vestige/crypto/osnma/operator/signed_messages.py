@@ -54,7 +54,7 @@ def unsigned_kroot(root: Key, parameters: ChainParameters, *, chain_id: int, pki
     """
     hour = root.time + SUBFRAME_S
     if hour.second % HOUR_S:
-        raise ValueError(f"a root key is of 30 s before a full hour, not of {root.time}")
+        raise ValueError(f"the time of a root key is 30 s before a full hour, not {root.time}")
     return DsmKroot(
         n_blocks=_MIN_BLOCKS,
         public_key_id=pkid,

@@ -126,7 +126,7 @@ def test_key_renewal() -> None:
     old = verify_pages(pages, sky.operator.public_keys[:1])
     assert len(old.keys) == N
     assert set(pkids(old)) == {1}
-    assert any("no Merkle tree to verify it" in problem.text for problem in old.problems)
+    assert any("no Merkle tree was given to verify it" in problem.text for problem in old.problems)
 
 
 def test_a_broadcast_key_opens_root_keys_that_came_before_it() -> None:

@@ -38,7 +38,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Device:
 
 DEVICES = ("numpy", "compiled", "gpu")
 # The longest integrations of each device that are no slow tests: the direct sum takes long, and more so the kernels on
-# the processor. The FFT engine, which computes the same, is quickly tested at 16 ms too.
+# the processor. The FFT engine, which computes the same, is quickly tested at 8 ms too.
 QUICK_MS = {"numpy": 4, "compiled": 2, "gpu": 16}
 
 
@@ -114,7 +114,7 @@ def test_calls_from_several_threads_do_not_mix(device: Device, monkeypatch: pyte
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("ms", [1, 4])
+@pytest.mark.parametrize("ms", [1, pytest.param(4, marks=pytest.mark.slow)])
 def test_a_search_finds_the_same_bits_as_with_fft(ms: int, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Exact cells decide: peaks are equal, not just near."""
     monkeypatch.setattr(cuda_engine, "cuda_device", lambda: device)

@@ -137,7 +137,7 @@ def test_no_signal_is_too_strong_for_the_screen(ms: int) -> None:
         assert 0 < engine.powers(x, 16, 28.0)[0, 0, 7] == engine.powers(x, 16)[0, 0, 7]
 
 
-@pytest.mark.parametrize("ms", MILLISECONDS)
+@pytest.mark.parametrize("ms", [*MILLISECONDS[:-1], pytest.param(16, marks=pytest.mark.slow)])
 def test_fft_engine_is_the_direct_sum(ms: int) -> None:
     codes, x = engine_vector(ms)
     n = codes.shape[1]
