@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -17,11 +17,14 @@ _OF_DASK = ("asyncio", "distributed", "distributed.client", "distributed.comm", 
 
 
 @contextmanager
-def pool(workers: int | None, threads: bool | None, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
+def pool(
+    workers: int | None, threads: bool | None, scheduler: str | None, preload: Sequence[str] = ()
+) -> Iterator[tuple[Executor, int]]:
     """Yield an executor and the number of calls that it runs at the same time.
 
     On this machine the number is `workers`, by default 1. `threads` chooses threads or processes; None chooses by the
-    number of workers. `scheduler` is the address of a cluster's scheduler, in place of this machine.
+    number of workers. `scheduler` is the address of a cluster's scheduler, in place of this machine. `preload` names
+    modules that worker processes need, as in `local_executor`.
     """
     if scheduler is not None:
         from vestige.campaign.execution.cluster import connect
@@ -38,5 +41,5 @@ def pool(workers: int | None, threads: bool | None, scheduler: str | None) -> It
     workers = workers or 1
     kind = "threads" if (workers <= MAX_THREADS if threads is None else threads) else "processes"
     detail(f"number of {kind}: {workers}")
-    with local_executor(kind, workers) as executor:
+    with local_executor(kind, workers, preload) as executor:
         yield executor, workers

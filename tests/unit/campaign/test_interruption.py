@@ -104,3 +104,60 @@ def test_ctrl_c(tmp_path: Path, executor: str) -> None:
         assert process.returncode == -signal.SIGINT
         assert f"of {N_EPOCHS} epochs are stored in {tmp_path / 'a.zarr'}; the same command continues" in errors
     assert_resumes(tmp_path / "a.zarr")
+
+
+# Nothing else imports `wave`. The import of `xarray` takes so long that Ctrl-C comes before its end. A process has a
+# single server, so each test has a process.
+SERVER_PROGRAM = """
+import os, signal, sys, time
+from vestige.campaign.execution.executors import local_executor
+
+if __name__ == "__main__":
+    with local_executor("processes", 2, preload=["wave", "xarray"]) as pool:
+        print("started", flush=True)
+        if "wait" in sys.argv:
+            print(pool.submit(eval, "1").result(), flush=True)
+            pool.submit(time.sleep, 60).result()
+        loaded = pool.submit(eval, "'wave' in __import__('sys').modules").result()
+        threads = pool.submit(os.getenv, "OMP_NUM_THREADS").result()
+        print(loaded, threads, pool.submit(signal.getsignal, signal.SIGINT).result().name)
+"""
+
+
+def start_server(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(  # noqa: S603
+        [sys.executable, "-c", SERVER_PROGRAM, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    )
+
+
+def test_a_worker_has_the_modules_one_thread_and_no_ctrl_c() -> None:
+    with start_server() as process:
+        found, errors = process.communicate(timeout=60)
+    assert found.split("\n")[1] == "True 1 SIG_IGN", errors
+
+
+def test_server_and_workers_end_with_a_killed_coordinator() -> None:
+    with start_server("wait") as process:
+        assert process.stdout is not None
+        assert [process.stdout.readline() for _ in range(2)] == ["started\n", "1\n"]
+        process.kill()
+        process.wait()
+        deadline = time.monotonic() + 20
+        while not group_is_gone(process.pid):
+            assert time.monotonic() < deadline, "workers outlive their coordinator"
+            time.sleep(0.02)
+
+
+def test_ctrl_c_ends_all_without_a_word_of_the_server() -> None:
+    with start_server("wait") as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "started\n"
+        time.sleep(0.2)  # the server has begun to import
+        os.killpg(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=30)
+    assert errors.count("KeyboardInterrupt") == 1, errors  # the coordinator's own

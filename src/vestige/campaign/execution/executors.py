@@ -6,11 +6,12 @@ Every worker process imports this module, so the module imports no large package
 from __future__ import annotations
 
 import multiprocessing
+import multiprocessing.forkserver
 import os
 import platform
 import signal
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import wait
@@ -43,25 +44,41 @@ def measure_chunk(
 
 
 @contextmanager
-def local_executor(kind: str, workers: int) -> Iterator[Executor]:
+def local_executor(kind: str, workers: int, preload: Sequence[str] = ()) -> Iterator[Executor]:
     """Yield an executor with `workers` threads or processes; the exit of the context waits for running calls.
 
-    Processes are started with `spawn`, because a fork of a process with threads may inherit a locked lock.
+    Processes are started with `spawn`, because a fork of a process with threads may inherit a locked lock. If `preload`
+    names modules, a server process without threads imports them at once, while the caller goes on. Each worker is then
+    a fork of this server, so all workers together need one import. Without fork servers, as on Windows, workers import
+    what they need.
     """
     if workers < 1:
         raise ValueError(f"{workers} workers")
     if kind == "threads":
         executor: Executor = ThreadPoolExecutor(workers, thread_name_prefix="vestige")
     elif kind == "processes":
-        spawn = multiprocessing.get_context("spawn")
-        executor = ProcessPoolExecutor(workers, mp_context=spawn, initializer=_start_process)
+        method = "forkserver" if preload and "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+        context = multiprocessing.get_context(method)
+        executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_process)
     else:
         raise ValueError(f"executor {kind!r}: threads, processes or a concurrent.futures.Executor")
     with _environment(ONE_THREAD if kind == "processes" else {}):
+        if kind == "processes" and method == "forkserver":
+            _start_server(preload)
         try:
             yield executor
         finally:
             executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_server(preload: Sequence[str]) -> None:
+    """Start the process from which workers are forked; it ignores Ctrl-C, as they do, also while it imports."""
+    multiprocessing.set_forkserver_preload(list(preload))
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a new process keeps that a signal is ignored
+    try:
+        multiprocessing.forkserver.ensure_running()
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 @contextmanager

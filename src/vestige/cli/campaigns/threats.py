@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 QUICK_SEEDS, SEEDS = 6, 100  # six of six runs are the fewest that prove a share of more than a half
 FIGURE = "threats.png"
+# modules that every worker needs; packages load all but the first only when a run begins
+_PRELOAD = ("vestige.threats.matrix", "dask.array", "numba.typed", "scipy.interpolate", "scipy.ndimage")
 
 
 @click.command()
@@ -109,26 +111,39 @@ def command(
 
     os.environ.update(ONE_THREAD)  # set before numpy is loaded, because runs are parallel
 
-    from vestige.cli.campaigns.threats_report import expectations_text, threats_json, threats_text
-    from vestige.threats.matrix import case_of, cases
+    if expected:
+        _echo_expectations(ids, levels, as_json)
+        return
+    # The pool starts before the imports below, so that its workers load their modules at the same time.
+    with pool(workers, False if (workers or 1) > 1 else None, scheduler, _PRELOAD) as (executor, calls):
+        from vestige.cli.campaigns.threats_report import threats_json, threats_text
+        from vestige.threats.matrix import case_of, cases
+        from vestige.threats.scenes import LEVEL_NUMBERS, read_threats
+
+        threats, shown = _chosen(read_threats(), ids), levels or LEVEL_NUMBERS
+        mine = tuple(case_of(path.stem, _load(path, quick, settings), settings) for path in files)
+        chosen = mine or cases(threats, settings)
+        seeds = range(n_seeds or (QUICK_SEEDS if quick else SEEDS))
+        with nullcontext() if output is None else only_writer(output):
+            if output is not None:
+                import vestige.plots  # noqa: F401  (loaded while the workers start)
+            cells = list(_measured(chosen, seeds, output, executor, calls))
+            text = threats_json(cells, () if files else threats, shown) if as_json else threats_text(cells, shown)
+            echo(*text.split("\n"))
+            if output is not None:
+                for path in _written(output, cells):
+                    echo(f"written: {path}", err=as_json)
+
+
+def _echo_expectations(ids: tuple[str, ...], levels: tuple[int, ...], as_json: bool) -> None:
+    from vestige.cli.campaigns.threats_report import expectations_text, threats_json
     from vestige.threats.scenes import LEVEL_NUMBERS, read_threats
 
-    threats, shown = _chosen(read_threats(), ids), levels or LEVEL_NUMBERS
-    if expected:
-        tables = [threats_json([], threats)] if as_json else [expectations_text(threats, one) for one in shown]
-        echo(*"\n".join(tables).split("\n"))
-        return
-    mine = tuple(case_of(path.stem, _load(path, quick, settings), settings) for path in files)
-    chosen = mine or cases(threats, settings)
-    seeds = range(n_seeds or (QUICK_SEEDS if quick else SEEDS))
-    with nullcontext() if output is None else only_writer(output):
-        with pool(workers, False if (workers or 1) > 1 else None, scheduler) as (executor, calls):
-            cells = list(_measured(chosen, seeds, output, executor, calls))
-        text = threats_json(cells, () if files else threats, shown) if as_json else threats_text(cells, shown)
-        echo(*text.split("\n"))
-        if output is not None:
-            for path in _written(output, cells):
-                echo(f"written: {path}", err=as_json)
+    threats = _chosen(read_threats(), ids)
+    tables = (
+        [threats_json([], threats)] if as_json else [expectations_text(threats, one) for one in levels or LEVEL_NUMBERS]
+    )
+    echo(*"\n".join(tables).split("\n"))
 
 
 def _chosen(threats: tuple[Threat, ...], ids: tuple[str, ...]) -> tuple[Threat, ...]:

@@ -93,6 +93,7 @@ class Hypotheses:
 _POWER_DB = (-3.0, 25.0, 0.25)  # first, last, step of the cells
 _DISTORTION = (0.0, 7.0, 0.07)  # bins of ln(1 + D)
 _SMOOTHING_CELLS = 1.0  # 1σ
+_SECOND_SIGNAL = (SignalClass.MULTIPATH, SignalClass.SPOOFED)  # only with a second signal does D depend on the C/N0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,16 +124,13 @@ def simulated_decision_map(
     A false alarm (clean or multipath called an attack) costs `alarm_cost`, every other error 1. `draws` is the number
     of draws for each hypothesis. The same seed gives the same map.
     """
-    from scipy.ndimage import gaussian_filter  # noqa: PLC0415  (loads slowly, and few runs make a map)
-
     edges = tuple(
         np.arange(round((last - first) / step) + 1) * step + first for first, last, step in (_POWER_DB, _DISTORTION)
     )
-    densities = []
-    for truth in SignalClass:
-        rise_db, distortion = hypotheses.simulate(truth, stream(seed, "decision map", truth.name), draws)
-        counts = _counts(rise_db, np.log1p(distortion))
-        densities.append(gaussian_filter(counts / draws, _SMOOTHING_CELLS, mode="reflect", truncate=4.0))
+    without_cn0 = replace(hypotheses, cn0_dbhz=0.0)  # without a second signal, no draw depends on the C/N0
+    densities = [
+        _density(hypotheses if truth in _SECOND_SIGNAL else without_cn0, truth, seed, draws) for truth in SignalClass
+    ]
     likelihood = np.stack(densities)
     cost = 1.0 - np.eye(len(SignalClass))  # [truth, decision]
     cost[: SignalClass.SPOOFED, SignalClass.SPOOFED :] = alarm_cost
@@ -140,6 +138,16 @@ def simulated_decision_map(
     classes = np.argmin(expected, axis=0)
     classes = _filled(classes, likelihood.sum(axis=0) > 1e-12)
     return DecisionMap(power_edges_db=edges[0], distortion_edges=np.expm1(edges[1]), classes=classes.astype(np.int8))
+
+
+@lru_cache(maxsize=64)
+def _density(hypotheses: Hypotheses, truth: SignalClass, seed: int, draws: int) -> Float[np.ndarray, "a b"]:
+    """Return the smoothed share of the draws of one hypothesis that lie in each cell."""
+    from scipy.ndimage import gaussian_filter  # noqa: PLC0415  (loads slowly, and few runs make a map)
+
+    rise_db, distortion = hypotheses.simulate(truth, stream(seed, "decision map", truth.name), draws)
+    counts = _counts(rise_db, np.log1p(distortion))
+    return np.asarray(gaussian_filter(counts / draws, _SMOOTHING_CELLS, mode="reflect", truncate=4.0))
 
 
 def _counts(power_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n"]) -> Int64[np.ndarray, "a b"]:
