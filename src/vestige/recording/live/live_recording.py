@@ -177,7 +177,7 @@ class LiveRecording:
             return ""
         return (
             f"{self.description.path}: E1: no message has told the time, and the time tag need not be right to "
-            f"{TIME_TAG_TOLERANCE_S:g} s (--time-uncertainty), so E1 has no ranges; a message tells the time within 30 s"
+            f"{TIME_TAG_TOLERANCE_S:g} s (--time-uncertainty), so E1 has no ranges; record 30 s or more"
         )
 
     @property
