@@ -21,7 +21,7 @@ from vestige.cli.live.live_input import (
 )
 from vestige.cli.options import assistance_folder
 from vestige.cli.outputs.other_programs import OUTPUT_NAMES, check_outputs, outputs_for_others
-from vestige.cli.recordings.process_options import check_processor_usage, check_trust, cn0_estimator, inputs
+from vestige.cli.recordings.process_options import check_named_inputs, check_processor_usage, cn0_estimator, inputs
 from vestige.cli.recordings.time_tag import on_signal_clock, time_tag_warning
 from vestige.cli.terminal import echo, note, warn
 from vestige.errors import VestigeError
@@ -324,7 +324,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
     trust = {"public_key": options["public_key"], "merkle_tree": options["merkle_tree"]}
     message = None if tracking is None else tracking.message
     second, sensed = options["second_channel"], options["accelerations"]
-    check_trust(options, folder, second)
+    check_named_inputs(options, folder, second)
     live = opened_live(
         description,
         options,

@@ -19,8 +19,8 @@ from vestige.cli.outputs.other_programs import (
 )
 from vestige.cli.recordings.process_options import (
     PROCESSOR_GROUPS,
+    check_named_inputs,
     check_processor_usage,
-    check_trust,
     cn0_estimator,
     inputs,
     processor_options,
@@ -261,7 +261,7 @@ def _tracked(recording: Recording, options: dict[str, Any], folder: Path) -> Tra
         return None
     cn0_estimator(options, measured=False)
     processor_from_options(options)
-    check_trust(options, folder)
+    check_named_inputs(options, folder)
     if options["strict"]:
         trust = {name: options[name] for name in ("public_key", "merkle_tree", "certificates")}
         read_assistance(folder, **trust, strict=True)

@@ -248,7 +248,7 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
     return (recording, *(options[name] for name in _READ), *options["certificates"])
 
 
-def check_trust(options: dict[str, Any], *folders: Path | None) -> None:
+def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
     """Read the named keys, tree and certificates, and list folders, so that a wrong name costs no tracking of E1.
 
     Raises `InputFileError` or `AuthenticationError`, as `read_assistance`.
