@@ -187,7 +187,7 @@ class MeasurementBlock:
             )
         return (
             f"not provably received before the key's disclosure: samples until {self.snapshots.received_at.at(*here)} "
-            f"± {uncertainty_s:g} s, key on air from {self.recs.disclosed.at(*here)}"
+            f"± {uncertainty_s:g} s by the receiver's clock, key on air from {self.recs.disclosed.at(*here)}"
         )
 
 

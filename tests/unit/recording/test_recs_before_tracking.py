@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from vestige.cli.live.follow import _EarlyRecs
 from vestige.cli.recordings.process import _sent_before_tracking
+from vestige.cli.recordings.verdicts import Tally
 from vestige.recording.tracked.track_recording import TrackedRecording
 from vestige.records import E1Observation
 from vestige.records.observation_epoch import ObservationEpoch
@@ -19,7 +20,7 @@ SEEN = {
 }
 
 
-def warned(*sent_s: float, late_s: float = 0.0, svid: int = 7) -> list[str]:
+def warned(*sent_s: float, late_s: float = 0.0, svid: int = 7) -> str:
     epochs = tuple(ObservationEpoch(time=START + s, observations=SEEN if s > 0.4 else {}) for s in (0.0, 0.5, 0.6))
     tracked = TrackedRecording(epochs=epochs, pages=(), time_tag_error_s=late_s)
     sent = {START + s: [SimpleNamespace(svid=svid)] for s in sent_s}
@@ -27,36 +28,39 @@ def warned(*sent_s: float, late_s: float = 0.0, svid: int = 7) -> list[str]:
 
 
 def test_only_those_that_arrived_before_the_first_observation() -> None:
-    assert warned() == warned(0.45, 10.0) == []  # sent at 0.45 s, it arrives while E1 is tracked
-    assert warned(0.0, 10.0)[0].startswith("1 RECS came before E1 was tracked")
-    assert warned(0.0, 0.1)[0].startswith("2 RECS came")
+    assert warned() == warned(0.45, 10.0) == ""  # sent at 0.45 s, it arrives while E1 is tracked
+    assert warned(0.0, 10.0).startswith("1 RECS came before E1 was tracked")
+    assert warned(0.0, 0.1).startswith("2 RECS came")
 
 
 def test_a_satellite_that_was_never_tracked_is_another_matter() -> None:
-    assert warned(0.0, svid=8) == []
+    assert warned(0.0, svid=8) == ""
 
 
 def test_a_time_tag_that_is_late() -> None:
-    assert warned(0.0, late_s=10.0) == []  # E1 was tracked 9.5 s before that RECS
+    assert warned(0.0, late_s=10.0) == ""  # E1 was tracked 9.5 s before that RECS
+    assert f"tracked, from {START + 10.5} on" in warned(0.0, late_s=-10.0)  # by the clock of the signal
 
 
 def test_nothing_was_tracked() -> None:
-    assert _sent_before_tracking(SimpleNamespace(), None) == []  # type: ignore[arg-type]
+    assert _sent_before_tracking(SimpleNamespace(), None) == ""  # type: ignore[arg-type]
 
 
-def followed(*sent_s: float, svid: int = 7, first_s: float | None = 0.5) -> list[str]:
+def followed(*sent_s: float, svid: int = 7, first_s: float | None = 0.5) -> str:
     said: list[object] = []
     first = None if first_s is None else START + first_s
-    early = _EarlyRecs(SimpleNamespace(first_observed=first, seen={7}), said.append)  # type: ignore[arg-type]
+    tally = Tally()
+    early = _EarlyRecs(SimpleNamespace(first_observed=first, seen={7}), tally, said.append)  # type: ignore[arg-type]
     for s in sent_s:
         segments = tuple(SimpleNamespace(svid=svid, transmit_time=START + other) for other in sent_s)
         assistance = SimpleNamespace(segments=segments)
         early.take(SimpleNamespace(sent=START + s, time_tag_error_s=0.0, assistance=assistance))  # type: ignore[arg-type]
     early.say()
-    return [str(line) for line in said]
+    assert said == [tally.too_early] * bool(said)
+    return tally.too_early
 
 
 def test_live_warns_of_all_of_them_at_once() -> None:
     assert followed(0.0, 0.1, 10.0, 20.0) == warned(0.0, 0.1)
     assert followed(0.0) == warned(0.0)  # at the end
-    assert followed(0.45, 10.0) == followed(0.0, svid=8) == followed(0.0, first_s=None) == []
+    assert followed(0.45, 10.0) == followed(0.0, svid=8) == followed(0.0, first_s=None) == ""

@@ -21,15 +21,15 @@ from vestige.cli.live.live_input import (
 )
 from vestige.cli.options import assistance_folder
 from vestige.cli.outputs.other_programs import OUTPUT_NAMES, check_outputs, outputs_for_others
-from vestige.cli.recordings.process_options import check_processor_usage, cn0_estimator, inputs
+from vestige.cli.recordings.process_options import check_named_inputs, check_processor_usage, cn0_estimator, inputs
+from vestige.cli.recordings.time_tag import on_signal_clock, time_tag_warning
 from vestige.cli.terminal import echo, note, warn
 from vestige.errors import VestigeError
 from vestige.output import check_output
 from vestige.own_parts import digest, is_own
 
 if TYPE_CHECKING:
-    from vestige.acas_processor.processor import AcasProcessor
-    from vestige.cli.outputs.other_programs import Write
+    from vestige.acas_processor.processor import AcasProcessor, Step
     from vestige.cli.outputs.verdict_lines import EndLine
     from vestige.cli.recordings.verdicts import Tally
     from vestige.recording.live.follow_journal import FollowJournal
@@ -96,14 +96,16 @@ def _run(
     processor: AcasProcessor,
     options: dict[str, Any],
     journal: FollowJournal | None,
-    write: Write,
+    write: Callable[[Step], None],
     warn: Callable[[object], None],
 ) -> None:
     from vestige.cli.recordings.verdicts import Tally, lines, print_changes, print_snapshot
     from vestige.recording.assistance.made_recs import open_code_warning
     from vestige.recording.live.follow_journal import FollowProgress
 
-    state, tally, early = None, Tally(), _EarlyRecs(following.live.tracking, warn)
+    tracking, corrected = following.live.tracking, _SignalClock(warn)
+    state, tally = None, Tally(tracked=frozenset() if tracking is None else tracking.seen)
+    early = _EarlyRecs(tracking, tally, warn)
     if journal is not None and journal.progress is not None:
         following.index, following.after = journal.progress.index + 1, journal.progress.sent
         state = journal.progress.state
@@ -125,11 +127,11 @@ def _run(
             processor = _with_orbits(processor, following, options)
             since = None if state is None else state.last
             block = epoch.channels.block(epoch.snapshot, epoch.assistance, since)
-            step = processor.step(state, block, epoch.assistance)
+            late_s = epoch.time_tag_error_s
+            step = corrected(processor.step(state, block, epoch.assistance), late_s)
             state = step.state
             text = lines(step)
             if journal is not None:  # stored before printing, so that no line is printed twice
-                late_s = epoch.time_tag_error_s
                 progress = FollowProgress(
                     index=epoch.snapshot.index, sent=epoch.sent, state=state, time_tag_error_s=late_s
                 )
@@ -140,7 +142,7 @@ def _run(
             else:
                 print_snapshot(step)
                 print_changes(step)
-            write(step, epoch.time_tag_error_s)
+            write(step)
             tally.add(step)
     except KeyboardInterrupt as stop:
         _print_end(tally, following.live.n_dropped, as_json=options["as_json"])
@@ -148,7 +150,7 @@ def _run(
         if journal is not None:
             stop.add_note(f"the same command continues from {options['output']}")
         raise
-    early.say()
+    early.end(following.live.why_no_ranges)
     if state is None:
         _say_what_is_missing(following, warn, still_to_come=())
     _end(tally, following, options, waited=bool(tally.snapshots or state is None))
@@ -160,7 +162,7 @@ def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited:
 
     n_dropped = following.live.n_dropped
     _print_end(tally, n_dropped, as_json=options["as_json"])
-    if tally.nothing and waited:
+    if tally.nothing and waited and not tally.too_early:  # RECS that came too early have their own warning
         warn(f"{tally.nothing}: {following.live.extent}")
     elif tally.counts and tally.advice:
         warn(tally.advice)
@@ -226,11 +228,26 @@ class _Warnings:
                 warn("further warnings are not printed")
 
 
+class _SignalClock:
+    """Correction of the times of output, which warns when the error of the time tag becomes known."""
+
+    def __init__(self, warn: Callable[[object], None]) -> None:
+        self._warn, self._said_s = warn, 0.0
+
+    def __call__(self, step: Step, late_s: float) -> Step:
+        """Return a step as `on_signal_clock`."""
+        if line := time_tag_warning(late_s, self._said_s):
+            self._warn(line)
+            self._said_s = late_s
+        return on_signal_clock(step, late_s)
+
+
 class _EarlyRecs:
     """Printer of a single warning about RECS before the tracking of E1, when a later RECS follows or at the end."""
 
-    def __init__(self, tracking: LiveTracking | None, warn: Callable[[object], None]) -> None:
-        self._tracking, self._warn, self._count = tracking, warn, 0
+    def __init__(self, tracking: LiveTracking | None, tally: Tally, warn: Callable[[object], None]) -> None:
+        self._tracking, self._tally, self._warn = tracking, tally, warn
+        self._count, self._late_s = 0, 0.0
 
     def take(self, epoch: FollowedEpoch) -> None:
         """Count the RECS of an epoch if they came before tracking."""
@@ -243,14 +260,22 @@ class _EarlyRecs:
             return
         now = (one for one in epoch.assistance.segments if one.transmit_time == epoch.sent)
         self._count += sum(one.svid in self._tracking.seen for one in now)
+        self._late_s = epoch.time_tag_error_s
 
     def say(self) -> None:
         """Warn of the RECS that were counted."""
         from vestige.recording.tracked.track_recording import early_recs_warning
 
         if self._count and self._tracking is not None and self._tracking.first_observed is not None:
-            self._warn(early_recs_warning(self._count, self._tracking.first_observed))
+            self._tally.too_early = early_recs_warning(self._count, self._tracking.first_observed + -self._late_s)
+            self._warn(self._tally.too_early)
         self._count = 0
+
+    def end(self, why_no_ranges: str) -> None:
+        """Warn of the remaining RECS that were counted; `why_no_ranges` is the reason for RECS that came later."""
+        self.say()
+        if self._tally.missed:
+            self._tally.too_early = self._tally.too_early or why_no_ranges
 
 
 def _say_what_is_missing(
@@ -293,6 +318,14 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
             "100 ms"
         )
     named = options["observations"] is not None or named_observations(description)
+    bias_m = options["hardware_bias_m"]
+    if recording == STDIN and options["assistance_path"] is None:
+        raise click.UsageError("samples on standard input need --assistance")
+    folder = assistance_folder(recording, options["assistance_path"])
+    trust = {"public_key": options["public_key"], "merkle_tree": options["merkle_tree"]}
+    message = None if tracking is None else tracking.message
+    second, sensed = options["second_channel"], options["accelerations"]
+    check_named_inputs(options, folder, second)
     live = opened_live(
         description,
         options,
@@ -303,13 +336,6 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
         told=told,
         around_s=around_s if searchable else 0.0,
     )
-    bias_m = options["hardware_bias_m"]
-    if recording == STDIN and options["assistance_path"] is None:
-        raise click.UsageError("samples on standard input need --assistance")
-    folder = assistance_folder(recording, options["assistance_path"])
-    trust = {"public_key": options["public_key"], "merkle_tree": options["merkle_tree"]}
-    message = None if tracking is None else tracking.message
-    second, sensed = options["second_channel"], options["accelerations"]
     return Following(
         live=live,
         folder=GrowingAssistance(folder, **trust, certificates=options["certificates"], message=message, warn=warn),

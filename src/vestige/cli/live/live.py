@@ -14,6 +14,7 @@ from vestige.cli.options import PATH, number_option
 from vestige.cli.outputs.other_programs import OUTPUT_NAMES, output_options
 from vestige.cli.recordings.process_options import PROCESSOR_GROUPS, processor_options
 from vestige.cli.recordings.processor_from_options import processor_from_options
+from vestige.cli.terminal import detail
 
 LIVE_GROUPS = {
     "Output": (
@@ -65,4 +66,6 @@ def command(recording_path: Path, **options: Any) -> None:
     file as for `vestige process`, or `-` for samples of E6 or of both bands on standard input.
     """
     check_usage(recording_path, options)
-    follow_recording(recording_path, options, processor_from_options(options))
+    processor = processor_from_options(options)
+    detail(processor.limits)
+    follow_recording(recording_path, options, processor)

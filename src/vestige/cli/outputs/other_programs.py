@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -21,13 +21,6 @@ if TYPE_CHECKING:
 STDOUT = Path("-")
 ENDINGS = (".nmea", ".csv", ".geojson", ".kml")
 _LOG = ".tlog"
-
-
-class Write(Protocol):
-    """Function that writes the output for a snapshot, given the error of its time in s."""
-
-    def __call__(self, step: Step, late_s: float) -> None:
-        """Write the output for a snapshot."""
 
 
 def _with_an_ending(_context: click.Context, _parameter: click.Parameter, paths: tuple[Path, ...]) -> tuple[Path, ...]:
@@ -74,8 +67,8 @@ def check_outputs(options: dict[str, Any], inputs: Iterable[Path | None]) -> Non
 
 
 @contextmanager
-def outputs_for_others(options: dict[str, Any], *, replace: bool) -> Iterator[Write]:
-    """Yield a function that writes the output for a snapshot, given the step and the error of its time in s.
+def outputs_for_others(options: dict[str, Any], *, replace: bool) -> Iterator[Callable[[Step], None]]:
+    """Yield a function that writes the output for a snapshot, whose time is that of the signal.
 
     Parameters
     ----------
@@ -105,8 +98,8 @@ def outputs_for_others(options: dict[str, Any], *, replace: bool) -> Iterator[Wr
             put = _nmea_on_stdout(stack) if path == STDOUT else _file(path, stack, replace=replace)
             writers.append(lambda step, time, put=put: put(time, _position(step)))  # type: ignore[misc]
 
-        def write(step: Step, late_s: float) -> None:
-            time = step.block.measured.snapshots.time.at(-1) + -late_s
+        def write(step: Step) -> None:
+            time = step.block.measured.snapshots.time.at(-1)
             for one in writers:
                 one(step, time)
 

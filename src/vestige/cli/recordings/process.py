@@ -19,14 +19,15 @@ from vestige.cli.outputs.other_programs import (
 )
 from vestige.cli.recordings.process_options import (
     PROCESSOR_GROUPS,
+    check_named_inputs,
     check_processor_usage,
     cn0_estimator,
     inputs,
     processor_options,
 )
 from vestige.cli.recordings.processor_from_options import processor_from_options
-from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s
-from vestige.cli.terminal import warn, with_common_options
+from vestige.cli.recordings.time_tag import label_error_s, label_uncertainty_s, on_signal_clock, time_tag_warning
+from vestige.cli.terminal import detail, warn, with_common_options
 from vestige.errors import VestigeError
 from vestige.output import check_output
 
@@ -82,10 +83,9 @@ def command(recording_path: Path, **options: Any) -> None:
     """
     from contextlib import ExitStack
     from dataclasses import replace
-    from functools import partial
 
     from vestige.cli.progress import progress
-    from vestige.cli.recordings.verdicts import csv_writer, exit_status, print_json, print_table
+    from vestige.cli.recordings.verdicts import Tally, csv_writer, exit_status, print_json, print_table
     from vestige.recording.assistance.receiver_corrections import RECEIVER_NAME, write_hardware_bias
     from vestige.recording.recording import open_recording
 
@@ -98,26 +98,33 @@ def command(recording_path: Path, **options: Any) -> None:
     check_outputs(options, read)
     if options["write_bias"]:
         check_output(options["write_bias"] / RECEIVER_NAME, recording.description.files)
-    processor, source, warnings = prepared(recording, options, _tracked(recording, options))
-    with progress() as report, ExitStack() as stack:
+    channels = _channels(options)
+    with ExitStack() as stack:  # opens the outputs before E1 is tracked, which takes long
+        writers = [stack.enter_context(csv_writer(options["output"]))] if options["output"] else []
+        writers.append(stack.enter_context(outputs_for_others(options, replace=True)))
+        tracked = _tracked(recording, options, folder)
+        processor, source, warnings = prepared(recording, options, tracked, channels)
+        tally = Tally(tracked=_satellites(tracked), too_early=_sent_before_tracking(source, tracked))
+        if tally.too_early:
+            warn(tally.too_early)
+            warnings.append(tally.too_early)
+        report = stack.enter_context(progress())
         steps, bias_s = _steps(processor, replace(source, progress=report), calibrate=options["calibrate"])
         if options["write_bias"]:
             write_hardware_bias(options["write_bias"], bias_s)
-        steps = (step for step in steps if _is_shown(step))
-        if options["output"]:
-            steps = _written(steps, stack.enter_context(csv_writer(options["output"])))
-        write = stack.enter_context(outputs_for_others(options, replace=True))
-        steps = _written(steps, partial(write, late_s=source.time_tag_error_s))
+        steps = (on_signal_clock(step, source.time_tag_error_s) for step in steps if _is_shown(step))
+        for write in writers:
+            steps = _written(steps, write)
         if options["as_json"]:
             remarks = {"calibrated_on_itself": options["calibrate"], "warnings": warnings}
-            tally = print_json(steps, hardware_bias_s=bias_s, remarks=remarks)
+            print_json(steps, tally, hardware_bias_s=bias_s, remarks=remarks)
         else:
-            tally = print_table(steps, hardware_bias_s=bias_s)
+            print_table(steps, tally, hardware_bias_s=bias_s)
     exit_status(tally, options["fail_on"])
 
 
 def prepared(
-    recording: Recording, options: dict[str, Any], tracked: TrackedRecording | None
+    recording: Recording, options: dict[str, Any], tracked: TrackedRecording | None, channels: OtherChannels
 ) -> tuple[AcasProcessor, RecordingSource, list[str]]:
     """Return the processor and the source of snapshots that the options describe, and the warnings of the assistance.
 
@@ -129,6 +136,8 @@ def prepared(
         Options of `vestige process`, by the names of its parameters.
     tracked
         Result of tracking E1; None if E1 was not tracked.
+    channels
+        Data beside samples and assistance.
     """
     from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.assistance.made_recs import open_code_warning
@@ -150,6 +159,7 @@ def prepared(
     if options["near"] and tracked is None and options["navigation"] is None:
         raise click.UsageError("--near needs orbits: add --navigation, or --track for the orbits of the message")
     processor = processor_from_options(options, tracked, found.navigation)
+    detail(processor.limits)
     known = found.assistance
     open_code = open_code_warning(folder, known.segments, known.keys, cipher_mode=processor.cipher_mode)
     warnings = [*found.warnings, *([open_code] if open_code else [])]
@@ -174,11 +184,11 @@ def prepared(
         time_tag_error_s=error_s,
         searchable=options["level"] != "1",
         cn0_estimator=cn0_estimator(options, measured=recording.observations is None and tracked is None),
-        channels=_channels(options),
+        channels=channels,
     )
     if (sent := min(source.epochs(), default=None)) and (why := processor.monitoring.fix.why_no_fix(sent)):
         warn(f"{options['navigation']}: {why}")
-    lacks = [*_missing_bands(recording), *_sent_before_tracking(source, tracked)]
+    lacks = [*_missing_bands(recording), *filter(None, [time_tag_warning(told_s or 0.0)])]
     for line in lacks:
         warn(line)
     return processor, source, [*warnings, *lacks]
@@ -194,18 +204,23 @@ def _missing_bands(recording: Recording) -> list[str]:
     return lacks
 
 
-def _sent_before_tracking(source: RecordingSource, tracked: TrackedRecording | None) -> list[str]:
-    """Return a warning if RECS of tracked satellites came before the tracking of E1 began."""
+def _satellites(tracked: TrackedRecording | None) -> frozenset[int]:
+    """Return the satellites that were tracked at any time."""
+    return frozenset(svid for epoch in (() if tracked is None else tracked.epochs) for svid in epoch.observations)
+
+
+def _sent_before_tracking(source: RecordingSource, tracked: TrackedRecording | None) -> str:
+    """Return a warning if RECS of tracked satellites came before the tracking of E1 began; "" otherwise."""
     from vestige.recording.tracked.track_recording import early_recs_warning, tracked_since
 
     epochs = () if tracked is None else tracked.epochs
     first = next((epoch for epoch in epochs if epoch.observations), None)
     if first is None:
-        return []
-    seen = {svid for epoch in epochs for svid in epoch.observations}
-    begin = tracked_since(first.time, source.time_tag_error_s)
+        return ""
+    seen, late_s = _satellites(tracked), source.time_tag_error_s
+    begin = tracked_since(first.time, late_s)
     n = sum(one.svid in seen for time, segments in source.epochs().items() if time < begin for one in segments)
-    return [early_recs_warning(n, first.time)] if n else []
+    return early_recs_warning(n, first.time + -late_s) if n else ""
 
 
 def _is_shown(step: Step) -> bool:
@@ -227,9 +242,13 @@ def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
     return assistance if bias_m is None else replace(assistance, hardware_bias_e1_e6_s=bias_m / SPEED_OF_LIGHT_MPS)
 
 
-def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording | None:
-    """Return the result of tracking E1; None if observations are given, or E1 is too short to track."""
+def _tracked(recording: Recording, options: dict[str, Any], folder: Path) -> TrackedRecording | None:
+    """Return the result of tracking E1; None if observations are given, or E1 is too short to track.
+
+    Before, the assistance folder `folder` and the other inputs are opened, because tracking takes long.
+    """
     from vestige.cli.progress import progress
+    from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.tracked.track_recording import MIN_TRACKED_S, track_recording
 
     e1, wish = recording.e1, options["track"]
@@ -240,6 +259,12 @@ def _tracked(recording: Recording, options: dict[str, Any]) -> TrackedRecording 
     ):
         check_no_loop_options()
         return None
+    cn0_estimator(options, measured=False)
+    processor_from_options(options)
+    check_named_inputs(options, folder)
+    if options["strict"]:
+        trust = {name: options[name] for name in ("public_key", "merkle_tree", "certificates")}
+        read_assistance(folder, **trust, strict=True)
     with progress() as report:
         return track_recording(recording, loop_settings(options), workers=options["workers"], progress=report)
 

@@ -248,6 +248,25 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
     return (recording, *(options[name] for name in _READ), *options["certificates"])
 
 
+def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
+    """Read the named keys, tree and certificates, and list folders, so that a wrong name costs no tracking of E1.
+
+    Raises `InputFileError` or `AuthenticationError`, as `read_assistance`.
+    """
+    from vestige.crypto.file_bytes import list_folder
+    from vestige.crypto.recs.file_signature import load_public_key
+    from vestige.recording.assistance.assistance_files import FileTrust
+
+    for folder in folders:
+        if folder is not None:
+            list_folder(folder)
+    public_key, tree = options["public_key"], options["merkle_tree"]
+    if public_key is not None or tree is not None:
+        FileTrust.load([public_key] if public_key else [], tree)
+    for path in options["certificates"]:
+        load_public_key(path)
+
+
 def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
     """Return the estimator of the C/N0 of E1; usage error if one is named and E1 is not measured in the samples."""
     if options["cn0_estimator"] is not None and not measured:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import cipher_mode, group_delay_convention
-from vestige.cli.terminal import detail
 from vestige.cli.usual_levels import expected_e6_over_e1_db, fix_settings, reference_levels
 
 if TYPE_CHECKING:
@@ -65,7 +64,6 @@ def processor_from_options(
         )
     except ValueError as error:
         raise click.UsageError(f"--taps, --tap-spacing-m, --early-reach-m, --spacing: {error}") from error
-    detail(processor.limits)
     return processor
 
 

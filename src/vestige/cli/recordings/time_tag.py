@@ -1,4 +1,4 @@
-"""Time tag of samples in `vestige process` for recordings without a message or an observation file."""
+"""Error of the time tag of samples: what `vestige track`, `process` and `live` say of it, and how they correct it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from vestige.cli.terminal import warn
 
 if TYPE_CHECKING:
-    from vestige.acas_processor.processor import AcasProcessor
+    from vestige.acas_processor.processor import AcasProcessor, Step
     from vestige.recording.recording import Recording
     from vestige.records import Assistance
 
@@ -25,6 +25,54 @@ def late_or_early(error_s: float) -> str:
     size_s = abs(error_s)
     size = f"{size_s * 1e3:.0f} ms" if size_s < 1 else f"{size_s:.2f} s"
     return f"{size} {'early' if error_s < 0 else 'late'}"
+
+
+def by_the_message(error_s: float) -> str:
+    """Return the error of the samples' time tag that the message tells, as a line for the user.
+
+    Examples
+    --------
+    >>> by_the_message(-9.998)
+    'the time tag of the samples is 10.00 s early according to the message, ± 10 ms'
+    """
+    return f"the time tag of the samples is {late_or_early(error_s)} according to the message, ± 10 ms"
+
+
+def time_tag_warning(error_s: float, said_s: float = 0.0) -> str:
+    """Return the warning that the message tells another time than the time tag; "" within `TIME_TAG_TOLERANCE_S`.
+
+    `said_s` is the error that the user knows already.
+    """
+    from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
+
+    if abs(error_s - said_s) <= TIME_TAG_TOLERANCE_S:
+        return ""
+    return f"{by_the_message(error_s)}; verdicts and positions have the time of the signal"
+
+
+def on_signal_clock(step: Step, late_s: float) -> Step:
+    """Return a step for output, with the times of its snapshots on the clock of the signal.
+
+    The state for the next snapshot, and the time of reception in the disclosure rule, stay on the clock of the
+    receiver.
+
+    Parameters
+    ----------
+    step
+        Result of the processor, on the clock of the receiver.
+    late_s
+        Error of that clock in s, positive if it is late.
+    """
+    from dataclasses import replace
+
+    import numpy as np
+
+    if late_s == 0.0:
+        return step
+    measured = step.block.measured
+    time = measured.snapshots.time + np.full(len(measured.snapshots.time), -late_s)
+    snapshots = replace(measured.snapshots, time=time)
+    return replace(step, block=replace(step.block, measured=replace(measured, snapshots=snapshots)))
 
 
 def label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:

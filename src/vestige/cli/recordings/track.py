@@ -10,7 +10,7 @@ import click
 from vestige.cli.live.live_input import STDIN, STDIN_OPTIONS, stdin_description, stdin_options, stdin_stream
 from vestige.cli.loop_options import loop_options, loop_settings
 from vestige.cli.options import PATH, recording_argument, start_option, threads_option
-from vestige.cli.recordings.time_tag import late_or_early
+from vestige.cli.recordings.time_tag import by_the_message
 from vestige.cli.terminal import echo, warn
 from vestige.errors import InputFileError
 from vestige.output import check_new_folder
@@ -147,9 +147,6 @@ def _print(tracked: TrackedRecording, rate_hz: int) -> None:
     if tracked.time_tag_error_s is None:
         echo("no navigation message gave the time; the ranges rest on the time tag of the samples")
     else:
-        echo(
-            f"the time tag of the samples is {late_or_early(tracked.time_tag_error_s)} according to the message, ± "
-            "10 ms"
-        )
+        echo(by_the_message(tracked.time_tag_error_s))
         if offset_s := clock_set_s(tracked):
             echo(f"the clock of the files is set {offset_s} s earlier than that of the samples")

@@ -6,7 +6,7 @@ import csv
 import json
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,6 +42,8 @@ FAILED = 3  # exit status with --fail-on
 class Tally:
     """Tally of a recording: snapshots, verdicts by status, and the satellites with RECS that were never found on E1."""
 
+    tracked: Set[int] = frozenset()  # satellites that tracking found on E1, at a RECS or at another time
+    too_early: str = ""  # warning that RECS came before E1 had ranges; "" if none did
     snapshots: int = 0
     alarmed: bool = False  # whether any verdict or state was an alarm
     counts: Counter[str] = field(default_factory=Counter)
@@ -59,13 +61,17 @@ class Tally:
     @property
     def not_seen_on_e1(self) -> list[int]:
         """Satellites with RECS that were never found on E1."""
-        return sorted(self.missed - self.seen)
+        return sorted(self.missed - self.seen - self.tracked)
 
     @property
     def nothing(self) -> str:
         """Reason why there is no verdict at all; empty if there is one."""
         if self.counts:
             return ""
+        if self.too_early:
+            return self.too_early
+        if self.missed & self.tracked:
+            return "no verdict: satellites of the RECS were tracked, but not when their RECS came"
         why = (
             "no satellite of the RECS is seen on E1" if self.missed else "no RECS was transmitted during this recording"
         )
@@ -74,8 +80,12 @@ class Tally:
     @property
     def advice(self) -> str:
         """Advice on causes to check if no satellite was found on E6; "" otherwise."""
+        if self.too_early and not self.counts:
+            return self.nothing
         if not self.counts:
-            swapped = "the files of the two bands may be swapped, or the start may be wrong: " if self.missed else ""
+            swapped = (
+                "the files of the two bands may be swapped, or the start may be wrong: " if self.not_seen_on_e1 else ""
+            )
             return f"{self.nothing}; {swapped}`vestige inspect RECORDING` says what the recording holds"
         if set(self.counts) != {Status.NOT_DETECTED.name}:
             return ""
@@ -242,9 +252,8 @@ def _print_not_run(verdicts: Iterable[Verdict]) -> None:
         echo(f"  not run: {', '.join(dict.fromkeys(names))}: {reason}")
 
 
-def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> Tally:
-    """Print the verdicts as text as they come, then their tally, which is returned."""
-    tally = Tally()
+def print_table(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float) -> None:
+    """Print the verdicts as text as they come, then their tally, which counts them."""
     for step in steps:
         print_snapshot(step)
         tally.add(step)
@@ -253,7 +262,6 @@ def print_table(steps: Iterable[Step], *, hardware_bias_s: float) -> Tally:
     echo("", f"hardware bias E6-E1 used: {hardware_bias_s * SPEED_OF_LIGHT_MPS:+.1f} m")
     print_not_seen(tally)
     echo(f"result: {tally}")
-    return tally
 
 
 def print_not_seen(tally: Tally, put: Callable[[str], None] = echo) -> None:
@@ -262,9 +270,10 @@ def print_not_seen(tally: Tally, put: Callable[[str], None] = echo) -> None:
         put(f"satellites with RECS that were not seen on E1: {' '.join(f'E{svid:02d}' for svid in unseen)}")
 
 
-def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> Tally:
-    """Print the verdicts as they come as one JSON object, with numbers in full precision; return their tally."""
-    tally, separator, found = Tally(), "", []
+def print_json(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> None:
+    """Print the verdicts as they come as one JSON object, with numbers in full precision; the tally counts them."""
+    separator: str = ""
+    found: list[PositionEntry] = []
     head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)
     echo(json.dumps(head, allow_nan=False).removesuffix("}") + ', "verdicts": [', nl=False)
     for step in steps:
@@ -274,7 +283,6 @@ def print_json(steps: Iterable[Step], *, hardware_bias_s: float, remarks: Mappin
         found += positions(step)
         tally.add(step)
     echo(f'], "positions": {json.dumps(found)}, "not_seen_on_e1": {json.dumps(tally.not_seen_on_e1)}}}')
-    return tally
 
 
 def exit_status(tally: Tally, limit: str | None) -> None:

@@ -162,19 +162,24 @@ class LiveRecording:
         """Return the tracked observations; None if these are too few, and E1 can be measured without tracking."""
         if tracking.time_tag_error_s is not None:
             return tracking.track
-        if not self._told:
-            self._warn(
-                VestigeError(
-                    f"{self.description.path}: E1: no navigation message has given the time, and the time tag may "
-                    "be wrong by more than "
-                    f"{TIME_TAG_TOLERANCE_S:g} s (--time-uncertainty), so E1 has no ranges"
-                )
-            )
+        if self.why_no_ranges:
+            self._warn(VestigeError(self.why_no_ranges))
             return ObservationTrack(())
         if tracking.tracked_s < MIN_TRACKED_S and Band.E1 in self._readers:
             return None
         tracking.place_by_time_tag()
         return tracking.track
+
+    @property
+    def why_no_ranges(self) -> str:
+        """Reason why tracked E1 has no ranges yet; "" if it has ranges, or is not tracked."""
+        if self.tracking is None or self.tracking.is_told or self._told:
+            return ""
+        return (
+            f"{self.description.path}: E1: no navigation message has given the time, and the time tag may be "
+            f"wrong by more than {TIME_TAG_TOLERANCE_S:g} s (--time-uncertainty), so E1 has no ranges; record 30 s or "
+            "more"
+        )
 
     @property
     def start(self) -> GalileoTime:

@@ -169,7 +169,7 @@ class LiveTracking:
         for epoch in stretch.epochs:
             if epoch.observations:
                 self.first_observed = self.first_observed or epoch.time
-                self.seen |= epoch.observations.keys()
+                self.seen.update(epoch.observations)
         if told_s is None:
             self._epochs.wait(stretch.epochs)
         else:

@@ -176,7 +176,7 @@ def early_recs_warning(count: int, first: GalileoTime) -> str:
     count
         Number of the RECS, at least 1.
     first
-        Time of the first epoch with an observation, by the receiver's clock.
+        Time of the first epoch with an observation, by the clock of the signal.
 
     Examples
     --------
