@@ -13,10 +13,10 @@ encrypted E6-C has no repetition. So the primary code of E6-C, found over severa
 secondary code on its periods shows that no other signal was mistaken for it.
 
 The bins of the acquisition are wider than the signal: half a sample (0.47 chip at 5.5 MHz) and 250 Hz away, 6 dB of the
-power are missing. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`): code phase and Doppler are refined in
-turn. A symbol of E6-B lasts one period. So the powers of the periods are added. The Doppler comes from the amplitudes
-A₊ and A₋ at ±1/2T around the prompt, T being the period: A₋/A₊ = (1/2T − δ)/(1/2T + δ), so the prompt is
-δ = (A₊ − A₋)/(A₊ + A₋)/2T below the signal.
+power are missing. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A symbol of E6-B lasts one period, so
+the powers of the periods are added. First the Doppler is refined. A signal at the distance δ from the acquired Doppler
+has the amplitudes A₊ and A₋ at ±1/2T around this Doppler, where T is the period. The amplitude follows sin(x)/x, so
+A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the root of early minus late gives the code phase.
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ from vestige.signals.definitions import E6C, SignalDefinition
 OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has at most 0.1
 _MIN_PERIODS = 25  # periods of 1 ms; with fewer, the 100 phases of the secondary code cannot be told apart
 _TRANSFORM = 1024  # points over the periods, for the residual Doppler
-_PEAK_STEPS = 3  # times that code phase and Doppler are refined in turn; the first time they may be 0.5 chip away
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,29 +114,40 @@ def cn0_on_the_peak_dbhz(batch: SampleBatch, signal: SignalDefinition, found: E6
         E6-B or E6-C.
     found
         The acquisition of `signal` in `batch`.
+
+    Examples
+    --------
+    Without noise, the code itself is the noise of wrong codes: 10 log₁₀ of 5.115 MHz.
+
+    >>> from vestige.records import Band
+    >>> from vestige.signals.definitions import E6B
+    >>> from vestige.time import GalileoTime
+    >>> chips = primary_code(E6B, 11)[np.arange(50_000) // 2 % 5115]
+    >>> batch = SampleBatch(
+    ...     band=Band.E6, samples=chips.astype(np.complex64), sample_rate_hz=2 * E6B.chip_rate_hz,
+    ...     center_frequency_hz=E6B.carrier_hz, first_sample=0, start=GalileoTime(1372, 0),
+    ... )
+    >>> round(cn0_on_the_peak_dbhz(batch, E6B, acquire_e6(batch, E6B, 11)), 1)
+    67.1
     """
-    start_s, doppler_hz = found.code_start_s, found.doppler_hz
-    for _ in range(_PEAK_STEPS):
-        doppler_hz += _doppler_error_hz(batch, signal, found.svid, start_s, doppler_hz)
-        taps, _ = period_taps(batch, signal, found.svid, start_s, doppler_hz)
-        if not taps.size:
-            return float("nan")
-        late_chips = peak_chips(np.sqrt(np.sum(np.abs(taps) ** 2, axis=0)))
-        start_s = (start_s + late_chips / signal.chip_rate_hz) % signal.period_s
+    doppler_hz = found.doppler_hz + _doppler_error_hz(batch, signal, found)
+    taps, _ = period_taps(batch, signal, found.svid, found.code_start_s, doppler_hz)
+    if not taps.size:
+        return float("nan")
+    late_chips = peak_chips(np.sqrt(np.sum(np.abs(taps) ** 2, axis=0)))
+    start_s = (found.code_start_s + late_chips / signal.chip_rate_hz) % signal.period_s
     prompts, noise = period_taps(batch, signal, found.svid, start_s, doppler_hz, np.zeros(1))
     snr = _power(prompts, noise) / max(noise, np.finfo(np.float64).tiny)
     return float(10 * np.log10(max(snr, 1e-12) / signal.period_s))
 
 
-def _doppler_error_hz(
-    batch: SampleBatch, signal: SignalDefinition, svid: int, start_s: float, doppler_hz: float
-) -> float:
-    """Return how far the signal's Doppler is above `doppler_hz`, in Hz."""
+def _doppler_error_hz(batch: SampleBatch, signal: SignalDefinition, found: E6Acquisition) -> float:
+    """Return how far the signal's Doppler is above that of its acquisition, in Hz."""
     side_hz = 0.5 / signal.period_s
     amplitudes = []
     for by_hz in (-side_hz, side_hz):  # the carrier is shifted and the code is not
         shifted = replace(batch, center_frequency_hz=batch.center_frequency_hz - by_hz)
-        prompts, noise = period_taps(shifted, signal, svid, start_s, doppler_hz, np.zeros(1))
+        prompts, noise = period_taps(shifted, signal, found.svid, found.code_start_s, found.doppler_hz, np.zeros(1))
         amplitudes.append(_power(prompts, noise) ** 0.5)
     below, above = amplitudes
     return side_hz * (above - below) / max(above + below, np.finfo(np.float64).tiny)
