@@ -35,6 +35,8 @@ from vestige.signals.definitions import E6C, SignalDefinition
 OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has at most 0.1
 _MIN_PERIODS = 25  # periods of 1 ms; with fewer, the 100 phases of the secondary code cannot be told apart
 _TRANSFORM = 1024  # points over the periods, for the residual Doppler
+# iterations of measuring the code phase; at 5 MHz the first one ends at the last tap, 0.45 chip from the acquisition
+_CODE_STEPS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,11 +133,13 @@ def cn0_on_the_peak_dbhz(batch: SampleBatch, signal: SignalDefinition, found: E6
     67.1
     """
     doppler_hz = found.doppler_hz + _doppler_error_hz(batch, signal, found)
-    taps, _ = period_taps(batch, signal, found.svid, found.code_start_s, doppler_hz)
-    if not taps.size:
-        return float("nan")
-    late_chips = peak_chips(np.sqrt(np.sum(np.abs(taps) ** 2, axis=0)))
-    start_s = (found.code_start_s + late_chips / signal.chip_rate_hz) % signal.period_s
+    start_s = found.code_start_s
+    for _ in range(_CODE_STEPS):
+        taps, _ = period_taps(batch, signal, found.svid, start_s, doppler_hz)
+        if not taps.size:
+            return float("nan")
+        late_chips = peak_chips(np.sqrt(np.sum(np.abs(taps) ** 2, axis=0)))
+        start_s = (start_s + late_chips / signal.chip_rate_hz) % signal.period_s
     prompts, noise = period_taps(batch, signal, found.svid, start_s, doppler_hz, np.zeros(1))
     snr = _power(prompts, noise) / max(noise, np.finfo(np.float64).tiny)
     return float(10 * np.log10(max(snr, 1e-12) / signal.period_s))

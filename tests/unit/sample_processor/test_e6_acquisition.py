@@ -14,7 +14,7 @@ CN0_DBHZ = 45.0
 CASES = [(0.0, 0.0), (250.0, 0.5), (-250.0, 0.3), (1_400.0, 0.75), (-2_370.0, 0.15), (3_250.0, 0.5)]
 
 
-@pytest.mark.parametrize("rate_hz", [5.5e6, 10e6, 12.5e6])
+@pytest.mark.parametrize("rate_hz", [5e6, 5.5e6, 10e6, 12.5e6])
 @pytest.mark.parametrize(("doppler_hz", "delay_samples"), CASES)
 def test_cn0_is_that_of_the_peak(rate_hz: float, doppler_hz: float, delay_samples: float) -> None:
     """Each code phase and Doppler counts by itself: a mean over code phases would hide the loss between two samples."""
