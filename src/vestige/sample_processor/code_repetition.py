@@ -17,13 +17,13 @@ import numpy as np
 from jaxtyping import Complex64, Float64
 from scipy import fft
 
-# usual rates of recorders in Hz
+# usual rates of recorders in Hz; a test compares them with the rates that docs/recorder_to_verdict.md recommends
 USUAL_RATES_HZ = tuple(
     1e6 * rate
     for rate in (
-        12.5, 12.0, 10.0, 25.0, 20.0, 4.0, 5.0, 6.0, 6.2, 6.25, 8.0, 16.0, 24.0, 30.0, 40.0, 50.0, 4.092, 8.184, 16.368,
-        10.23, 20.46, 30.69, 40.92, 15.36, 30.72, 61.44, 2.048, 2.4, 2.5, 3.2, 6.5, 6.144, 7.68, 12.288, 15.0, 18.0,
-        23.04, 26.0, 32.0, 48.0, 56.0,
+        12.5, 12.0, 10.0, 25.0, 20.0, 4.0, 5.0, 5.5, 6.0, 6.2, 6.25, 8.0, 11.0, 16.0, 24.0, 30.0, 40.0, 50.0, 3.1,
+        4.092, 8.184, 16.368, 10.23, 20.46, 30.69, 40.92, 15.36, 30.72, 61.44, 2.048, 2.4, 2.5, 3.2, 6.5, 6.144, 7.68,
+        12.288, 15.0, 18.0, 23.04, 26.0, 32.0, 48.0, 56.0,
     )
 )  # fmt: skip
 _LONGEST_LAG = 250_000  # samples: 4 ms at 62.5 MHz

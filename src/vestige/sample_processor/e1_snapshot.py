@@ -5,7 +5,7 @@ Theory of operation
 [WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has none. So this module starts from an
 `Acquisition` and measures in one batch the values that a loop would have settled to:
 
-1. Every 4 ms code period is correlated at taps `_TAPS_CHIPS` around the acquired code phase, E1-C and E1-B, with
+1. Every 4 ms code period is correlated at `TAPS_CHIPS` around the acquired code phase, E1-C and E1-B, with
    BOC(1,1).
 2. E1-C secondary code: all 25 phases of CS25_1 are tried on the prompts; the phase with the highest peak of the Doppler
    spectrum wins. This phase gives the transmission time modulo 100 ms and the Doppler to a fraction of 1/T.
@@ -27,13 +27,13 @@ from functools import partial
 import numpy as np
 from jaxtyping import Complex128
 
-from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, SPEED_OF_LIGHT_MPS
-from vestige.records import ChipSequence, Handover, SampleBatch
+from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S
+from vestige.records import SampleBatch
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.cn0 import CN0_ESTIMATORS, Cn0Estimator, narrow_to_wide_dbhz
-from vestige.sample_processor.correlator import correlate
-from vestige.signals.codes import primary_code, secondary_code
-from vestige.signals.definitions import E1B, E1C, SignalDefinition
+from vestige.sample_processor.period_taps import TAPS_CHIPS, peak_chips, period_taps
+from vestige.signals.codes import secondary_code
+from vestige.signals.definitions import E1B, E1C
 from vestige.time import GalileoTime
 
 E1_WINDOW_S = 0.1  # duration of samples for one measurement: a period of the secondary code
@@ -47,8 +47,6 @@ _PROMPT_ESTIMATORS: dict[str, Cn0Estimator] = {
     "narrow-to-wide": partial(narrow_to_wide_dbhz, together=MIN_PERIODS),
 }
 ESTIMATORS = (NOISE_FLOOR, *_PROMPT_ESTIMATORS)
-_TAPS_CHIPS = np.linspace(-0.6, 0.6, 25)  # 0.05 chip apart; BOC(1,1)'s main peak is ±1/3 chip wide
-_EARLY_LATE_TAPS = 3  # ±0.15 chip, on the flanks of the main peak
 # iterations of measuring the code phase and centring the taps; acquisition has an error of up to 0.17 chip
 _CODE_STEPS = 3
 
@@ -76,18 +74,18 @@ def measure_e1(batch: SampleBatch, acquisition: Acquisition, *, cn0_estimator: s
         pilot, noise = period_taps(batch, E1C, acquisition.svid, start_s, doppler_hz)
         if pilot.shape[0] < MIN_PERIODS:
             return None
-        phase, residual_hz, margin_db = _secondary_phase(pilot[:, _TAPS_CHIPS.size // 2])
+        phase, residual_hz, margin_db = _secondary_phase(pilot[:, TAPS_CHIPS.size // 2])
         doppler_hz += residual_hz
         data, _ = period_taps(batch, E1B, acquisition.svid, start_s, doppler_hz)
         pilot, noise = period_taps(batch, E1C, acquisition.svid, start_s, doppler_hz)
         pilot *= secondary_code(E1C, acquisition.svid)[(phase + np.arange(pilot.shape[0])) % 25][:, None]
-        rate_hz, turn = _phase_line(pilot[:, _TAPS_CHIPS.size // 2])
+        rate_hz, turn = _phase_line(pilot[:, TAPS_CHIPS.size // 2])
         doppler_hz += rate_hz
         start_s += _code_error_chips(pilot, data, rate_hz, turn) / E1C.chip_rate_hz
 
     periods = pilot.shape[0]
     middle_s = periods / 2 * E1_CODE_PERIOD_S / (1 + doppler_hz / E1_CARRIER_HZ)
-    prompts = _unturn(pilot[:, _TAPS_CHIPS.size // 2], rate_hz, turn)
+    prompts = _unturn(pilot[:, TAPS_CHIPS.size // 2], rate_hz, turn)
     return E1Snapshot(
         svid=acquisition.svid,
         time=batch.start + (start_s + middle_s),
@@ -96,40 +94,6 @@ def measure_e1(batch: SampleBatch, acquisition: Acquisition, *, cn0_estimator: s
         cn0_dbhz=_cn0_dbhz(prompts, noise, cn0_estimator),
         secondary_margin_db=margin_db,
     )
-
-
-def period_taps(
-    batch: SampleBatch, signal: SignalDefinition, svid: int, start_s: float, doppler_hz: float
-) -> tuple[Complex128[np.ndarray, "periods taps"], float]:
-    """Return the taps of every full period in the batch, their phases referred to one carrier, and the noise power."""
-    # BOC(1,1) as a code of twice the rate: every chip is followed by its opposite
-    half_chips = np.kron(primary_code(signal, svid), np.array([1, -1], np.int8)).astype(np.int8)
-    sequence = ChipSequence(
-        svid=svid, transmit_time=batch.start, chip_rate_hz=2 * signal.chip_rate_hz, chips=half_chips
-    )
-    offsets_m = _TAPS_CHIPS / signal.chip_rate_hz * SPEED_OF_LIGHT_MPS
-    period_s = E1_CODE_PERIOD_S / (1 + doppler_hz / E1_CARRIER_HZ)
-    carrier_hz = E1_CARRIER_HZ - batch.center_frequency_hz + doppler_hz
-    rows: list[Complex128[np.ndarray, " taps"]] = []
-    noise: list[float] = []
-    for m in range(int(batch.samples.size / batch.sample_rate_hz / period_s) + 1):
-        at_s = start_s + m * period_s
-        handover = Handover(
-            svid=svid,
-            chips=sequence,
-            start_time=batch.start + at_s,
-            doppler_hz=doppler_hz,
-            doppler_rate_hz_per_s=0.0,
-        )
-        bank = correlate(batch, handover, offsets_m)
-        if bank is None:
-            if rows:
-                break
-            start_s += period_s  # the first tap of the first period may lie before the first sample
-            continue
-        rows.append(bank.taps * np.exp(-2j * np.pi * (carrier_hz * m * period_s)))
-        noise.append(bank.noise_power)
-    return np.array(rows, np.complex128).reshape(len(rows), _TAPS_CHIPS.size), float(np.mean(noise)) if noise else 0.0
 
 
 def _secondary_phase(prompts: Complex128[np.ndarray, " periods"]) -> tuple[int, float, float]:
@@ -179,18 +143,10 @@ def _code_error_chips(
     turn: float,
 ) -> float:
     """Return the code's delay after the middle tap in chips: the root of early minus late."""
-    middle = _TAPS_CHIPS.size // 2
+    middle = TAPS_CHIPS.size // 2
     periods = min(pilot.shape[0], data.shape[0])
     line = _unturn(np.ones(pilot.shape[0], np.complex128), rate_hz, turn)[:periods, None]
     pilot, data = pilot[:periods] * line, data[:periods] * line
     symbols = np.sign(data[:, middle].real)[:, None]
     total = np.abs(np.sum(pilot, axis=0) + 0.0) + np.abs(np.sum(data * symbols, axis=0))
-    inner = np.arange(_EARLY_LATE_TAPS, _TAPS_CHIPS.size - _EARLY_LATE_TAPS)
-    late_minus_early = total[inner + _EARLY_LATE_TAPS] - total[inner - _EARLY_LATE_TAPS]
-    peak = int(np.argmax(np.where(np.abs(_TAPS_CHIPS[inner]) < 0.4, total[inner], 0.0)))
-    for i in sorted(range(inner.size - 1), key=lambda i: abs(i - peak)):
-        a, b = late_minus_early[i], late_minus_early[i + 1]
-        if a > 0 >= b:
-            step = _TAPS_CHIPS[1] - _TAPS_CHIPS[0]
-            return float(_TAPS_CHIPS[inner[i]] + step * a / (a - b))
-    return float(_TAPS_CHIPS[inner[peak]])
+    return peak_chips(total)

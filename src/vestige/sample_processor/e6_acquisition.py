@@ -1,4 +1,4 @@
-"""Acquisition of E6-B, and of E6-C if it is not encrypted, for a look at a recording.
+"""Acquisition of E6-B, and of E6-C if it is not encrypted, and their C/N0, for a look at a recording.
 
 Theory of operation
 -------------------
@@ -11,24 +11,32 @@ freedom).
 E6-C without encryption repeats its primary code every millisecond, with the signs of the secondary code CS100. An
 encrypted E6-C has no repetition. So the primary code of E6-C, found over several periods, shows that E6-C is open. The
 secondary code on its periods shows that no other signal was mistaken for it.
+
+The bins of the acquisition are wider than the signal: half a sample (0.47 chip at 5.5 MHz) and 250 Hz away, 6 dB of the
+power are missing. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A symbol of E6-B lasts one period, so
+the powers of the periods are added. First the Doppler is refined. A signal at the distance δ from the acquired Doppler
+has the amplitudes A₊ and A₋ at ±1/2T around this Doppler, where T is the period. The amplitude follows sin(x)/x, so
+A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the root of early minus late gives the code phase.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex64, Complex128, Float32
 from scipy import fft, special
 
-from vestige.records import ChipSequence, Handover, SampleBatch
-from vestige.sample_processor.correlator import correlate
+from vestige.records import SampleBatch
+from vestige.sample_processor.period_taps import peak_chips, period_taps
 from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E6C, SignalDefinition
 
 OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has at most 0.1
 _MIN_PERIODS = 25  # periods of 1 ms; with fewer, the 100 phases of the secondary code cannot be told apart
 _TRANSFORM = 1024  # points over the periods, for the residual Doppler
+# iterations of measuring the code phase; at 5 MHz the first one ends at the last tap, 0.45 chip from the acquisition
+_CODE_STEPS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +48,6 @@ class E6Acquisition:
     doppler_hz: float  # on E6, to ±250 Hz
     statistic: float  # non-coherent sum, in units of the noise variance per dimension
     threshold: float  # in the same unit
-    cn0_dbhz: float  # rough, low by up to 4 dB
 
 
 def acquire_e6(
@@ -86,15 +93,73 @@ def acquire_e6(
     statistic = float(powers[best, column])
     if statistic <= threshold:
         return None
-    snr = max(statistic / (2 * len(starts)) - 1.0, 1e-3)
     return E6Acquisition(
         svid=svid,
         code_start_s=int(column) / fs % period_s,
         doppler_hz=(first + int(best)) * spacing - carrier_hz,
         statistic=statistic,
         threshold=threshold,
-        cn0_dbhz=float(10 * np.log10(snr / period_s)),
     )
+
+
+def cn0_on_the_peak_dbhz(batch: SampleBatch, signal: SignalDefinition, found: E6Acquisition) -> float:
+    """Return the C/N0 of an acquired signal in dBHz, with code phase and Doppler refined; NaN if no period is complete.
+
+    The replica and the noise floor are those with which the RECS is correlated. So the C/N0 includes what a filter of
+    the front end takes from the signal.
+
+    Parameters
+    ----------
+    batch
+        E6 samples in which the signal was acquired. All complete periods in the batch are used.
+    signal
+        E6-B or E6-C.
+    found
+        The acquisition of `signal` in `batch`.
+
+    Examples
+    --------
+    Without noise, the code itself is the noise of wrong codes: 10 log₁₀ of 5.115 MHz.
+
+    >>> from vestige.records import Band
+    >>> from vestige.signals.definitions import E6B
+    >>> from vestige.time import GalileoTime
+    >>> chips = primary_code(E6B, 11)[np.arange(50_000) // 2 % 5115]
+    >>> batch = SampleBatch(
+    ...     band=Band.E6, samples=chips.astype(np.complex64), sample_rate_hz=2 * E6B.chip_rate_hz,
+    ...     center_frequency_hz=E6B.carrier_hz, first_sample=0, start=GalileoTime(1372, 0),
+    ... )
+    >>> round(cn0_on_the_peak_dbhz(batch, E6B, acquire_e6(batch, E6B, 11)), 1)
+    67.1
+    """
+    doppler_hz = found.doppler_hz + _doppler_error_hz(batch, signal, found)
+    start_s = found.code_start_s
+    for _ in range(_CODE_STEPS):
+        taps, _ = period_taps(batch, signal, found.svid, start_s, doppler_hz)
+        if not taps.size:
+            return float("nan")
+        late_chips = peak_chips(np.sqrt(np.sum(np.abs(taps) ** 2, axis=0)))
+        start_s = (start_s + late_chips / signal.chip_rate_hz) % signal.period_s
+    prompts, noise = period_taps(batch, signal, found.svid, start_s, doppler_hz, np.zeros(1))
+    snr = _power(prompts, noise) / max(noise, np.finfo(np.float64).tiny)
+    return float(10 * np.log10(max(snr, 1e-12) / signal.period_s))
+
+
+def _doppler_error_hz(batch: SampleBatch, signal: SignalDefinition, found: E6Acquisition) -> float:
+    """Return how far the signal's Doppler is above that of its acquisition, in Hz."""
+    side_hz = 0.5 / signal.period_s
+    amplitudes = []
+    for by_hz in (-side_hz, side_hz):  # the carrier is shifted and the code is not
+        shifted = replace(batch, center_frequency_hz=batch.center_frequency_hz - by_hz)
+        prompts, noise = period_taps(shifted, signal, found.svid, found.code_start_s, found.doppler_hz, np.zeros(1))
+        amplitudes.append(_power(prompts, noise) ** 0.5)
+    below, above = amplitudes
+    return side_hz * (above - below) / max(above + below, np.finfo(np.float64).tiny)
+
+
+def _power(prompts: Complex128[np.ndarray, "periods 1"], noise: float) -> float:
+    """Return the mean power of the prompts without noise."""
+    return max(float(np.mean(np.abs(prompts) ** 2)) - noise, 0.0) if prompts.size else 0.0
 
 
 def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> tuple[float, int] | None:
@@ -110,7 +175,8 @@ def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float)
     doppler_hz
         Doppler of the signal on E6, to ±250 Hz.
     """
-    prompts = _prompts(batch, found, doppler_hz)
+    taps, _ = period_taps(batch, E6C, found.svid, found.code_start_s, doppler_hz, np.zeros(1))
+    prompts = taps[: E6C.secondary_length, 0]
     if prompts.size < _MIN_PERIODS:
         return None
     code = secondary_code(E6C, found.svid).astype(np.float64)
@@ -119,28 +185,6 @@ def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float)
     best = int(np.argmax(power))
     whole = prompts.size * float(np.sum(np.abs(prompts) ** 2))
     return float(power[best]) / max(whole, np.finfo(np.float64).tiny), best
-
-
-def _prompts(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> Complex128[np.ndarray, " periods"]:
-    sequence = ChipSequence(
-        svid=found.svid, transmit_time=batch.start, chip_rate_hz=E6C.chip_rate_hz, chips=primary_code(E6C, found.svid)
-    )
-    period_s = E6C.period_s / (1 + doppler_hz / E6C.carrier_hz)
-    prompts = []
-    for m in range(E6C.secondary_length):
-        handover = Handover(
-            svid=found.svid,
-            chips=sequence,
-            start_time=batch.start + (found.code_start_s + m * period_s),
-            doppler_hz=doppler_hz,
-            doppler_rate_hz_per_s=0.0,
-        )
-        bank = correlate(batch, handover, np.zeros(1))
-        if bank is None:
-            break
-        carrier_hz = E6C.carrier_hz - batch.center_frequency_hz + doppler_hz
-        prompts.append(bank.taps[0] * np.exp(-2j * np.pi * (carrier_hz * m * period_s)))
-    return np.array(prompts, np.complex128)
 
 
 def _code_spectrum(signal: SignalDefinition, svid: int, n: int, fs: float) -> Complex64[np.ndarray, " n"]:

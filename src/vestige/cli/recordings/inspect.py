@@ -212,7 +212,7 @@ def _json_signals(examination: Examination) -> dict[str, Any]:
         "e6": [
             {
                 "svid": one.svid,
-                "e6b_cn0_dbhz": one.cn0_dbhz,
+                "e6b_cn0_dbhz": one.cn0_dbhz if math.isfinite(one.cn0_dbhz) else None,
                 "e6c_open": one.e6c_open,
                 "secondary_code_fits": one.secondary_fits,
             }

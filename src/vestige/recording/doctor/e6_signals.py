@@ -25,7 +25,13 @@ from vestige.recording.doctor.reading import (
 from vestige.records import Band, SampleBatch
 from vestige.sample_processor.code_repetition import rates_by_repetition_hz
 from vestige.sample_processor.e1_snapshot import E1Snapshot
-from vestige.sample_processor.e6_acquisition import OPEN_SHARE, E6Acquisition, acquire_e6, secondary_share
+from vestige.sample_processor.e6_acquisition import (
+    OPEN_SHARE,
+    E6Acquisition,
+    acquire_e6,
+    cn0_on_the_peak_dbhz,
+    secondary_share,
+)
 from vestige.signals.definitions import E6B, E6C
 
 E6_WINDOW_S = 0.1  # duration of samples: one period of the secondary code
@@ -44,7 +50,7 @@ class E6Satellite:
     """The signals of one satellite in the E6 samples."""
 
     svid: int
-    cn0_dbhz: float  # C/N0 of E6-B, rough: low by up to 4 dB
+    cn0_dbhz: float  # C/N0 of E6-B; NaN if the samples hold no complete code period
     e6c_open: bool  # whether the primary code of E6-C repeats every millisecond
     secondary_fits: bool | None  # whether its signs agree with the secondary code; None if the samples are too short
 
@@ -182,7 +188,7 @@ def _satellites(
         satellites.append(
             E6Satellite(
                 svid=svid,
-                cn0_dbhz=found.cn0_dbhz,
+                cn0_dbhz=cn0_on_the_peak_dbhz(batch, E6B, found),
                 e6c_open=pilot is not None,
                 secondary_fits=None if share is None else share[0] > OPEN_SHARE,
             )

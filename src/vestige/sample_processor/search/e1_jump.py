@@ -25,7 +25,7 @@ from scipy import special
 from vestige.constants import E1_CODE_PERIOD_S
 from vestige.records import SampleBatch
 from vestige.sample_processor.acquisition import Acquisition
-from vestige.sample_processor.e1_snapshot import period_taps
+from vestige.sample_processor.period_taps import period_taps
 from vestige.signals.definitions import SignalDefinition
 
 _MIN_PERIODS = 3

@@ -112,6 +112,7 @@ def test_a_right_description_has_no_fault(tmp_path: Path) -> None:
         assert one.cn0_dbhz == pytest.approx(cn0_dbhz - 0.5, abs=0.8)
         assert one.doppler_hz == pytest.approx(-rate_mps / 299_792_458 * E1_CARRIER_HZ, abs=2)
     assert [(one.svid, one.e6c_open, one.secondary_fits) for one in found.e6] == [(svid, True, True) for svid in SVIDS]
+    assert [one.cn0_dbhz for one in found.e6] == pytest.approx([48.0, 47.0, 46.0], abs=0.6)
 
 
 def _swapped(made: Made) -> None:
