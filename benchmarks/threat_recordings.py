@@ -6,24 +6,30 @@ python benchmarks/threat_recordings.py --keep recordings --seed 1
 
 A scene is simulated and tracked once, and judged at levels 1 to 3 with the options of `vestige process`. As in the
 threat table, the receiver knows its usual power and C/N0. The usual power is measured in a second without the attack.
+
+The words of the table in docs/threats.md are the expectation, with seed 0. The script ends with exit status 1 if a
+measured word differs from the table, and names scene, level, expected word and found word.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vestige.campaign.run_outcome import RunOutcome, window_of
+from vestige.campaign.run_outcome import RunOutcome, outcome_word, window_of
 from vestige.cli.recordings.process import command, prepared
 from vestige.recording.recording import Recording, open_recording
 from vestige.recording.tracked.track_recording import TrackedRecording, track_recording
@@ -44,6 +50,27 @@ from vestige.threats.scenes import LEVEL_NUMBERS
 CALIBRATED_S = 1.0  # length of the samples without the attack that give the usual power
 LEAST_FLOOR_M = 1.0  # noise of the loops; the receiver of the threat table computes it from its C/N0
 SEARCH_WINDOW_S = 0.05  # search on each side; the receiver trusts its clock to 10 ms
+DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "threats.md"
+HEADING = "## The same scenes as recordings"
+NOT_MEASURED = "not measured"
+WORDS = {NOT_MEASURED} | {outcome_word(*flags) for flags in product((False, True), repeat=4)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneWords:
+    """Words of a scene, one for each level: of the receiver model, and of the recording."""
+
+    model: tuple[str, ...]
+    recording: tuple[str, ...]
+
+    def differences(self, name: str, found: SceneWords) -> list[str]:
+        """Return a sentence for each word that differs in `found`; `name` is that of the scene."""
+        return [
+            f"{name}, level {level}, {source}: expected {expected}, found {word}"
+            for source in ("model", "recording")
+            for level, expected, word in zip(LEVEL_NUMBERS, getattr(self, source), getattr(found, source), strict=True)
+            if word != expected != NOT_MEASURED
+        ]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,6 +158,26 @@ def table_outcomes(recorded: RecordedScene) -> tuple[RunOutcome, ...]:
     return measure_scenes(scenario, window_of(scenario))
 
 
+def expected_words() -> dict[str, SceneWords]:
+    """Return the words of the table of recordings in docs/threats.md by the name of the scene."""
+    section = DOCUMENT.read_text(encoding="utf-8").partition(HEADING)[2].partition("\n## ")[0]
+    words = {}
+    for row in re.findall(r"^\| (A\d.*) \|$", section, re.MULTILINE):
+        name, *cells = (part.strip("* ") for part in row.split("|"))
+        found = tuple(word_of(one) for one in cells)
+        words[name] = SceneWords(model=found[::2], recording=found[1::2])
+    return words
+
+
+def word_of(text: str) -> str:
+    """Return the word at the beginning of a cell of the table, such as `detected` of `detected (clock 2 s)`."""
+    plain = text.replace("*", "").strip()
+    found = [word for word in WORDS if plain == word or plain.startswith((f"{word} (", f"{word}, "))]
+    if not found:
+        raise ValueError(f"{DOCUMENT}: the cell {text!r} begins with no word of the threat table")
+    return max(found, key=len)
+
+
 def cell(found: RunOutcome) -> str:
     """Return the word, the first checks that failed, and the largest wrong range."""
     checks = "; ".join(found.checks.split("; ")[:3])
@@ -138,8 +185,8 @@ def cell(found: RunOutcome) -> str:
     return f"{found.word}{wrong}{' (' + checks + ')' if checks else ''}"
 
 
-def line(recorded: RecordedScene, kept: Path | None) -> str:
-    """Return the line of a scene: the words of the table's receiver and of the recording."""
+def line(recorded: RecordedScene, kept: Path | None) -> tuple[str, SceneWords]:
+    """Return the line of a scene and its words: those of the table's receiver, and of the recording."""
     begin = time.perf_counter()
     table = table_outcomes(recorded)
     with made(recorded, kept) as one:
@@ -154,12 +201,12 @@ def line(recorded: RecordedScene, kept: Path | None) -> str:
             if verdicts.recs[row] or failed:
                 worst = np.round(verdicts.range_error_m[row]).tolist()
                 print(f"    {time_s:7.2f} {kind} {statuses} {worst if verdicts.recs[row] else ''} {', '.join(failed)}")
-    words = " | ".join(
-        f"{other.word} | {cell(recorded_outcome(recorded, one))}" for other, one in zip(table, found, strict=True)
-    )
+    outcomes = [recorded_outcome(recorded, one) for one in found]
+    cells = " | ".join(f"{model.word} | {cell(one)}" for model, one in zip(table, outcomes, strict=True))
     end = time.perf_counter()
     print(f"  {simulated_at - begin:.0f} s to simulate and track, {end - simulated_at:.0f} s to judge", flush=True)
-    return f"| {recorded.name} | {words} |"
+    words = SceneWords(model=tuple(one.word for one in table), recording=tuple(one.word for one in outcomes))
+    return f"| {recorded.name} | {cells} |", words
 
 
 def main() -> None:
@@ -170,16 +217,23 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="Folder for the recordings, 0.3 to 0.7 GB each.")
     parser.add_argument("-j", "--workers", type=int, default=1)
     options = parser.parse_args()
-    all_scenes = recorded_scenes(options.seed)
+    all_scenes = tuple(recorded_scenes(options.seed))
     known = {name for one in all_scenes for name in (one.threat.id, one.name)}
     if unknown := set(options.threats) - known:
         parser.error(f"found {', '.join(sorted(unknown))}, expected {', '.join(sorted(known))}")
     scenes = [one for one in all_scenes if not options.threats or {one.threat.id, one.name} & set(options.threats)]
     with ProcessPoolExecutor(options.workers) as pool:
         lines = [pool.submit(line, one, options.keep) for one in scenes]
-        print("| scene |" + "".join(f" level {level}: table | recording |" for level in LEVEL_NUMBERS))
-        for one in lines:
-            print(one.result(), flush=True)
+        print("| scene |" + "".join(f" level {level}: model | recording |" for level in LEVEL_NUMBERS))
+        expected, differences = expected_words() if options.seed == 0 else {}, []
+        for one, measured in zip(scenes, lines, strict=True):
+            row, words = measured.result()
+            print(row, flush=True)
+            if one.name in expected:
+                differences += expected[one.name].differences(one.name, words)
+    for difference in differences:
+        print(difference, file=sys.stderr)
+    sys.exit(bool(differences))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
-"""`process --follow` without an observation file for half an hour of signal: it needs as much memory as for minutes.
+"""`process --follow` at level 2 without an observation file for half an hour: it needs as much memory as for minutes.
 
 Tracking itself is replaced by drawn stretches, with the pages of a whole sky; all else is what follows a recorder.
+`test_tracking_memory.py` has the memory of tracking.
 """
 
 from __future__ import annotations
@@ -128,8 +129,8 @@ def test_memory_is_constant(
     try:
         result = invoke(
             # to be slow in tracking is no end of the recording, however short --idle-s is
-            process, half_hour, "--follow", "--poll-s", "0.01", "--idle-s", "0", "-o", tmp_path / "kept",
-            "--positions", tmp_path / "positions.nmea",
+            process, half_hour, "--follow", "--level", "2", "--poll-s", "0.01", "--idle-s", "0",
+            "-o", tmp_path / "kept", "--positions", tmp_path / "positions.nmea",
         )  # fmt: skip
     finally:
         tracemalloc.stop()

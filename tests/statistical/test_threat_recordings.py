@@ -1,12 +1,16 @@
 """Scenes of the threat table as samples, through the processor of `vestige process`: the words of the table.
 
-`benchmarks/threat_recordings.py` makes the table of docs/threats.md, in which all scenes stand. Here is the one that
-samples decide most: A11 with a locked carrier, which the correlators see between two RECS. Five of its satellites are
-honest: they are the control.
+`benchmarks/threat_recordings.py` measures all scenes of the table of docs/threats.md and compares the words. Here is
+the scene that samples decide most: A11 with a locked carrier, which the correlators see between two RECS. Five of its
+satellites are honest: they are the control.
+
+Four more scenes are shorter than in the table and have three satellites. Each scene needs another defence: the E1
+search (A3), E6 power and received power (A8), the key of OSNMA and received power (A9), the range check (A2).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
@@ -22,6 +26,13 @@ from vestige.threats.scenes import LEVEL_NUMBERS
 
 BETWEEN_RECS = "A11 three satellites, carrier locked"
 SPOOFED = (6, 12, 23)
+# for each short scene its end in s, and for each of its levels a check that must fail; empty if no check fails
+SHORT = {
+    "A2 lift-off": (313, {1: "E1-E6 range"}),
+    "A3 repeater, receiver already tracking": (304, {1: "", 2: "E1 vestigial search"}),
+    "A8 CW": (304, {1: "E6 power", 2: "E6 received power"}),
+    "A9 noise on E1": (304, {1: "", 2: "E1 received power"}),
+}
 
 
 def _scene(name: str) -> RecordedScene:
@@ -31,6 +42,29 @@ def _scene(name: str) -> RecordedScene:
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
     return benchmark("threat_recordings")
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_the_words_of_short_scenes(name: str, script: ModuleType) -> None:
+    """They are those of the table in docs/threats.md, and the check that makes the word fails."""
+    end_s, checks = SHORT[name]
+    one = _scene(name)
+    changes = {"first_s": 298, "end_s": end_s, "svids": (6, 13, 23)}
+    short = replace(one, recording=one.recording.model_copy(update=changes))
+    expected = script.expected_words()[name].recording
+    with script.made(short) as made:
+        for level, check in checks.items():
+            found = made.outcome(level)
+            assert found.word == expected[level - 1], f"level {level}: {found}"
+            failed = {text.rpartition(" ")[0] for text in found.checks.split("; ")}
+            assert check in failed, f"level {level}: {found}"
+
+
+@pytest.mark.parametrize("recorded", [pytest.param(one, id=one.name) for one in recorded_scenes()])
+def test_the_words_of_the_model(recorded: RecordedScene, script: ModuleType) -> None:
+    """Those of the receiver model in the same short scene are in the table, too."""
+    words = tuple(one.word for one in script.table_outcomes(recorded))
+    assert words == script.expected_words()[recorded.name].model
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +97,7 @@ def test_power_distortion_sees_a_lift_off_between_two_recs(between_recs: dict[in
 def test_the_words_of_a_lift_off_between_two_recs(
     between_recs: dict[int, RecordedVerdicts], script: ModuleType
 ) -> None:
-    """Those of the threat table's receiver on the same scene: missed, detected, detected."""
+    """They are those of the table in docs/threats.md: missed, detected, detected."""
     recorded = _scene(BETWEEN_RECS)
-    words = [recorded_outcome(recorded, found).word for found in between_recs.values()]
-    assert words == [one.word for one in script.table_outcomes(recorded)] == ["missed", "detected", "detected"]
+    words = tuple(recorded_outcome(recorded, found).word for found in between_recs.values())
+    assert words == script.expected_words()[BETWEEN_RECS].recording == ("missed", "detected", "detected")

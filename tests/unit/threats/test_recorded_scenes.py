@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from script_loader import benchmark
 from vestige.spoofer.between_recs import BetweenRecs
 from vestige.spoofer.profiles import Ramp
 from vestige.spoofer.repeaters import LiftOff
 from vestige.threats.recorded_scenes import RecordedScene, recorded_scenes
-from vestige.threats.scenes import scene_scenario
+from vestige.threats.scenes import LEVEL_NUMBERS, scene_scenario
 
 RECORDED = tuple(recorded_scenes())
 
@@ -20,6 +21,35 @@ def _named(name: str) -> RecordedScene:
 def test_the_threats_that_have_recordings() -> None:
     assert {one.threat.id for one in RECORDED} == {"A1", "A2", "A3", "A5", "A8", "A9", "A11", "A12"}
     assert len({one.name for one in RECORDED}) == len(RECORDED)
+
+
+def test_the_table_of_the_documentation_has_all_recordings_and_marks_what_differs() -> None:
+    """It has a row for each recording, in the same order; a word that differs from the model is bold."""
+    script = benchmark("threat_recordings")
+    words = script.expected_words()
+    assert list(words) == [one.name for one in RECORDED]
+    different = [
+        f"{name} level {level}"
+        for name, row in words.items()
+        for level, model, recording in zip(LEVEL_NUMBERS, row.model, row.recording, strict=True)
+        if model != recording != script.NOT_MEASURED
+    ]
+    text = script.DOCUMENT.read_text(encoding="utf-8")
+    rows = [row.split(" | ") for row in text.splitlines() if row.startswith("| A") and row[2:].split(" | ")[0] in words]
+    bold = [f"{row[0][2:]} level {k // 2}" for row in rows for k, cell in enumerate(row) if cell.startswith("**")]
+    assert different == bold
+    n = sum(word != script.NOT_MEASURED for row in words.values() for word in row.recording)
+    assert f"in {n - len(different)} of the {n} cells" in " ".join(text.split())
+
+
+def test_a_word_that_differs_is_named() -> None:
+    words = benchmark("threat_recordings").SceneWords
+    expected = words(model=("missed", "detected", "detected"), recording=("missed", "detected", "detected"))
+    found = words(model=("missed", "detected", "detected"), recording=("missed", "no alarm, no harm", "detected"))
+    assert expected.differences("A0 none", expected) == []
+    assert expected.differences("A0 none", found) == [
+        "A0 none, level 2, recording: expected detected, found no alarm, no harm"
+    ]
 
 
 @pytest.mark.parametrize("recorded", RECORDED, ids=lambda one: one.name)
