@@ -31,6 +31,7 @@ import numpy as np
 
 from vestige.campaign.run_outcome import RunOutcome, outcome_word, window_of
 from vestige.cli.recordings.process import command, prepared
+from vestige.recording.recorded_block import OtherChannels
 from vestige.recording.recording import Recording, open_recording
 from vestige.recording.tracked.track_recording import TrackedRecording, track_recording
 from vestige.records import Band, Status
@@ -106,7 +107,7 @@ class MadeRecording:
         """Return the verdicts of `vestige process` on the recording at a level."""
         arguments = [str(self.folder), "--level", str(level), *self.options]
         options: dict[str, Any] = command.make_context("process", arguments).params
-        processor, source, _ = prepared(self.opened, options, self.tracked)
+        processor, source, _ = prepared(self.opened, options, self.tracked, OtherChannels())
         steps = list(processor.steps(source, assistance=source.assistance))
         return recorded_verdicts(self.recorded, steps, self.errors)
 

@@ -4,8 +4,9 @@
 the scene that samples decide most: A11 with a locked carrier, which the correlators see between two RECS. Five of its
 satellites are honest: they are the control.
 
-Four more scenes are shorter than in the table and have three satellites. Each scene needs another defence: the E1
-search (A3), E6 power and received power (A8), the key of OSNMA and received power (A9), the range check (A2).
+Five more scenes have three satellites, and four of them are shorter than in the table. Each scene needs another defence: the E1
+search (A3), E6 power and received power (A8), the search on E1 where a thousand code phases exceed its threshold (A8
+chirp), the key of OSNMA and received power (A9), the range check (A2).
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ SHORT = {
     "A2 lift-off": (313, {1: "E1-E6 range"}),
     "A3 repeater, receiver already tracking": (304, {1: "", 2: "E1 vestigial search"}),
     "A8 CW": (304, {1: "E6 power", 2: "E6 received power"}),
+    "A8 chirp": (304, {1: "", 2: "E1 vestigial search"}),
     "A9 noise on E1": (304, {1: "", 2: "E1 received power"}),
 }
 

@@ -35,7 +35,7 @@ from vestige.records.snapshot_block import SEARCH_NOT_RUN
 from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, MIN_SECONDARY_MARGIN_DB, measure_e1
-from vestige.sample_processor.search.e1_search import search_e1
+from vestige.sample_processor.search.e1_search import MAX_SIGNALS, search_e1
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
 from vestige.sample_processor.search.peak import Peak
 from vestige.sample_processor.search.sample_source import BatchSource
@@ -124,8 +124,11 @@ class E1VestigialSearch:
                     peaks=_proven(decision),
                     count=float(max(len(own), len(decision.peaks))),
                     carrying=len(decision.peaks),
-                    true_is_known=len(decision.peaks) > 1
-                    or (len(decision.peaks) == 1 and not _preceded(decision.peaks[0], own, window, sent)),
+                    true_is_known=len(own) < MAX_SIGNALS  # otherwise E1 may have more signals, and an earlier one
+                    and (
+                        len(decision.peaks) > 1
+                        or (len(decision.peaks) == 1 and not _preceded(decision.peaks[0], own, window, sent))
+                    ),
                     sent=sent,
                 )
             )

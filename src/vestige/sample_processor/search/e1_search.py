@@ -12,8 +12,11 @@ The following parts of a taken signal do not count as a second signal:
 * its code side lobes, at any code phase: at most −20 dB for one code period of a memory code at a wrong Doppler, or
   with a symbol that changes. So a signal that is `CROSS_CORRELATION_DB` below it does not count.
 
+At most `MAX_SIGNALS` of a satellite are taken. More peaks are interference: a swept jammer correlates with the code at
+a thousand code phases.
+
 A peak may be present only while a stronger peak is absent. Such a peak is the same signal after a jump, because samples
-are missing (`e1_jump`).
+are missing (`e1_jump`). A jump makes one peak two, so it is not looked for among `MAX_SIGNALS` peaks.
 
 The search cannot separate a second signal within 2 chips (586 m) in code phase modulo 4 ms; there the correlator bank
 and the range checks detect it. A signal 16 dB below the strongest is not found either.
@@ -21,6 +24,7 @@ and the range checks detect it. A signal 16 dB below the strongest is not found 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 
 import numpy as np
@@ -37,6 +41,7 @@ from vestige.sample_processor.search.e1_jump import Jump, find_jump
 from vestige.signals.definitions import E1B, E1C, SignalDefinition
 
 BLIND_CHIPS = 2.0  # see above
+MAX_SIGNALS = 8  # of a satellite; the time of the searches on E6 is proportional to the number of signals
 
 
 def search_e1(
@@ -82,8 +87,9 @@ def search_e1(
         progress=progress,
     )
     kept: list[Acquisition] = []
+    count = Counter(one.svid for one in found)
     for one in found:
-        stronger = (other for other in kept if other.svid == one.svid)
+        stronger = (other for other in kept if other.svid == one.svid and count[one.svid] < MAX_SIGNALS)
         jump = next(filter(None, (find_jump(batch, other, one, signals, periods) for other in stronger)), None)
         if jump is None:
             kept.append(one)
@@ -93,12 +99,12 @@ def search_e1(
 
 
 def separate(powers: CellPowers) -> tuple[Acquisition, ...]:
-    """Return the signals in the powers of one satellite, the strongest first."""
+    """Return the signals in the powers of one satellite, the strongest first, `MAX_SIGNALS` at most."""
     # maximum over Doppler, because a signal occupies its code phases at every Doppler
     best = np.max(powers.powers, axis=0)
     blind = int(np.ceil(BLIND_CHIPS / E1C.chip_rate_hz * powers.rate_hz))
     found: list[Acquisition] = []
-    while True:
+    while len(found) < MAX_SIGNALS:
         column = int(np.argmax(best))
         if best[column] <= powers.threshold:
             return tuple(found)
@@ -107,3 +113,4 @@ def separate(powers: CellPowers) -> tuple[Acquisition, ...]:
             return tuple(found)
         found.append(one)
         best[(column + np.arange(-blind, blind + 1)) % best.size] = 0.0  # code phases are cyclic
+    return tuple(found)

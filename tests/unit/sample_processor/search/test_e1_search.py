@@ -9,7 +9,7 @@ from builders import batch_of, received_batch, satellite
 from vestige.constants import E1_CARRIER_HZ, E1_CODE_PERIOD_S, SPEED_OF_LIGHT_MPS
 from vestige.records import Band
 from vestige.sample_processor.search.e1_jump import Jump
-from vestige.sample_processor.search.e1_search import search_e1
+from vestige.sample_processor.search.e1_search import MAX_SIGNALS, search_e1
 from vestige.signals.definitions import E1C
 
 TRUE_M, RATE_MPS = 2.4e7, -300.0
@@ -92,6 +92,20 @@ def test_a_second_signal_that_comes_or_goes_is_a_second_signal(comes: bool) -> N
     jumps: list[Jump] = []
     assert len(search_e1(replace(alone, samples=mixed), [11], jumped=jumps.append)) == 2
     assert jumps == []
+
+
+def test_a_swept_jammer_is_eight_signals_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sweep of 4 MHz each 10 µs exceeds the threshold at hundreds of code phases; no pair of them is a jump."""
+    compared: list[object] = []
+    monkeypatch.setattr("vestige.sample_processor.search.e1_search.find_jump", lambda *given: compared.append(given))
+    rate_hz, n = 5.2e6, 208_000
+    t_s = np.arange(n) / rate_hz % 10e-6
+    sweep = np.exp(2j * np.pi * (-2e6 * t_s + 0.5 * 4e11 * t_s**2))
+    noise = np.random.default_rng(3).standard_normal((n, 2)).view(np.complex128)[:, 0]
+    batch = batch_of((noise + 6 * sweep).astype(np.complex64), rate_hz, Band.E1)
+    found = search_e1(batch, (6, 11))
+    assert [sum(one.svid == svid for one in found) for svid in (6, 11)] == [MAX_SIGNALS] * 2
+    assert compared == []
 
 
 def test_noise_alone_is_no_signal() -> None:
