@@ -4,9 +4,9 @@
 the scene that samples decide most: A11 with a locked carrier, which the correlators see between two RECS. Five of its
 satellites are honest: they are the control.
 
-Five more scenes have three satellites, and four of them are shorter than in the table. Each scene needs another defence: the E1
-search (A3), E6 power and received power (A8), the search on E1 where a thousand code phases exceed its threshold (A8
-chirp), the key of OSNMA and received power (A9), the range check (A2).
+Five more scenes have three satellites, and four of them are shorter than in the table. Each scene needs another
+defence: the search on E1 (A3), E6 power and received power (A8 CW), the search on E1 where a thousand code phases
+exceed its threshold (A8 chirp), the key of OSNMA and received power (A9), the range check (A2).
 """
 
 from __future__ import annotations
