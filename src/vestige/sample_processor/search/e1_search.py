@@ -41,7 +41,8 @@ from vestige.sample_processor.search.e1_jump import Jump, find_jump
 from vestige.signals.definitions import E1B, E1C, SignalDefinition
 
 BLIND_CHIPS = 2.0  # see above
-MAX_SIGNALS = 8  # of a satellite; the time of the searches on E6 is proportional to the number of signals
+# largest number of signals of a satellite; the time of the searches on E6 is proportional to their number
+MAX_SIGNALS = 8
 
 
 def search_e1(
