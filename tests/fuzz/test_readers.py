@@ -38,6 +38,7 @@ INSIDE = {
     "cli/start/init.py: command": _PACKAGE,
     "cli/start/init.py: write_scenarios": _PACKAGE,
     "scenario/shipped.py: shipped_scenarios": _PACKAGE,
+    "cli/recordings/process_options.py: check_named_inputs": "the readers of keys and trees, which other targets try",
     "cli/recordings/search.py: _log": "`SearchLog.open`, which the target `search-log` tries",
     "cli/recordings/simulate.py: _to_pipe": "the null device, to write to",
     "crypto/recs/file_signature.py: sign": "the server's side: it signs what it has written",

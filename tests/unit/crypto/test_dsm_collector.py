@@ -29,7 +29,7 @@ def test_blocks_of_all_satellites_make_one_message_once() -> None:
     assert [message.data for message in found] == [MESSAGE]
     assert found[0].is_root_key
     assert (found[0].dsm_id, found[0].header.value) == (7, 0x82)
-    assert DsmCollector().progress() == "no block"
+    assert DsmCollector().progress() == "no block was received"
     assert collector.progress() == "DSM 7: 8 of 8 blocks"
 
 

@@ -68,7 +68,7 @@ def test_two_waypoints_are_uniform_motion() -> None:
 
 
 def test_no_motion_beyond_the_waypoints() -> None:
-    with pytest.raises(ValueError, match="from 0 s to 200 s"):
+    with pytest.raises(ValueError, match="expected 0 s to 200 s"):
         EXAMPLES[2].motion(np.array([201.0]))
     with pytest.raises(ValueError, match="ascending"):
         WaypointTrajectory(time_s=np.array([0.0, 0.0]), position_m=np.zeros((2, 3)))

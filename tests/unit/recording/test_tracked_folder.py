@@ -54,4 +54,4 @@ def test_the_file_has_a_row_for_each_satellite_and_epoch(tmp_path: Path) -> None
     with (tmp_path / POWER_NAME).open() as stream:
         rows = list(csv.reader(stream))
     # 9998 / (2 · 10,000 samples) is -3.01 dB
-    assert rows[1:] == [["1422", "100.0", "3", "44.50", "16.99", "20.00"], ["1422", "100.0", "5", "", "", "20.00"]]
+    assert rows[1:] == [["1422", "100.000", "3", "44.50", "16.99", "20.00"], ["1422", "100.000", "5", "", "", "20.00"]]

@@ -107,7 +107,9 @@ def test_the_reason_names_the_time_and_the_disclosure() -> None:
     block = receiver.snapshots(0, tuple(one.advance(0, 1) for one in receiver.truth()))
     measured = AcasProcessor().measure(block, receiver.assistance)
     reason = measured.why_unavailable(0, 0)
-    assert re.search(r"not provably received before.*16:00:45.* ± 1 s, key on air from .*16:00:22", reason), reason
+    assert re.search(
+        r"not provably received before.*16:00:45.* ± 1 s by the receiver's clock, key on air from .*16:00:22", reason
+    ), reason
 
 
 SECOND = (
