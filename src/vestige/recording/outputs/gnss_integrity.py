@@ -173,10 +173,15 @@ class MavlinkOutput:
     def _connected(self, address: str) -> Callable[[bytes], Any]:
         try:
             connection = import_module("pymavlink.mavutil").mavlink_connection(address, dialect="development")
-        except (ValueError, IndexError) as error:  # errors of pymavlink for an address that it cannot read
+            self._held.callback(connection.close)
+            connection.write(b"")  # pymavlink looks at the port of a UDP address when it sends
+        except (ValueError, IndexError, OverflowError) as error:  # pymavlink cannot read the address
+            self._held.close()
             expected = f"a file {LOG_SUFFIX}, or an address such as udpout:127.0.0.1:14550"
             raise VestigeError(f"--mavlink: found {address!r}, expected {expected}") from error
-        self._held.callback(connection.close)
+        except ModuleNotFoundError as error:  # pymavlink takes every other address for a serial port
+            expected = f"a file {LOG_SUFFIX}, an address such as udpout:127.0.0.1:14550, or pyserial for a serial port"
+            raise VestigeError(f"--mavlink: found {address!r}, expected {expected}: pip install pyserial") from error
         return connection.write
 
     def write(self, time: GalileoTime, integrity: GnssIntegrity) -> None:

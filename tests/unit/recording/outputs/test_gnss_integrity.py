@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import sys
 from dataclasses import replace
 from enum import IntEnum
 from pathlib import Path
@@ -176,13 +177,22 @@ def _is_what_was_said(one: object) -> None:
     }  # fmt: skip
 
 
-def test_an_address_that_is_none(mavutil: object) -> None:
-    with pytest.raises(VestigeError, match=r"--mavlink: found 'udpout:nowhere', expected a file \.tlog"):
-        MavlinkOutput("udpout:nowhere")
+@pytest.mark.parametrize("address", ["udpout:nowhere", "udpout:127.0.0.1:high", "udpout:127.0.0.1:99999"])
+def test_an_address_that_is_none(mavutil: object, address: str) -> None:
+    with pytest.raises(VestigeError, match=rf"^--mavlink: found '{address}', expected a file \.tlog"):
+        MavlinkOutput(address)
+
+
+def test_a_serial_port_needs_pyserial(mavutil: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(
+        VestigeError, match=r"^--mavlink: found 'none', expected a file \.tlog.*: pip install pyserial$"
+    ):
+        MavlinkOutput("none")
 
 
 def test_without_pymavlink_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "pymavlink", None)
-    monkeypatch.setitem(__import__("sys").modules, "pymavlink.dialects.v20.development", None)
+    monkeypatch.setitem(sys.modules, "pymavlink", None)
+    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20.development", None)
     with pytest.raises(VestigeError, match=r"pip install 'vestige\[mavlink\]'"):
         MavlinkOutput("udpout:127.0.0.1:14550")
