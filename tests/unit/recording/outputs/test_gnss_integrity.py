@@ -177,7 +177,7 @@ def _is_what_was_said(one: object) -> None:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("address", ["udpout:nowhere", "udpout:127.0.0.1:high", "udpout:127.0.0.1:99999"])
+@pytest.mark.parametrize("address", ["udpout:nowhere", "udpout:127.0.0.1:99999"])
 def test_an_address_that_is_none(mavutil: object, address: str) -> None:
     with pytest.raises(VestigeError, match=rf"^--mavlink: found '{address}', expected a file \.tlog"):
         MavlinkOutput(address)
