@@ -2,7 +2,7 @@
 
 A check has a name, a unit, a false-alarm probability `p_fa` per test, and `series`: statistic and threshold over a
 block of epochs. A check fails where |statistic| > threshold. If an input is missing, the check is not run (NaN) and
-states the reason. A check that was not run is no evidence.
+states the reason. A check that was not run counts neither for nor against an attack.
 """
 
 from __future__ import annotations

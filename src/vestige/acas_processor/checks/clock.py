@@ -1,4 +1,4 @@
-"""Check whether the receiver clock runs as an oscillator of its kind can.
+"""Check whether the receiver clock changes by no more than the noise of its oscillator allows.
 
 Theory of operation
 -------------------

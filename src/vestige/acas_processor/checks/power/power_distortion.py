@@ -1,4 +1,4 @@
-"""Compute power and distortion, which tell clean, multipath, spoofed and jammed signals apart [WESSON18].
+"""Compute power and distortion, which separate clean, multipath, spoofed and jammed signals [WESSON18].
 
 Theory of operation
 -------------------
