@@ -84,8 +84,8 @@ def run(
         Function that is called at the beginning and after each chunk.
     enough
         Function that is called with the columns of each chunk in order, including stored chunks. The results end with
-        the first chunk for which the function is true, and later chunks are not measured. The store stays unfinished;
-        a later call may continue it.
+        the first chunk for which the function returns true, and later chunks are not measured. The store stays
+        unfinished; a later call may continue it.
 
     Raises
     ------

@@ -154,8 +154,7 @@ class Observed:
         }
 
     def _own_share(self, snr: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
-        """Return the signal's own contribution to the floor of wrong codes: Ec/N0, smaller where it overlaps two
-        chips."""
+        """Return the signal's contribution to the floor of wrong codes: Ec/N0, smaller where it overlaps two chips."""
         banks, chips_per_m = self.measured.banks, E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
         between = np.nan_to_num(self.measured.detected.range_offset_m) * chips_per_m % 1.0
         return snr / (banks.integration_s * E6C.chip_rate_hz) * ((1 - between) ** 2 + between**2)

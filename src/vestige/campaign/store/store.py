@@ -8,7 +8,7 @@ written after the values.
 A resumed run reads the values again and compares their hash. Chunks that do not agree with their hash are computed
 again. A run may therefore end in any way: by `kill -9` between two files, by a power failure that loses written data,
 or with a store that was copied only in part. A new store is made in a temporary folder and then renamed, so a path
-never has half of a store.
+never has an incomplete store.
 """
 
 from __future__ import annotations

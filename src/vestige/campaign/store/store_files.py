@@ -55,7 +55,8 @@ def _unreadable(error: OSError) -> None:
 def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
     """Return the arrays in the root of a store by name, opened one by one.
 
-    `group.arrays()` opens all arrays at once. If one is damaged, Python prints warnings about the others at its exit.
+    `group.arrays()` opens all arrays at once. If one array is damaged, Python prints warnings about the other arrays at
+    its exit.
 
     Raises `ValueError` with the name of the array if its metadata are damaged.
     """

@@ -1,4 +1,4 @@
-"""Error of the time tag of samples: what `vestige track`, `process` and `live` say of it, and how they correct it."""
+"""Error of the time tag of samples: its report and its correction in `vestige track`, `process` and `live`."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
 
 
 def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, int, float]:
-    """Return the same for samples on standard input."""
+    """Return the result of tracking samples on standard input, the number of samples of E1, and their rate in Hz."""
     from vestige.recording.tracked.track_recording import streamed_batches, track_batches
     from vestige.records import Band
 
