@@ -72,7 +72,7 @@ def ntcm_slant_tecu(
 def delay_e1_m(slant_tecu: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the delay of the code on E1 by an electron content in m; the carrier is advanced by the same amount.
 
-    On E6 both are `constants.GAMMA_E1_E6` times larger.
+    On E6 delay and advance are `constants.GAMMA_E1_E6` times larger.
 
     Examples
     --------

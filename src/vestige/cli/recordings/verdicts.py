@@ -271,8 +271,7 @@ def print_not_seen(tally: Tally, put: Callable[[str], None] = echo) -> None:
 
 
 def print_json(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> None:
-    """Print each verdict when it comes, all in one JSON object with numbers in full precision; the tally counts
-    them."""
+    """Print each verdict when it comes, all in one JSON object with numbers in full precision. Count the verdicts."""
     separator: str = ""
     found: list[PositionEntry] = []
     head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)

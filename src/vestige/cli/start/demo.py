@@ -1,8 +1,8 @@
 """`vestige demo`: authenticate a small recording, with a wrong key and a shifted E6 too, then a sky, and statistics.
 
-The demo makes all its data: the recording (`first_light.toml`), an OSNMA key chain, and the RECS. Then follow some
-seconds of a sky with its message, keys and RECS (`night.toml`). The simulated measurements are those of `quick.toml`, a
-short form of the paper's harsh conditions.
+The demo makes all its data: the recording (`first_light.toml`), an OSNMA key chain, and the RECS. The demo also makes
+some seconds of a sky with its message, keys and RECS (`night.toml`). The simulated measurements are those of
+`quick.toml`, a short form of the paper's harsh conditions.
 """
 
 from __future__ import annotations

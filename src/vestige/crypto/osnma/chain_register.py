@@ -7,7 +7,7 @@ signed together with each DSM-KROOT. So the status follows from verified root ke
 * A root key with "chain revoked" or "public key revoked" withdraws all chains except the chain that it names as in
   force. "Public key revoked" also revokes the public keys before the key that signed the root key.
 * A chain comes back only with its own root key that says "test" or "operational" and cannot be older than the
-  withdrawal. A root key of a later time cannot be older, because a root key is a key of the chain that nobody may know
+  withdrawal. A root key of a later time cannot be older than the withdrawal, because nobody may know a key of the chain
   before its time. A root key of the chain that the withdrawal announced as next chain cannot be older either, because
   that chain was not in force before.
 * An alert message is final, because no message that could end it is trusted any more [OSNMA-RG, 4.2.3].

@@ -104,7 +104,7 @@ class SatelliteSubframe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Epoch:
-    """One subframe of all satellites."""
+    """A subframe of all satellites."""
 
     time: GalileoTime  # start of the subframe (GST_SF)
     satellites: Mapping[int, SatelliteSubframe]  # by SVID
