@@ -311,9 +311,9 @@ def inverse_normal(
 def _solvable(sighted: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
     """Return which matrices HᵀH are not singular.
 
-    With t the trace, the smallest eigenvalue is at least det(HᵀH) (3/t)³, because the product of the three others is
-    at most (t/3)³, and the largest is at most t. Where this lower limit is far above the threshold, the eigenvalues
-    themselves are not computed.
+    With t the trace, the product of the three larger eigenvalues is at most (t/3)³. The smallest eigenvalue is
+    therefore at least det(HᵀH) (3/t)³. The largest eigenvalue is at most t. If the lower limit of the smallest
+    eigenvalue is far above the threshold, the eigenvalues are not computed.
     """
     trace = np.trace(sighted, axis1=1, axis2=2)
     least = np.linalg.det(sighted) * (3 / np.maximum(trace, 1e-9)) ** 3

@@ -104,7 +104,7 @@ class PositionPush(_LiftOffAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimePush(_LiftOffAttack):
-    """A lift-off of all satellites, whose common delay moves the victim's clock. There are no `svids`."""
+    """A lift-off of all satellites, whose common delay moves the victim's clock. The attack takes no `svids`."""
 
     kind: Literal["time-push"] = "time-push"
 
@@ -182,10 +182,10 @@ class Meaconing(CheckedAttack):
         Delay, from a fraction of a microsecond (repeater) to seconds (recorder).
     antenna
         Position of the repeater's receiving antenna. The path over this antenna adds to the delay of each satellite, so
-        a victim computes the position of the antenna [WFO, Sec. II]. This option needs a sky. Without it the delay is
-        the same for all satellites, as if the antenna stood beside the victim's.
+        a victim computes the position of the antenna [WFO, Sec. II]. This option needs a sky. Without this option the
+        delay is the same for all satellites, as if the antenna stood beside the victim's.
     power_db
-        Relative to the true signal.
+        Power in dB relative to the true signal.
     bands
         Bands that the attacker repeats.
     reception_gain_db
@@ -239,7 +239,7 @@ class Forgery(CheckedAttack):
     Attributes
     ----------
     power_db
-        Relative to the true signal.
+        Power in dB relative to the true signal.
     delay_m
         Delay of the chips relative to the true signal in m, which has hardly any effect.
     """

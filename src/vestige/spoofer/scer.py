@@ -52,7 +52,7 @@ class Scer(CheckedAttack):
         Treatment of E6-C, which is repeated with its noise, or sent with hard or soft decisions on each chip.
     symbols
         Treatment of the symbols of E1-B, which are known from their beginning on, or estimated while hard or soft
-        decisions are sent (in recordings; campaigns do not generate E1-B).
+        decisions are sent. Only recordings have E1-B; campaigns do not generate it.
     victim_cn0_dbhz
         C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz. This C/N0 and G determine the quality of the
         attacker's estimates. A number applies to all satellites. `received` means the victim's C/N0 of E6-C of each

@@ -25,7 +25,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 class GridLoss(NamedTuple):
-    """Loss in dB half a step off the grid, and of the mean power over all offsets between the grid points."""
+    """Loss in dB at half a step off the grid, and loss of the mean power over all offsets between the grid points."""
 
     worst_db: float
     mean_db: float

@@ -21,9 +21,9 @@ The share of the power of x that correlates with the true signs is ρ² = E[x s]
 
 The rest of the power is noise; it is 1/ρ² − 1 times the part that correlates.
 
-**Chips of E6-C.** Each lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. Let the matching part of the spoofing signal
-have η times the power of the true signal. The rest is noise behind the victim's correlator, because its chips do not
-match. The density of this noise is
+**Chips of E6-C.** Each chip lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. Let the matching part of the spoofing
+signal have η times the power of the true signal. The rest is noise behind the victim's correlator, because its chips do
+not match. The density of this noise is
 
     N/N0 = η (Ec/N0 of the victim) (1/ρ² − 1)
 
@@ -145,7 +145,7 @@ def replayed_mean(
     """Return the mean of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
 
     The attacker renews the estimate with each transmitted chip. Chip j then uses the signal received in j chips and the
-    head start. Without any reception it is a guess, of mean 0.
+    head start. Without any reception the estimate is a guess, of mean 0.
 
     Parameters
     ----------
