@@ -367,7 +367,7 @@ class _Assessment:
         )
 
     def _misses_after(self, evidence: Evidence) -> MissMemory:
-        """Return the run of E6 misses of every satellite after the block; empty if the level asks for none."""
+        """Return the run of E6 misses of every satellite after the block; empty if the level does not need it."""
         check = self._checks[CheckName.E6_POWER]
         return check.remembered(evidence) if isinstance(check, E6MissesCheck) else {}
 

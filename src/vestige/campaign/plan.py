@@ -13,10 +13,10 @@ independent of the others. A plan therefore has two parts, and may have a third:
 
 Resuming a campaign and running it in parallel rely on these rules:
 
-1. `advance` is called with the epochs in order, from 0, without a gap: `advance(0, a)`, `advance(a, b)`, … The inputs
-   of an epoch must not depend on how the epochs are divided into calls, bit for bit. A resumed campaign calls
-   `prepare()` again and runs through all epochs before the last missing epoch. `advance` should therefore cost much
-   less than `measure`.
+1. `advance` is called with the epochs in order, from 0, without a gap: `advance(0, a)`, `advance(a, b)`, … The bits of
+   the inputs of an epoch must not depend on how the epochs are divided into calls. A resumed campaign calls `prepare()`
+   again and runs through all epochs before the last missing epoch. `advance` should therefore cost much less than
+   `measure`.
 2. `measure` depends only on the plan, `first` and `inputs`. The columns of an epoch must not depend on how the epochs
    are divided into calls. Random numbers come from streams that are named by the epoch, never from a generator that
    keeps its state between epochs. Several threads may call `measure` at once, and twice for the same epochs.

@@ -12,7 +12,7 @@ is linearised in (r, b) and solved by Gauss–Newton from the Earth's centre. W 
 
     x ← x + (HᵀWH)⁻¹HᵀW y,   H = [−(s − r)/|s − r|, 1]
 
-The errors of satellites may have a common part c cᵀ in addition to the diagonal, such as the ionosphere above a
+The errors of satellites may have a common part c cᵀ in addition to the diagonal. An example is the ionosphere above a
 receiver, with c the obliquity. A common part that is equal for all satellites affects only the clock. A common part
 that grows towards the horizon affects height and clock, and appears in no residual. W does not contain the common part,
 but the covariance does: with S = (HᵀWH)⁻¹HᵀW and σ² = 1/w,

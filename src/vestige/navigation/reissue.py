@@ -4,7 +4,7 @@ Mean anomaly, node, inclination and clock continue with their rates, and the har
 latitude. So a new issue is exactly the old orbit. Ω0 is the longitude at the start of toe's week, so Ω0 changes after
 the end of a week.
 
-Satellites issue orbits whose toe is past, and receivers expect this: `rnx2rtkp` refuses orbits with a future toe
+Satellites issue orbits whose toe is past, and receivers expect a past toe. `rnx2rtkp` refuses orbits with a future toe
 [RTKLIB], and some programs refuse orbits that are older than 2 h.
 """
 

@@ -1,9 +1,9 @@
 """Attacks with spoofing signals: the lift-off family, meaconing, forgery, nulling.
 
 E1 codes are public, so the attacker makes its E1 spoofing signal itself. E6-C is encrypted, so its spoofing signal is
-the true signal, received and sent again, with the noise of the attacker's own reception. Let the spoofing signal have η
-times the true power at the victim, and let the attacker receive with a C/N0 that is G times the victim's. Then the
-repeated noise has
+the true signal, received and sent again, with the noise of the attacker's own reception. The spoofing signal has η
+times the true power at the victim, and the attacker receives with G times the victim's C/N0. Then the repeated noise
+has
 
     N_repeated / N0 = η / G
 

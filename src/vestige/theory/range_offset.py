@@ -37,8 +37,8 @@ def range_offset_m(
 ) -> Float[np.ndarray, " n_epochs"]:
     """Return measured minus predicted E6 range of each epoch in m, positive if later; NaN without a detection.
 
-    Magnitudes |c| go from early to late. `tap` is the index of the punctual tap from a detector, n … N−1−n, or −1;
-    `spacing` is n; `offsets_m` are the taps' offsets from the prediction, ascending and equidistant.
+    Magnitudes |c| go from early to late. `tap` is the index of the punctual tap from a detector, n … N−1−n, or −1.
+    `spacing` is n. `offsets_m` are the taps' offsets from the prediction, ascending and equidistant.
 
     Raises `ValueError` if the taps are not equidistant, or a punctual tap lacks a neighbour.
     """

@@ -17,9 +17,9 @@ f = 9/16 has the same correlation, but the screen then needs 50 % more additions
 
 The loss at a C/N0 is the mean of this probability over all S > g. The mean is computed for the strongest cell, with the
 signal anywhere between the points of the grid. Three effects change the signal in z₁. The second output of the sum is
-half a chip earlier or later than the strongest cell, so the signal is nearer to it or farther from it. The screen's
-bins are 1/(2 f T_I) apart, those of the cells 1/(2 T_I), so the nearest bin of the screen may be off the frequency of
-the cell. The carrier is not removed within a segment of the screen.
+half a chip earlier or later than the strongest cell. The signal is therefore nearer to the second output or farther
+from it. The screen's bins are 1/(2 f T_I) apart, and the bins of the cells 1/(2 T_I). So the nearest bin of the screen
+may be off the frequency of the cell. The carrier is not removed within a segment of the screen.
 """
 
 from __future__ import annotations

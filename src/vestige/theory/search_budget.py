@@ -1,8 +1,9 @@
 """Detection budget of a search of many hypotheses: threshold, required C/N0, P_d on a grid, ROC.
 
-In the paper's theory the signal is on a grid point. On a real grid the signal lies anywhere between the points. Half a
-chip costs up to 2.5 dB and 1.1 dB in the mean, bins 1/(2 T_I) apart up to 0.9 dB and 0.3 dB in the mean (`losses`). So
-P_d at a given C/N0 is an average over code offset and Doppler. At high P_d this average is below the P_d of the paper.
+In the paper's theory the signal is on a grid point. On a real grid the signal lies anywhere between the points. A step
+of half a chip loses up to 2.5 dB, and 1.1 dB in the mean. Bins 1/(2 T_I) apart lose up to 0.9 dB, and 0.3 dB in the
+mean (`losses`). So P_d at a given C/N0 is an average over code offset and Doppler. At high P_d this average is below
+the P_d of the paper.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-The receiver keeps time by itself. It states an upper limit U of the error of its clock against Galileo System Time
-(`time_uncertainty_s`). The E1 ranges measure the same error: the clock b of a position fix, times c. A replay that
+The receiver keeps time by itself. The receiver states an upper limit U of the error of its clock against Galileo System
+Time (`time_uncertainty_s`). The E1 ranges measure the same error: the clock b of a position fix, times c. A replay that
 comes τ later makes b larger by c τ, even if the attacker suppresses other signals. The check passes if
 
     with a fix       |b|/c ≤ U + (`MARGIN_M` + K σ_b)/c

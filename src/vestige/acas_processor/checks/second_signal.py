@@ -10,7 +10,7 @@ r⟩ is largest. The statistic √G with
 
 measures how much better two signals explain the taps than one signal. Noise alone makes every |·|²/2 exponential. A
 reflection of Rayleigh amplitude and mean power P over a direct signal of amplitude s adds at most s²P/2 to the variance
-in each dimension. A single RECS cannot tell such a reflection from a spoofing signal. So
+in each dimension. In a single RECS such a reflection looks like a spoofing signal. So
 
     fail where √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = number of positions tried
 

@@ -5,8 +5,8 @@ The searches are step 4 of [WFO, Sec. IV-B] and step 5 of [WFO, Sec. IV-C].
 `E1VestigialSearch` (level 2) searches all signals on E1, and hands each signal over to E6. `E6ExhaustiveSearch` (level
 3) searches every half chip and Doppler bin of E6. Both searches take a snapshot and its assistance, and return peaks
 and number of signals of each satellite. Both searches cover the `TimeUncertainty`. Before the first authentic fix this
-uncertainty is the stated limit of the clock error; after the fix it is the possible drift of the oscillator since the
-fix.
+uncertainty is the stated limit of the clock error. After the fix the uncertainty is the possible drift of the
+oscillator since the fix.
 
 `block_searches.py` uses both searches for a block of one epoch.
 """

@@ -7,7 +7,7 @@ receiver that finds the chips of one RECS twice is being spoofed. Nobody can sen
 the earliest signal is the true signal [WFO, Sec. III-D, III-E].
 
 `handover_peaks` hands over all signals of the satellite on E1 to E6. Each signal is measured on E1 and handed over as a
-line of candidate epochs (`CandidateEpochs`). E1 is measured again every `REMEASURE_S`: a Doppler error of 1 Hz shifts
+line of candidate epochs (`CandidateEpochs`). E1 is measured again every `REMEASURE_S`. A Doppler error of 1 Hz shifts
 the line by a tap in a minute, and a Doppler change of 0.5 Hz/s in ten seconds. After the first authentic position the
 clock is known, and the smaller time uncertainty shortens both searches in proportion.
 """

@@ -31,7 +31,7 @@ _LONGEST_FRAME_HEADER = 18
 def check_files(folder: Path, expected: str = EXPECTED_RESULTS) -> None:
     """Check that a store has only regular files and folders, and that no metadata file is too long.
 
-    A pipe would block the program for ever when it is opened. A link may lead to any other file.
+    A pipe would block the program without end when it is opened. A link may lead to any other file.
 
     Raises `InputFileError` with the path of the first wrong file.
     """

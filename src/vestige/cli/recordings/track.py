@@ -120,7 +120,7 @@ def _without_e1(path: Path) -> InputFileError:
 
 
 def _print(tracked: TrackedRecording, rate_hz: int) -> None:
-    """Print a line for each satellite, and the clock error that the message tells."""
+    """Print a line for each satellite, and the clock error that the message shows."""
     import math
     import statistics
 

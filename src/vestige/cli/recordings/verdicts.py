@@ -65,7 +65,7 @@ class Tally:
 
     @property
     def nothing(self) -> str:
-        """Reason why there is no verdict at all; empty if there is one."""
+        """Reason why there is no verdict; empty if there is a verdict."""
         if self.counts:
             return ""
         if self.too_early:

@@ -37,8 +37,8 @@ SKY_SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7,8,13,14
 def command(folder: Path) -> None:
     """Show in a minute what vestige does, with every command as you would type it.
 
-    A recording is simulated and authenticated, and again with a wrong key and with a replayed E6. Then follow the
-    samples of a sky, statistics, and an attack.
+    A recording is simulated and authenticated, and again with a wrong key and with a replayed E6. The samples of a sky,
+    statistics, and an attack follow.
     """
     check_new_folder(folder)
     scenarios, night, sky = folder / "scenarios", folder / "recording", folder / "sky"

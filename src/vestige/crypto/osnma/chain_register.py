@@ -15,9 +15,9 @@ signed together with each DSM-KROOT. So the status follows from verified root ke
   its root key.
 
 The time of reception of a root key is not signed, so an attacker may choose it. Therefore a withdrawal counts from the
-earliest of its times of reception. A root key that ends a withdrawal must be later than three times: the latest
-reception of the withdrawal, the withdrawing root key, and the root keys of the chain that were known before. The last
-two times are signed.
+earliest of its times of reception. A root key that ends a withdrawal must be later than the latest reception of the
+withdrawal. The root key must also be later than the withdrawing root key and than the root keys of the chain that were
+known before. The times of root keys are signed.
 
 A genuine withdrawal that an attacker records and sends again counts as a new withdrawal. The receiver then has no keys
 until the root key of the next hour. In return, the receiver never misses a withdrawal.

@@ -118,7 +118,7 @@ class OsnmaReceiver:
     def learn(self, roots: Iterable[RootKey]) -> tuple[ValidatedKey, ...]:
         """Return the keys that root keys from another source make valid, before the chain's DSM-KROOT is received.
 
-        Only the received message can tell whether the chain was withdrawn after the reception of those root keys.
+        Only the received message can show whether the chain was withdrawn after the reception of those root keys.
         """
         n_chains, n_changes = len(self._register.chains), self._register.n_changes
         for root in sorted(roots, key=lambda root: root.received_at):

@@ -113,7 +113,7 @@ class GroupDelayFile:
 
     @property
     def name(self) -> str:
-        """vestige's name for the file, after the pattern of a unitary RECS; the service's pattern is unknown."""
+        """Name that vestige gives the file, after the pattern of a unitary RECS; the service's pattern is unknown."""
         return f"{self.provider}{BGD_INTERFACE_VERSION:02d}_{format_time_code(self.valid_from)}.BGD"
 
 

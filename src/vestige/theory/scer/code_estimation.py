@@ -1,8 +1,8 @@
 """Estimation of unpredictable chips and symbols by an attacker who has received part of them.
 
-Security code estimation and replay (SCER) [HUMPHREYS13]: the attacker receives an unpredictable signal with a separate
-antenna, estimates its signs as they arrive, and transmits the estimates. This module computes the quality of these
-estimates. The decisions on chips of E6-C are the hard and soft decisions of [ANDERSON25].
+Security code estimation and replay (SCER) is an attack [HUMPHREYS13]. The attacker receives an unpredictable signal
+with a separate antenna, estimates its signs as they arrive, and transmits the estimates. This module computes the
+quality of these estimates. The decisions on chips of E6-C are the hard and soft decisions of [ANDERSON25].
 
 Theory of operation
 -------------------
@@ -152,8 +152,9 @@ def replayed_mean(
     cn0_dbhz
         C/N0 of E1-B of the attacker's reception in dBHz.
     head_start_s
-        Duration of the symbol that the attacker has received when the spoofing signal's own symbol begins, in s: the
-        delay of the spoofing signal less the attacker's latency. If negative, the attacker guesses for that duration.
+        Duration of the symbol that the attacker has received when the spoofing signal's own symbol begins, in s. The
+        duration is the delay of the spoofing signal less the attacker's latency. If negative, the attacker guesses for
+        that duration.
     n_chips
         Chips from the beginning of the symbol, of 0.98 µs each, 1 to 4092.
     decision

@@ -183,8 +183,9 @@ def replay_detection_probability(
 
     Examples
     --------
-    A subframe of 480 symbols at 42 dBHz, P_fa 1e-3: an attacker with the antenna of the victim, one with 10 dB, and
-    the latter with a spoofing signal that is 3 µs late.
+    The test takes a subframe of 480 symbols at 42 dBHz, P_fa 1e-3. The first attacker has the antenna of the victim,
+    the second attacker 10 dB more. The third value is that of the second attacker with a spoofing signal that is 3 µs
+    late.
 
     >>> f"{replay_detection_probability(42.0, 0.0, 480, 1e-3):.3f}"
     '0.999'

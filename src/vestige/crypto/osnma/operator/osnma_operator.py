@@ -2,8 +2,8 @@
 
 The operator signs root keys with a P-256 key that is a leaf of its Merkle tree, and broadcasts them in blocks over the
 satellites (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`) with keys
-that it discloses later, and carries out a table of events (`timeline`). A receiver with this Merkle tree treats the
-signal like the real signal.
+that it discloses later. The operator also carries out a table of events (`timeline`). A receiver with this Merkle tree
+treats the signal like the real signal.
 
 The key of a tag is the key on air at the time of its disclosure. Around a change of chains this is a key of the next
 chain.
