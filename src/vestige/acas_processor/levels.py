@@ -9,9 +9,9 @@ the whole receiver), and how often the check runs.
 * Level 2 adds power and C/N0 monitoring (3), the vestigial search on E1 with hand-over to E6 (4), and the position fix:
   clock drift and RAIM (5).
 * Level 3 adds OSNMA from a second channel (4) and the exhaustive search on E6 (5). Power–distortion and inertial
-  sensors bridge the time between two RECS (7). In the paper these two steps replace steps 4 and 5 of level 2, and the
-  fix is step 6. vestige keeps the hand-over search, because the exhaustive search takes minutes. The exhaustive search
-  is made at the start, on suspicion, and at a set period. Between exhaustive searches a second signal on E1 is a
+  sensors bridge the time between two RECS (7). In the paper, steps 4 and 5 of level 3 replace steps 4 and 5 of level 2,
+  and the fix is step 6. vestige keeps the hand-over search, because the exhaustive search takes minutes. The exhaustive
+  search is made at the start, on suspicion, and at a set period. Between exhaustive searches a second signal on E1 is a
   suspicion.
 
 Failures of different checks are evidence of different strength. A check that finds a second signal, or an E6 range that

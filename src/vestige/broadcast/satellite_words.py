@@ -32,7 +32,8 @@ class EphemerisIssue:
     Attributes
     ----------
     start
-        Time of issue. The ephemeris is sent from the first subframe that starts then or later, until the next issue.
+        Time of issue. The ephemeris is sent from the first subframe that starts at this time or later, until the next
+        issue.
     ephemeris
         The ephemeris that is sent.
     """

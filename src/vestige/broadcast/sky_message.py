@@ -117,7 +117,7 @@ def make_sky_message(
     ephemerides
         One ephemeris of each satellite that sends.
     operator
-        Operator who makes the OSNMA fields and has made none yet.
+        Operator that makes the OSNMA fields; no field has been made yet.
     end
         Time up to which the message must last.
     almanac

@@ -115,7 +115,7 @@ def level_verdicts(
     Level 1 takes the results of any campaign. Levels above 1 need a sky, or a processor of level 2 or 3.
     `alarms_per_day` replaces the value in the processor's `MonitoringSettings`; None keeps it.
 
-    Raises `VestigeError` if the results hold too little for a level above 1.
+    Raises `VestigeError` if the results have too few columns for a level above 1.
     """
     _check_level(results, max(levels))
     processor, measured = measured_of(results)
@@ -151,7 +151,7 @@ def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasPro
 
     `change` takes the campaign's processor and returns the processor that judges.
 
-    Raises `VestigeError` if the results hold too little for the level of that processor.
+    Raises `VestigeError` if the results have too few columns for the level of that processor.
     """
     processor, measured = measured_of(results)
     changed = change(processor)

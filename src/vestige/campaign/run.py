@@ -65,7 +65,7 @@ def run(
     progress: Callable[[RunProgress], None] | None = None,
     enough: Callable[[Columns], bool] | None = None,
 ) -> xarray.Dataset:
-    """Return the results of a plan, after measuring what is not in the store yet.
+    """Return the results of a plan, after measuring the epochs that the store lacks.
 
     Parameters
     ----------

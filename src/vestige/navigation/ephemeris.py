@@ -86,7 +86,7 @@ class Ephemeris:
 
 
 def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> dict[int, Ephemeris]:
-    """Return for each satellite the ephemeris whose toe is nearest to a time, if that is within the fit interval.
+    """Return for each satellite the ephemeris whose toe is nearest to a time, if the toe is within the fit interval.
 
     Parameters
     ----------

@@ -2,8 +2,8 @@
 
 `vestige.theory.scer.code_estimation` gives the quality of the estimates. In a recording each E1-B chip of the spoofing
 signal is drawn from the part of its symbol that the attacker has received. Hard decisions give the sign of a chip, soft
-decisions the sign and the amplitude. The noise in the attacker's E6 is white, with the density of estimated chips after
-a correlator that they do not match.
+decisions the sign and the amplitude. The noise in the attacker's E6 is white. The density of this noise is that of
+estimated chips after a correlator whose code does not match them.
 """
 
 from __future__ import annotations

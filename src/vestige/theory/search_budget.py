@@ -49,8 +49,8 @@ def search_budget(
 
     `overall_pfa` is the probability that noise alone gives any peak. `correlated_neighbours` reduces N to the number of
     independent tests that give the same false alarms as N tests with correlated neighbours (code ½, Doppler 2/π).
-    Without it the threshold is on the safe side, by 0.01 dB at the N of 30 s. Bins are `doppler_step_hz` apart: 0 for a
-    known Doppler, 1/(2 T_I) by default.
+    Without this reduction the threshold is on the safe side, by 0.01 dB at the N of 30 s. Bins are `doppler_step_hz`
+    apart: 0 for a known Doppler, 1/(2 T_I) by default.
     """
     pfa = float(single_event_pfa(overall_pfa, max(hypotheses, 1.0)))
     independent = max(hypotheses, 1.0)

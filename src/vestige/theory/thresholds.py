@@ -89,7 +89,7 @@ def correlator_amplitude(
 def probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoherent: int = 1) -> Reals:
     """Return P_d = Q_K(A, g), the probability that the signal exceeds the threshold.
 
-    Relative error below 1e-12, also for weak signals, where P_d approaches P_fa.
+    The relative error is below 1e-12, also for weak signals, where P_d approaches P_fa.
 
     Parameters
     ----------

@@ -121,7 +121,7 @@ def confirmed(
 ) -> Bool[np.ndarray, "*n"]:
     """Return where a check failed `confirm` times in a row; epochs in which it was not run do not count.
 
-    `before` is how many of a satellite's last tests before the block failed in a row, at most `confirm`.
+    `before` is the number of a satellite's last tests before the block that failed in a row, at most `confirm`.
     """
     out = np.zeros(failed.shape, np.bool_)
     flat_failed, flat_run, flat_out = (array.reshape(array.shape[0], -1) for array in (failed, run, out))

@@ -122,9 +122,9 @@ def _series(
     too_few: str,
     failed: Callable[[float, float], str],
 ) -> CheckSeries:
-    """Return a check of subframes: NaN between their ends, or where they say nothing.
+    """Return a check of subframes; NaN between their ends, and for subframes that are not `enough`.
 
-    If several subframes end before one epoch, the worst of them counts.
+    If several subframes end before an epoch, the subframe with the largest excess over its limit counts.
     """
     ends = evidence.subframes.epoch
     statistic, threshold = np.full((2, evidence.shape[0]), np.nan)

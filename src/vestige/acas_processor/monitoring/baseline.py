@@ -2,7 +2,8 @@
 
 The checks of step 3 compare with a reference level. One rule gives the source of this level:
 
-1. If the receiver's settings state the level (calibrated front end, antenna with known C/N0), this is the reference.
+1. If the receiver's settings state the level (calibrated front end, antenna with known C/N0), this level is the
+   reference.
 2. Otherwise the receiver learns the level: the median of the last `WINDOW` values of epochs with RECS and without an
    alarm. Before `LEARNED` values are collected, the check is not run.
 

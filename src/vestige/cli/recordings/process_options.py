@@ -249,7 +249,7 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
 
 
 def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
-    """Read the named keys, tree and certificates, and list folders, so that a wrong name costs no tracking of E1.
+    """Read the named keys, tree and certificates, and list folders, so that a wrong name is found before E1 is tracked.
 
     Raises `InputFileError` or `AuthenticationError`, as `read_assistance`.
     """

@@ -113,7 +113,7 @@ class RecsFile:
 
     @property
     def n_segments(self) -> int:
-        """Number of RECS: 1 in a unitary file, else the number that begin within tDur."""
+        """Number of RECS: 1 in a unitary file, else the number of RECS that begin within tDur."""
         return 1 if self.kind is RecsFileKind.UNITARY else -(-self.duration_ds // self.period_ds)
 
     @property

@@ -182,7 +182,7 @@ def sisa_m(index: int) -> float:
 
 
 def sisa_index(accuracy_m: float) -> int:
-    """Return the smallest index whose accuracy value is at least that given; 255, "no prediction", for NaN.
+    """Return the smallest index whose accuracy value is at least the given value; 255, "no prediction", for NaN.
 
     Parameters
     ----------

@@ -129,7 +129,7 @@ def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimatio
 
     Examples
     --------
-    A dish of 25 dB: decisions leave a fifth of the noise that a repeater has.
+    With a dish of 25 dB, decisions leave a fifth of the noise that a repeater has.
 
     >>> [f"{10 * np.log10(estimation_noise(45.0, 25.0, name)):.1f} dB" for name in ("repeated", "hard", "soft")]
     ['-25.0 dB', '-31.9 dB', '-33.2 dB']
@@ -162,7 +162,7 @@ def replayed_mean(
 
     Examples
     --------
-    45 dBHz and an antenna of 10 dB: the fourth chip has 83 % of the amplitude.
+    At 45 dBHz and with an antenna of 10 dB, the fourth chip has 83 % of the amplitude.
 
     >>> replayed_mean(55.0, 0.0, 4).round(2).tolist()
     [0.0, 0.57, 0.73, 0.83]
@@ -180,7 +180,7 @@ def replayed_covariance(
 
     Examples
     --------
-    A first chip that is a guess:
+    The first chip is a guess:
 
     >>> replayed_covariance(55.0, 0.0, 2).round(2).tolist()
     [[1.0, 0.0], [0.0, 0.68]]

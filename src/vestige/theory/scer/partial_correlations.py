@@ -194,7 +194,8 @@ def replay_detection_probability(
     >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3, head_start_s=3e-6):.3f}"
     '0.104'
 
-    The beginnings of predictable symbols as reference, and the distance, which does not know the sign of the change:
+    The next test compares with the beginnings of predictable symbols. The last test uses the distance, which has no
+    sign:
 
     >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3, metric='real'):.3f}"
     '0.895'

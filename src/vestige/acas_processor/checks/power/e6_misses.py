@@ -12,9 +12,9 @@ of misses has the probability ∏ q_k. The check fails where
 
     ∏ q_k < p_fa,        over the misses since the last detection
 
-A test k can fail only if all RECS of the shortest such run that ends with k were missed. The length of this run is
-fixed before its RECS arrive, and the run has a probability below p_fa. So no test fails more often than p_fa at any
-C/N0. For a constant q this is "M of M RECS" with
+Let R be the shortest run of RECS that ends with RECS k and has ∏ q_k < p_fa. The test of RECS k can fail only if all
+RECS of R were missed. The length of R is fixed before its RECS arrive, and R has a probability below p_fa. So no test
+fails more often than p_fa at any C/N0. For a constant q this is "M of M RECS" with
 
     M = ⌈ln p_fa / ln q⌉
 

@@ -112,7 +112,7 @@ class ChainParameters:
 
     @property
     def disclosure_end_s(self) -> int:
-        """Time from the start of the subframe to the end of the page with the last bit of its key, in s (31)."""
+        """Time in s from the start of the subframe to the end of the page with the last bit of its key, usually 31."""
         last_bit = self.key_start_bit + self.key_bits - 1
         return 1 + 2 * (last_bit // MACK_BITS) + 2
 
