@@ -27,7 +27,7 @@ _MINUTE_S = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EphemerisIssue:
-    """An ephemeris and when the satellite starts to send it.
+    """An ephemeris, and the time at which the satellite starts to send it.
 
     Attributes
     ----------

@@ -2,8 +2,8 @@
 
 Each epoch with RECS and a position stores three quantities of its satellites. The quantities are the measured range
 rates, the range rates for a receiver and a clock at rest, and the directions to the satellites. The next epoch compares
-its own quantities with them (`checks/inertial.py`). An epoch without a position stores nothing, so the next epoch has
-no comparison.
+its own quantities with the stored quantities (`checks/inertial.py`). An epoch without a position stores nothing, so the
+next epoch has no comparison.
 
 Velocity increments are in local axes, which rotate with the position: by 1.2 mrad over 7.5 km, 30 s of an aircraft.
 Each increment is rotated into ECEF at its position on the path between the two fixes. The path follows from the

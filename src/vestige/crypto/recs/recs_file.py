@@ -139,7 +139,7 @@ def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsF
     """Return the RECS file at `path`, of either kind.
 
     Raises `InputFileError` if the file is not a RECS file, is truncated, or contradicts itself or its name. Raises
-    `UnsupportedError` if its interface version is unknown.
+    `UnsupportedError` if the interface version of the file is unknown.
 
     Parameters
     ----------

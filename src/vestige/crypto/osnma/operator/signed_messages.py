@@ -102,7 +102,7 @@ def public_key_dsm(point: bytes, pkid: int, leaf: int, siblings: Sequence[bytes]
     pkid
         PKID 0 … 15.
     leaf
-        Index of its leaf in the tree, 0 … 15.
+        Index of the key's leaf in the tree, 0 … 15.
     siblings
         The four nodes from the leaf to the root, 32 bytes each, the lowest first.
     root
