@@ -89,7 +89,7 @@ def assess(
 
 
 class _Assessment:
-    """One block on its way from measurements to verdicts."""
+    """Intermediate results of one block, from its measurements to its verdicts."""
 
     def __init__(
         self, processor: AcasProcessor, state: ReceiverState, measured: MeasurementBlock, assistance: AssistanceData
@@ -117,7 +117,7 @@ class _Assessment:
         self._settle()
 
     def _seen_lately(self) -> Bool[np.ndarray, "n m"]:
-        """Return whether E1 showed a satellite within `FORGET_S` before each epoch."""
+        """Return whether E1 tracked a satellite within `FORGET_S` before each epoch."""
         before = np.array(
             [
                 (self._state.on_e1[svid] - self._state.origin) if svid in self._state.on_e1 else -np.inf
@@ -152,7 +152,7 @@ class _Assessment:
         )
 
     def _settle(self) -> None:
-        """Judge the block until the guess is right."""
+        """Judge the block repeatedly until the guess is right."""
         failed = {name: self._confirmed(series) for name, series in self._fixed.items()}
         guess, _ = self._combined(failed)
         while True:
@@ -275,7 +275,7 @@ class _Assessment:
 
     @property
     def verdicts(self) -> VerdictBlock:
-        """Verdicts of the processor on the block."""
+        """The verdicts on the block."""
         status, cause = self._status
         state, self._alarm_after = self._state.alarm.over(
             self._measured.snapshots.svids, self._time_s, status, self._seen | self._lost, self._lost
@@ -314,7 +314,7 @@ class _Assessment:
         return np.where(counts[:, None], found.position.position_m, np.nan)
 
     def _fix_after(self) -> FixMemory | None:
-        """Return the last fix that counts after the block."""
+        """Return the last fix that limits position and clock error after the block."""
         rows = np.flatnonzero(np.isfinite(self._fixed_m[:, 0]))
         if not rows.size:
             return self._state.fix
@@ -334,7 +334,7 @@ class _Assessment:
         return limit_s
 
     def after(self) -> ReceiverState:
-        """Return the state after the block; to be called after `verdicts`."""
+        """Return the state after the block. The caller reads `verdicts` first."""
         state, snapshots = self._state, self._measured.snapshots
         quiet = self._judged.quiet
         on_e1 = dict(state.on_e1)
@@ -367,7 +367,7 @@ class _Assessment:
         )
 
     def _misses_after(self, evidence: Evidence) -> MissMemory:
-        """Return the run of E6 misses of every satellite after the block; empty if the level asks for none."""
+        """Return the run of E6 misses of every satellite after the block; empty if the level does not need it."""
         check = self._checks[CheckName.E6_POWER]
         return check.remembered(evidence) if isinstance(check, E6MissesCheck) else {}
 

@@ -3,8 +3,8 @@
 Theory of operation
 -------------------
 c_0 … c_{N-1} are the magnitudes of N correlators at equal distances, early to late. The punctual tap c_i needs its
-early and late neighbours c_{i-n} and c_{i+n} for the range offset, so i runs from n to N−1−n (the paper's c_n …
-c_{N-n} ends outside the vector by one).
+early and late neighbours c_{i-n} and c_{i+n} for the range offset. The index i therefore runs from n to N−1−n. The
+paper's c_n … c_{N-n} ends one tap outside the vector.
 
 **Maximum detector.** The detector takes the highest c_i that exceeds the threshold. The detector follows the strongest
 signal, whoever sends it.
@@ -13,25 +13,25 @@ signal, whoever sends it.
 
 1. do hand-over, correlation and threshold (before the detector);
 2. scan from early to late for the first c_i above the threshold;
-3. while c_{i+n} > c_i, go on to i+1;
+3. while c_{i+n} > c_i, step to i+1;
 4. minimise D_i = |c_{i+n} − c_{i-n}| under the constraint c_i > c_{i+n} ∧ c_i > c_{i-n};
 5. if there is no such i, the signal is not detected.
 
-The paper's text leaves room for these choices:
+The paper does not decide these details; vestige chooses:
 
 * The chosen tap itself exceeds the threshold. The taps between, in step 3, may be below the threshold.
-* If step 3 ends at a tap that is below the threshold or violates the constraint, the scan of step 2 goes on behind this
-  tap, because step 5 gives up only if *no* set can be found.
+* If step 3 ends at a tap that is below the threshold or violates the constraint, the scan of step 2 continues behind
+  this tap. The reason is that step 5 gives up only if *no* set can be found.
 * Step 4 moves to the right while the next tap satisfies the constraint, exceeds the threshold and has a smaller D. A
   global minimum of D would jump to any symmetric point, such as a later and stronger spoofing signal.
 
 The scan only moves forward, and every tap that satisfies threshold and constraint also ends step 3. So steps 2 and 3
-together find *the first tap that exceeds the threshold and both its neighbours*. Step 4 moves on to the first tap whose
-successor is no improvement. Both are searches for a first True, for all epochs at once.
+together find *the first tap that exceeds the threshold and both its neighbours*. Step 4 moves to the first tap whose
+successor is no improvement. Both searches look for a first True, for all epochs at once.
 
 Comparisons are strict. A magnitude equal to the threshold does not exceed it. Among equal maxima the maximum detector
-takes the earliest. For the early detector two equal taps n apart are no peak. This case has probability zero with
-noise; without noise it occurs for a peak exactly halfway between two taps.
+takes the earliest maximum. For the early detector two equal taps n apart are no peak. This case has probability zero
+with noise; without noise it occurs for a peak exactly halfway between two taps.
 """
 
 from __future__ import annotations

@@ -9,23 +9,23 @@ the whole receiver), and how often the check runs.
 * Level 2 adds power and C/N0 monitoring (3), the vestigial search on E1 with hand-over to E6 (4), and the position fix:
   clock drift and RAIM (5).
 * Level 3 adds OSNMA from a second channel (4) and the exhaustive search on E6 (5). Power–distortion and inertial
-  sensors bridge the time between two RECS (7). In the paper these steps 4 and 5 replace those of level 2, and the fix
-  is step 6. vestige keeps the hand-over search, because the exhaustive search takes minutes. The exhaustive search is
-  made at the start, on suspicion, and at a set period. Between exhaustive searches a second signal on E1 is a
+  sensors bridge the time between two RECS (7). In the paper, steps 4 and 5 of level 3 replace steps 4 and 5 of level 2,
+  and the fix is step 6. vestige keeps the hand-over search, because the exhaustive search takes minutes. The exhaustive
+  search is made at the start, on suspicion, and at a set period. Between exhaustive searches a second signal on E1 is a
   suspicion.
 
-Checks are evidence of different weight. A check that finds a second signal, or an E6 range that differs from E1, gives
-SPOOFED: somebody sends signals that the satellite did not send. A missing E6 signal gives NOT_DETECTED. A failure that
-jamming, a building or a bad oscillator may also cause gives SUSPECT. If a satellite is found twice, every other
-satellite is SUSPECT too: a meaconer repeats the whole band, and its copy of a weak satellite may hide the true signal.
-If several checks fail, the gravest failure counts. A check that was not run is no evidence. Without steps 1 and 2 the
-status is NOT_AVAILABLE. The reason of a verdict names the other checks that were not run. Between two RECS only the
-monitors run.
+Failures of different checks are evidence of different strength. A check that finds a second signal, or an E6 range that
+differs from E1, gives SPOOFED: somebody sends signals that the satellite did not send. A missing E6 signal gives
+NOT_DETECTED. A failure that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a satellite is
+found twice, every other satellite is SUSPECT too. A meaconer repeats the whole band, and its copy of a weak satellite
+may hide the true signal. If several checks fail, the gravest failure counts. A check that was not run counts neither
+for nor against an attack. Without steps 1 and 2 the status is NOT_AVAILABLE. The reason of a verdict names the other
+checks that were not run. Between two RECS only the monitors run.
 
-A row contains everything that the processor needs to know of a check: how the check is made from the settings, whether
-it compares with reference levels, and the source of its false-alarm probability. So a new check is a file in `checks/`,
-a row here, and a member of `CheckName`. The settings of the check, if any, are a field of `MonitoringSettings`. Checks
-of `OPTIONAL` are for every level, if their settings turn them on.
+A row contains everything that the processor needs to know of a check. The row says how the check is made from the
+settings, whether the check compares with reference levels, and how its false-alarm probability is found. So a new check
+is a file in `checks/`, a row here, and a member of `CheckName`. The settings of the check, if any, are a field of
+`MonitoringSettings`. Checks of `OPTIONAL` are for every level, if their settings turn them on.
 
 A check with frequent false alarms (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in a row. The state
 that a receiver shows its user changes even less often: see `alarm.py`.

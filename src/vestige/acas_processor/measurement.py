@@ -41,7 +41,7 @@ class DetectedBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FixBlock:
-    """The position fix of each epoch out of all E1 pseudoranges; NaN where there is none."""
+    """The position fix of each epoch from all E1 pseudoranges; NaN where there is none."""
 
     # the fix, and the satellites at transmission; NaN for satellites without an orbit
     fix: Fix
@@ -104,7 +104,7 @@ def _put(record: object, places: Int64[np.ndarray, " k"], values: object) -> Non
 
 @runtime_checkable
 class Fixes(Protocol):
-    """Makes the position fixes of a block when they are first asked for."""
+    """Position fixes of a block, computed at their first use."""
 
     @property
     def block(self) -> FixBlock | None:

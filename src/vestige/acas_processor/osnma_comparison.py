@@ -1,9 +1,9 @@
 """Compare demodulated OSNMA with that of a second channel, in pieces of subframes [WFO, Sec. IV-C].
 
 Validation drops forged keys, so validated keys alone would show a forgery as a loss. Therefore this module compares
-everything that was demodulated with a good checksum, validated or not: the key of each subframe, from any satellite,
-and, where both channels have navigation pages, the 40 bits of OSNMA in each page of the same satellite (tags, MACSEQ,
-root keys).
+everything that was demodulated with a good checksum, validated or not. The key of each subframe is compared, from any
+satellite. Where both channels have navigation pages, the 40 bits of OSNMA in each page of the same satellite are
+compared too (tags, MACSEQ, root keys).
 
 Keys that are computed from later keys do not count as received. If the demodulated keys are unknown (`Assistance` that
 was not read from a folder), the validated keys replace them.

@@ -8,7 +8,8 @@ user's check has its own `p_fa` and no share of the level's budget.
 
 A check has no memory. The result of an epoch may depend on that epoch, and on the earlier epochs in `Evidence`. Stored
 results contain all of the evidence except the samples. A check must give the same result for a recording, a simulation
-and stored results. It may therefore use neither E6 (`correlate`) nor the searches: their use is an `OwnPartError`.
+and stored results. A user's check may therefore use neither E6 (`correlate`) nor the searches: their use is an
+`OwnPartError`.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class OwnProbability:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnCheck:
-    """A check of the user's."""
+    """A check that a user wrote."""
 
     kind: str  # name of the check in a scenario, `module:Name`
     check: Any

@@ -1,8 +1,8 @@
 """The ACAS processor, which turns snapshots and their assistance into verdicts [WFO, Sec. II-B, III, IV].
 
-The processor works on blocks of n epochs × m satellites; one snapshot is a block of one epoch. `measure` is heavy and
-has no state: blocks can be measured in any order on any number of workers. `assess` is light and carries a state from
-block to block. The division of epochs into blocks changes no bit of the verdicts.
+The processor works on blocks of n epochs × m satellites; one snapshot is a block of one epoch. `measure` takes most of
+the time and has no state: blocks can be measured in any order on any number of workers. `assess` takes little time and
+carries a state from block to block. The division of epochs into blocks changes no bit of the verdicts.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class PositionBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VerdictBlock:
-    """Verdicts on n epochs and m satellites at one mitigation level, with the checks behind them."""
+    """Verdicts on n epochs and m satellites at one mitigation level, with the checks that led to them."""
 
     measured: MeasurementBlock  # measurements behind the verdicts
     # mitigation level, and its checks

@@ -8,9 +8,9 @@
 | CRC-24Q over the fields above | 24 |
 | tail | 6, zero |
 
-The page passes the convolutional code and the interleaver of I/NAV, here with 123 columns and 8 rows. With the 16
-synchronisation symbols before it, the page has 1000 symbols, one in each period of the E6-B code, and begins with a
-second of GST.
+The page passes through the convolutional code and the interleaver of I/NAV, here with 123 columns and 8 rows. With the
+16 synchronisation symbols before it, the page has 1000 symbols, one in each period of the E6-B code. A page begins with
+a second of GST.
 """
 
 from __future__ import annotations

@@ -27,12 +27,13 @@ _MINUTE_S = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EphemerisIssue:
-    """An ephemeris and when the satellite starts to send it.
+    """An ephemeris, and the time at which the satellite starts to send it.
 
     Attributes
     ----------
     start
-        Time of issue. The ephemeris is sent from the first subframe that starts then or later, until the next issue.
+        Time of issue. The ephemeris is sent from the first subframe that starts at this time or later, until the next
+        issue.
     ephemeris
         The ephemeris that is sent.
     """

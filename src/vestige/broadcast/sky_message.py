@@ -41,7 +41,7 @@ def ephemeris_issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime)
     ephemeris
         Orbit and clock, which all issues share to within the rounding of their fields.
     start, end
-        Between these times some issue is always on air.
+        Between these times the satellite always sends an issue.
     """
     first = start + -(start.gst_seconds % _ISSUE_S + start.fraction)
     for number in range(int((end - first) // _ISSUE_S) + 1):
@@ -117,9 +117,9 @@ def make_sky_message(
     ephemerides
         One ephemeris of each satellite that sends.
     operator
-        Operator who makes the OSNMA fields and has made none yet.
+        Operator that makes the OSNMA fields; no field has been made yet.
     end
-        Time up to which the message must go.
+        Time up to which the message must last.
     almanac
         One ephemeris of each satellite of the constellation, for words 7 to 10. Without any ephemeris, word 0 is sent
         instead.

@@ -1,12 +1,12 @@
 """Verdicts of each mitigation level on a campaign, beside the truth.
 
-The results contain the receiver's measurements (`measured_columns`). `level_verdicts` has the processor judge these
-measurements again, at the level of the scenario or at another level. The same code makes the verdicts of
-`vestige process`. This module adds the truth:
+The results contain the receiver's measurements (`measured_columns`). In `level_verdicts` the processor judges these
+measurements again, at the level of the scenario or at another level. The same code makes the verdicts of `vestige
+process`. This module adds the truth:
 
 **Error of a range in use.** A RECS authenticates the time since the previous RECS. The error of an E1 range in use is
 therefore the largest error that the attack caused in that time. If the range of the earliest of several signals is in
-use instead, its error counts.
+use instead, the error of this range counts.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def level_verdicts(
     Level 1 takes the results of any campaign. Levels above 1 need a sky, or a processor of level 2 or 3.
     `alarms_per_day` replaces the value in the processor's `MonitoringSettings`; None keeps it.
 
-    Raises `VestigeError` if the results hold too little for a level above 1.
+    Raises `VestigeError` if the results have too few columns for a level above 1.
     """
     _check_level(results, max(levels))
     processor, measured = measured_of(results)
@@ -151,7 +151,7 @@ def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasPro
 
     `change` takes the campaign's processor and returns the processor that judges.
 
-    Raises `VestigeError` if the results hold too little for the level of that processor.
+    Raises `VestigeError` if the results have too few columns for the level of that processor.
     """
     processor, measured = measured_of(results)
     changed = change(processor)
@@ -167,8 +167,8 @@ def failures(check: CheckSeries) -> Proportion:
 def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdicts | None]:
     """Return a run with one verdict for each RECS instead of each epoch, and the verdicts of its level.
 
-    A run at level 1 without user's checks has no verdicts between RECS: it is returned unchanged, with None. So is a
-    run that has not ended (coordinate `epoch`).
+    A run at level 1 without user's checks has no verdicts between RECS: it is returned unchanged, with None. A run that
+    has not ended (coordinate `epoch`) is returned unchanged, too.
     """
     if not judged_between_recs(results) or "epoch" in results.coords:
         return results, None
@@ -185,7 +185,7 @@ def judged_between_recs(results: xarray.Dataset) -> bool:
 def highest_level(results: xarray.Dataset) -> int:
     """Return the highest level at which results can be judged.
 
-    This is the level of the scenario if the results have columns for user's checks but no E1 correlators.
+    The result is the level of the scenario if the results have columns for user's checks but no E1 correlators.
     """
     of_own_checks = "e1_taps" not in results and set(OWN_CHECK_COLUMNS) <= set(results.data_vars)
     return scenario_of(results).processor.level if of_own_checks else max(LEVELS)

@@ -134,8 +134,8 @@ def report(
 ) -> AttackReport | None:
     """Return the outcome of the attack on a satellite; None if no verdict was due under attack.
 
-    `satellite` is the index on the axis of satellites. The attack is mitigated from the epoch from which on
-    at least a part `share` of the detections are of the true signal.
+    `satellite` is the index on the axis of satellites. From the time of mitigation on, at least the part `share` of the
+    detections belongs to the true signal. The first such time counts.
     """
     if "truth_spoofed" not in results:
         return None

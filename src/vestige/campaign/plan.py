@@ -4,26 +4,28 @@ Epoch i of a plan is one snapshot of a simulated receiver. The state of the simu
 has memory and is cheap to compute. Signals, noise, correlators and detection are expensive, but each epoch is
 independent of the others. A plan therefore has two parts, and may have a third:
 
-* `prepare()` returns an object that runs through the epochs in order. Its `advance(first, count)` returns the inputs of
-  the next `count` epochs as arrays and keeps the state. Only the coordinating process calls `advance`.
+* `prepare()` returns an object that runs through the epochs in order. The method `advance(first, count)` of this object
+  returns the inputs of the next `count` epochs as arrays and keeps the state. Only the coordinating process calls
+  `advance`.
 * `measure(first, inputs)` turns inputs into columns. Any thread, process or machine may call `measure`, in any order.
 * `judge(state, first, columns)`, if a plan has it, adds the columns that depend on the order of time, such as a
   receiver's verdicts. The coordinating process calls `judge` chunk after chunk; the first `state` is None.
 
 Resuming a campaign and running it in parallel rely on these rules:
 
-1. `advance` is called with the epochs in order, from 0, without a gap: `advance(0, a)`, `advance(a, b)`, … The inputs
-   of an epoch must not depend on how the epochs are divided into calls, bit for bit. A resumed campaign calls
-   `prepare()` again and runs through all epochs before the last missing epoch. `advance` should therefore cost much
-   less than `measure`.
+1. `advance` is called with the epochs in order, from 0, without a gap: `advance(0, a)`, `advance(a, b)`, … The bits of
+   the inputs of an epoch must not depend on how the epochs are divided into calls. A resumed campaign calls `prepare()`
+   again and runs through all epochs before the last missing epoch. `advance` should therefore cost much less than
+   `measure`.
 2. `measure` depends only on the plan, `first` and `inputs`. The columns of an epoch must not depend on how the epochs
    are divided into calls. Random numbers come from streams that are named by the epoch, never from a generator that
    keeps its state between epochs. Several threads may call `measure` at once, and twice for the same epochs.
 3. `measure` returns every column of the plan except the columns of `judge`. The columns include the truth from the
    inputs. Each column has the exact dtype and shape: the column's dims, with `epoch` as long as the inputs. Any
    difference is a `ValueError`.
-4. `judge` returns the same state and columns whether `columns` has only those of `measure`, or all. A resumed campaign
-   judges its stored chunks again to get the state. The result must not depend on how the epochs are divided into calls.
+4. `judge` returns the same state and columns whether `columns` has only the columns of `measure`, or all columns. A
+   resumed campaign judges its stored chunks again to get the state. The result must not depend on how the epochs are
+   divided into calls.
 5. The plan, the inputs and the results can be pickled, and their pickles are small: the plan is sent with every chunk.
    Data that can be derived from the plan (replicas, tables) are derived and cached in the worker.
 6. Two plans with equal `attrs` give equal results. A store compares `attrs` to decide whether it may be resumed.
@@ -66,7 +68,7 @@ CHUNK_EPOCHS = 2000  # many, since a chunk costs some 40 small files; few compar
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """One variable of the results."""
+    """A variable of the results."""
 
     # names of the axes in order; `epoch` may be at any position, each other axis is the dim of a `Coord`
     dims: tuple[str, ...]
@@ -124,7 +126,7 @@ class Plan(Protocol):
 
     @property
     def attrs(self) -> Mapping[str, Any]:
-        """Identity of the work: text, whole and finite numbers, and lists of them."""
+        """Identity of the work: text, whole and finite numbers, and lists of text and numbers."""
 
     def prepare(self) -> Preparation:
         """Return the sequential part of the plan before its first epoch."""

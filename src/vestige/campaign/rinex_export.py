@@ -5,7 +5,7 @@ of the tracked signal, which may be a spoofing signal. The files have no carrier
 none. The navigation file has the orbits and clocks of the run. A new issue every 2 h gives each epoch ephemerides.
 
 Pseudoranges contain the residual of the ionosphere and no troposphere. The settings of `rnx2rtkp` [RTKLIB] therefore
-apply no corrections, and RAIM with exclusion of one satellite. If the scenario has the table `[atmosphere]`, the
+apply no corrections, and use RAIM with exclusion of one satellite. If the scenario has the table `[atmosphere]`, the
 pseudoranges contain its delays.
 """
 

@@ -65,7 +65,7 @@ def run(
     progress: Callable[[RunProgress], None] | None = None,
     enough: Callable[[Columns], bool] | None = None,
 ) -> xarray.Dataset:
-    """Return the results of a plan, after measuring what is not in the store yet.
+    """Return the results of a plan, after measuring the epochs that the store lacks.
 
     Parameters
     ----------
@@ -84,8 +84,8 @@ def run(
         Function that is called at the beginning and after each chunk.
     enough
         Function that is called with the columns of each chunk in order, including stored chunks. The results end with
-        the first chunk for which the function is true, and later chunks are not measured. The store stays unfinished;
-        a later call may continue it.
+        the first chunk for which the function returns true, and later chunks are not measured. The store stays
+        unfinished; a later call may continue it.
 
     Raises
     ------

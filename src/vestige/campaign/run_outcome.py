@@ -2,11 +2,11 @@
 
 Theory of operation
 -------------------
-A run is one campaign with one attack. Its epochs from the attack's start to its stop are *attacked*. `levels.py` has
-the processor's statuses, and for every RECS the ranges in use with their largest error by the attack since the previous
-RECS. The first RECS after the stop counts as well, because it judges the last part of the attack. An error is *harmful*
-if it exceeds twice the limit of the range test, 2κσ. The noise of E6 can hide a smaller error from this test. More than
-one of these outcomes may be true for a run:
+A run is one campaign with one attack. The epochs of a run from the attack's start to its stop are *attacked*.
+`levels.py` has the processor's statuses, and for every RECS the ranges in use with their largest error by the attack
+since the previous RECS. The first RECS after the stop counts as well, because it judges the last part of the attack. An
+error is *harmful* if it exceeds twice the limit of the range test, 2κσ. The noise of E6 can hide a smaller error from
+this test. More than one of these outcomes may be true for a run:
 
     detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite in attacked epochs or with the next RECS
     missed       a harmful range was in use at any time
@@ -15,8 +15,9 @@ one of these outcomes may be true for a run:
     denied       more than half of the attacked RECS of the satellites in view had no verdict (NOT_AVAILABLE)
 
 **False alarms.** A user's alarm begins when no alarm was active in the previous epoch. The budget of alarms is an upper
-limit. Nearly all of it belongs to the range check, whose assumed σ is larger than the real error. The budget of the
-range check is therefore given separately. Failures of single tests are compared with their budgets in three groups:
+limit. Nearly all of this budget belongs to the range check, whose assumed σ is larger than the real error. The budget
+of the range check is therefore given separately. Failures of single tests are compared with their budgets in three
+groups:
 
 * the checks whose probability can be chosen;
 * the checks among these whose probability is exact (`AlarmShare.exact`), against a lower and an upper limit;

@@ -230,7 +230,7 @@ class ScenarioPlan:
     def judge(
         self, state: ReceiverState | None, first: int, columns: Mapping[str, np.ndarray]
     ) -> tuple[ReceiverState, Mapping[str, np.ndarray]]:
-        """Return the state after some epochs, and all their columns; `columns` has those of `measure`, or all."""
+        """Return the state after some epochs, and all their columns; `columns` has the columns of `measure`, or all."""
         n = columns["time_s"].size
         measured = measured_block(self._judged, first + np.arange(n, dtype=np.int64), columns)
         block, after = self._judged.processor.assess(state, measured, self._receiver.assistance)

@@ -81,7 +81,7 @@ def vestige() -> None:
     """Galileo ACAS / SAS signal authentication: simulate it, attack it, process it.
 
     Every command has --quiet, which prints results and errors only, and -v, which
-    also prints what helps to find a cause. Neither changes results or exit status.
+    also prints what helps to find a cause. Neither option changes results or exit status.
 
     \b
     Exit status:

@@ -85,7 +85,7 @@ usual_level_options = options_together(
 def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
     """Return the reference levels that the options state; the receiver learns the other levels.
 
-    Raises `click.UsageError` if only one C/N0 is given, or the fall without both.
+    Raises `click.UsageError` if only one C/N0 is given, or the fall without both C/N0.
     """
     from vestige.acas_processor.monitoring.baseline import Antenna, ReferenceLevels
 

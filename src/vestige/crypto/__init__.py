@@ -1,1 +1,1 @@
-"""Codecs and cryptography of bytes: I/NAV pages, OSNMA keys, RECS, group delays. Samples are handled elsewhere."""
+"""Codecs and cryptography of bytes: I/NAV pages, OSNMA keys, RECS, group delays. Other packages read samples."""

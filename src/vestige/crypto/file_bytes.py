@@ -61,7 +61,7 @@ def open_file(path: Path) -> BinaryIO:
 def list_folder(folder: Path) -> tuple[Path, ...]:
     """Return the content of `folder`, sorted by name.
 
-    Raises `InputFileError` if it is not a folder or cannot be listed.
+    Raises `InputFileError` if `folder` is not a folder or cannot be listed.
     """
     try:
         return tuple(sorted(folder.iterdir()))

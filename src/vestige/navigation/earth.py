@@ -103,8 +103,8 @@ def turned_with_earth(
 ) -> Float[np.ndarray, "*n 3"]:
     """Return the ECEF coordinates after `elapsed_s` of a vector that is fixed in space, while the Earth rotates.
 
-    This is the Sagnac correction if the vector is a satellite's position at transmission, and the time is the travel
-    time.
+    The rotation is the Sagnac correction if the vector is a satellite's position at transmission, and the time is the
+    travel time.
     """
     x, y = vector[..., 0], vector[..., 1]
     cosine, sine = np.cos(ROTATION_RADPS * elapsed_s), np.sin(ROTATION_RADPS * elapsed_s)

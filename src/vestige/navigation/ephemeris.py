@@ -86,14 +86,14 @@ class Ephemeris:
 
 
 def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> dict[int, Ephemeris]:
-    """Return for each satellite the ephemeris whose toe is nearest to a time, if that is within the fit interval.
+    """Return for each satellite the ephemeris whose toe is nearest to a time, if the toe is within the fit interval.
 
     Parameters
     ----------
     ephemerides
         Ephemerides of any satellites, in any order. The later of two equally near ephemerides is used.
     time
-        When they are to be used.
+        Time at which the ephemerides are used.
     """
     chosen: dict[int, Ephemeris] = {}
     for ephemeris in ephemerides:
@@ -109,9 +109,9 @@ def why_no_orbits(ephemerides: Iterable[Ephemeris], time: GalileoTime, needed: i
     Parameters
     ----------
     ephemerides
-        At least one.
+        One or more ephemerides.
     time
-        When they are to be used.
+        Time at which the ephemerides are used.
     needed
         Number of satellites that a fix needs.
     """

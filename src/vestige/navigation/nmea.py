@@ -1,8 +1,8 @@
 """Write positions as NMEA 0183 sentences of the talker GA, Galileo: GGA and RMC.
 
-A sentence has no field for the authenticity of a position, so the validity fields state it: only an authentic position
-is a fix (GGA quality 1, RMC status A). Without an authentic position the position fields are empty, so a program that
-ignores the status finds no position.
+A sentence has no field for the authenticity of a position, so the validity fields state the authenticity. Only an
+authentic position is a fix (GGA quality 1, RMC status A). Without an authentic position the position fields are empty,
+so a program that ignores the status finds no position.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Compute the ionosphere in closed form from Galileo's broadcast coefficients: NTCM-G [NTCM-G].
 
 The European Commission publishes NTCM-G as an alternative to NeQuick-G for receivers. NTCM-G uses the same three
-coefficients of word 5, and 12 coefficients of its own in place of NeQuick's profile. The vertical electron content at
-the pierce point of a shell at 450 km is a product of five factors: local time and season, year, geomagnetic latitude,
-equatorial anomalies, and solar activity. A mapping function gives the slant content.
+coefficients of word 5, and 12 coefficients of its own in place of NeQuick's profile. The vertical electron content is
+computed at the pierce point of a shell at 450 km. The content is a product of five factors: local time and season,
+year, geomagnetic latitude, equatorial anomalies, and solar activity. A mapping function gives the slant content.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def ntcm_slant_tecu(
 def delay_e1_m(slant_tecu: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the delay of the code on E1 by an electron content in m; the carrier is advanced by the same amount.
 
-    On E6 both are `constants.GAMMA_E1_E6` times larger.
+    On E6 delay and advance are `constants.GAMMA_E1_E6` times larger.
 
     Examples
     --------

@@ -12,7 +12,7 @@ is linearised in (r, b) and solved by Gauss–Newton from the Earth's centre. W 
 
     x ← x + (HᵀWH)⁻¹HᵀW y,   H = [−(s − r)/|s − r|, 1]
 
-The errors of satellites may have a common part c cᵀ in addition to the diagonal, such as the ionosphere above a
+The errors of satellites may have a common part c cᵀ in addition to the diagonal. An example is the ionosphere above a
 receiver, with c the obliquity. A common part that is equal for all satellites affects only the clock. A common part
 that grows towards the horizon affects height and clock, and appears in no residual. W does not contain the common part,
 but the covariance does: with S = (HᵀWH)⁻¹HᵀW and σ² = 1/w,
@@ -311,9 +311,9 @@ def inverse_normal(
 def _solvable(sighted: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
     """Return which matrices HᵀH are not singular.
 
-    With t the trace, the smallest eigenvalue is at least det(HᵀH) (3/t)³, because the product of the three others is
-    at most (t/3)³, and the largest is at most t. Where this lower limit is far above the threshold, the eigenvalues
-    themselves are not computed.
+    With t the trace, the product of the three larger eigenvalues is at most (t/3)³. The smallest eigenvalue is
+    therefore at least det(HᵀH) (3/t)³. The largest eigenvalue is at most t. If the lower limit of the smallest
+    eigenvalue is far above the threshold, the eigenvalues are not computed.
     """
     trace = np.trace(sighted, axis1=1, axis2=2)
     least = np.linalg.det(sighted) * (3 / np.maximum(trace, 1e-9)) ** 3

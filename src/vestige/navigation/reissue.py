@@ -4,7 +4,7 @@ Mean anomaly, node, inclination and clock continue with their rates, and the har
 latitude. So a new issue is exactly the old orbit. Ω0 is the longitude at the start of toe's week, so Ω0 changes after
 the end of a week.
 
-Satellites issue orbits whose toe is past, and receivers expect this: `rnx2rtkp` refuses orbits with a future toe
+Satellites issue orbits whose toe is past, and receivers expect a past toe. `rnx2rtkp` refuses orbits with a future toe
 [RTKLIB], and some programs refuse orbits that are older than 2 h.
 """
 
@@ -56,7 +56,7 @@ def reissued(ephemeris: Ephemeris, number: int) -> Ephemeris:
 
 
 def issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[Ephemeris]:
-    """Yield issues of an ephemeris so that from `start` to `end` always an issue has a toe past by at most 2 h."""
+    """Yield issues of an ephemeris; at any time from `start` to `end`, an issue has a toe at most 2 h in the past."""
     first, last = (math.ceil((time - ephemeris.toe) / ISSUE_S) - 1 for time in (start + -_BEFORE_S, end))
     for number in range(first, last + 1):
         yield reissued(ephemeris, number) if number else ephemeris

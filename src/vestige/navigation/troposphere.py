@@ -1,7 +1,7 @@
 """Compute the delay of the troposphere: Saastamoinen zenith delays in a standard atmosphere, mapped to the elevation.
 
-The delay is the same for all frequencies, and for code and carrier. With the pressure p in hPa, the temperature T in K
-and the pressure e of water vapour in hPa at the height h in km and the latitude φ,
+The delay is the same for all frequencies, and for code and carrier. The formulas have the pressure p in hPa, the
+temperature T in K, and the pressure e of water vapour in hPa. The receiver has the height h in km and the latitude φ:
 
     dry    2.2768 mm · p / (1 − 0.00266 cos 2φ − 0.00028 h)         [SAAST72]
     wet    2.277 mm · (1255/T + 0.05) · e

@@ -30,8 +30,8 @@ def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None
 
     Without `svid` the only satellite is chosen.
 
-    Raises `VestigeError` if the results lack a variable, the detector or the satellite, hold several satellites and
-    `svid` is None, or their times or taps do not ascend.
+    Raises `VestigeError` if the results lack a variable, the detector or the satellite. The error is also raised if
+    there are several satellites without `svid`, or times or taps do not ascend.
     """
     for name, (kinds, *dims) in VARIABLES.items():
         expected = f"{name}({', '.join(dims)})"

@@ -111,7 +111,7 @@ def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
 def write(ax: Axes, path: Path | str, *, width_cm: float | None = None) -> None:
     """Write the figure of `ax` to a file in the format of its suffix (`FORMATS`).
 
-    The figure is first scaled to `width_cm`. Its proportions and the size of its letters stay the same.
+    The figure is first scaled to `width_cm`. The proportions of the figure and the size of its letters stay the same.
 
     Raises
     ------

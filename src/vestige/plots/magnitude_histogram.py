@@ -35,7 +35,7 @@ def magnitude_histogram(
     Parameters
     ----------
     bin_sigma
-        Width of a bin in standard deviations of the noise per dimension; wider if there were more than 600.
+        Width of a bin in standard deviations of the noise per dimension; wider if there were more than 600 bins.
     log
         Whether counts are in log scale; in linear scale some tens of misses in 100,000 are invisible.
 

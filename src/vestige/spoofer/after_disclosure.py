@@ -1,8 +1,9 @@
 """Forgery with a disclosed key: E6-C chips of the past, made after the OSNMA key of their RECS is public.
 
-A RECS is public before its signal is on air, and its key after the signal. With both, an attacker can decrypt the RECS
-and transmit the true chips, without noise and with any delay from then on. So a receiver must know that its samples are
-older than the disclosure of the key (`crypto/osnma/disclosure.py`). Only the receiver's own clock tells that.
+A RECS is public before its signal is on air, and its key after the signal. With RECS and key, an attacker can decrypt
+the RECS and transmit the true chips, without noise and with any delay from then on. So a receiver must know that its
+samples are older than the disclosure of the key (`crypto/osnma/disclosure.py`). Only the receiver's own clock shows the
+age of the samples.
 """
 
 from __future__ import annotations

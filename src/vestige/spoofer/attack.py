@@ -1,8 +1,8 @@
 """Interface of every attack: its times, its satellites, and its effect on each band.
 
-An attack adds at most one spoofing signal to a band of a satellite, noise, and a jamming waveform. These are relative
-to the true signal of that satellite in that band. They depend only on time: an attack has no memory and no randomness
-of its own. Times are the times of the epochs in s after the scenario's start.
+An attack adds at most one spoofing signal to a band of a satellite, noise, and a jamming waveform. These effects are
+relative to the true signal of that satellite in that band. The effects depend only on time: an attack has no memory and
+no randomness of its own. Times are the times of the epochs in s after the scenario's start.
 
 **Assumption 2** [WFO, Sec. II]: the true encrypted signal is always present and always comes first. An attack that
 violates Assumption 2 can be simulated, but states the violation in `outside_assumption_2`.

@@ -39,7 +39,8 @@ class BetweenRecs(CheckedAttack):
     guard_s
         Time in s before and after a RECS during which the attack is off.
     phase, bands
-        The same as for a lift-off. Repeated noise on E6 is left out, because it is never recorded.
+        Phase law and bands of the spoofing signal, as for a lift-off. Repeated noise on E6 is left out, because the
+        attack is off while the receiver records E6.
     """
 
     top_m: float

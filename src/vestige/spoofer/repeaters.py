@@ -1,9 +1,9 @@
 """Attacks with spoofing signals: the lift-off family, meaconing, forgery, nulling.
 
 E1 codes are public, so the attacker makes its E1 spoofing signal itself. E6-C is encrypted, so its spoofing signal is
-the true signal, received and sent again, with the noise of the attacker's own reception. Let the spoofing signal have η
-times the true power at the victim, and let the attacker receive with a C/N0 that is G times the victim's. Then the
-repeated noise has
+the true signal, received and sent again, with the noise of the attacker's own reception. The spoofing signal has η
+times the true power at the victim, and the attacker receives with G times the victim's C/N0. Then the repeated noise
+has
 
     N_repeated / N0 = η / G
 
@@ -104,7 +104,7 @@ class PositionPush(_LiftOffAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimePush(_LiftOffAttack):
-    """A lift-off of all satellites, whose common delay moves the victim's clock. There are no `svids`."""
+    """A lift-off of all satellites, whose common delay moves the victim's clock. The attack takes no `svids`."""
 
     kind: Literal["time-push"] = "time-push"
 
@@ -182,10 +182,10 @@ class Meaconing(CheckedAttack):
         Delay, from a fraction of a microsecond (repeater) to seconds (recorder).
     antenna
         Position of the repeater's receiving antenna. The path over this antenna adds to the delay of each satellite, so
-        a victim computes the position of the antenna [WFO, Sec. II]. This option needs a sky. Without it the delay is
-        the same for all satellites, as if the antenna stood beside the victim's.
+        a victim computes the position of the antenna [WFO, Sec. II]. This option needs a sky. Without this option the
+        delay is the same for all satellites, as if the antenna stood beside the victim's.
     power_db
-        Relative to the true signal.
+        Power in dB relative to the true signal.
     bands
         Bands that the attacker repeats.
     reception_gain_db
@@ -239,7 +239,7 @@ class Forgery(CheckedAttack):
     Attributes
     ----------
     power_db
-        Relative to the true signal.
+        Power in dB relative to the true signal.
     delay_m
         Delay of the chips relative to the true signal in m, which has hardly any effect.
     """

@@ -2,8 +2,8 @@
 
 `vestige.theory.scer.code_estimation` gives the quality of the estimates. In a recording each E1-B chip of the spoofing
 signal is drawn from the part of its symbol that the attacker has received. Hard decisions give the sign of a chip, soft
-decisions the sign and the amplitude. The noise in the attacker's E6 is white, with the density of estimated chips after
-a correlator that they do not match.
+decisions the sign and the amplitude. The noise in the attacker's E6 is white. The density of this noise is that of
+estimated chips after a correlator whose code does not match them.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Scer(CheckedAttack):
         Treatment of E6-C, which is repeated with its noise, or sent with hard or soft decisions on each chip.
     symbols
         Treatment of the symbols of E1-B, which are known from their beginning on, or estimated while hard or soft
-        decisions are sent (in recordings; campaigns do not generate E1-B).
+        decisions are sent. Only recordings have E1-B; campaigns do not generate it.
     victim_cn0_dbhz
         C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz. This C/N0 and G determine the quality of the
         attacker's estimates. A number applies to all satellites. `received` means the victim's C/N0 of E6-C of each

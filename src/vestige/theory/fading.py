@@ -36,7 +36,7 @@ def faded_miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, ra
 
     Examples
     --------
-    A satellite at 33 dBHz and a RECS of 16 ms: multipath makes misses four times as frequent.
+    For a satellite at 33 dBHz and a RECS of 16 ms, multipath makes misses four times as frequent:
 
     >>> f"{faded_miss_probability(33.0, 0.016, 1e-7, -15.8):.3f}"
     '0.035'

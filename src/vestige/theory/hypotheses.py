@@ -7,8 +7,8 @@ Both vestigial searches look for a signal within the time uncertainty ΔT [WFO, 
     exhaustive   N = (ΔT / code step) · (Doppler span / Doppler step)      half a chip, 1/(2 T_I)
     hand-over    N = (ΔT / E1 code period) · taps                          one Doppler bin, known from E1
 
-The paper's count for the hand-over, 30 s / 4 ms = 7500, has one code offset at each position; with a bank of taps the
-count is multiplied by their number. The hand-over saves tests on E6 because a detection on E1 comes first. The
+The paper's count for the hand-over, 30 s / 4 ms = 7500, has one code offset at each position. With a bank of taps the
+count is multiplied by the number of taps. The hand-over saves tests on E6 because a detection on E1 comes first. The
 detection on E1 has its own count: `exhaustive_hypotheses` over one E1 period with the E1 chip.
 
 The counts are not rounded to whole steps. Hypotheses less than a chip apart share part of their noise, so N of them
@@ -68,8 +68,8 @@ def effective_taps(pfa: Reals, taps: int, correlation: float) -> Reals:
 
         P₁₂/P_fa = ∫_0^∞ e^{-t} Q₁(ρ√(g²+2t)/s, g/s) dt,    s = √(1−ρ²),  g the threshold
 
-    N_eff is an upper limit, because it counts only coincidences of neighbours: exact for small P_fa, 1 % high at 1e-3
-    (11 taps, ρ 0.74).
+    N_eff is an upper limit, because it counts only coincidences of neighbours. N_eff is exact for small P_fa, and 1 %
+    high at 1e-3 (11 taps, ρ 0.74).
 
     `pfa` is that of each tap; ρ is the autocorrelation at the distance of neighbouring taps, at least 0 and below 1.
     """

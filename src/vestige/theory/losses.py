@@ -5,7 +5,7 @@ Theory of operation
 A coherent correlator scales the amplitude by R(τ) in code offset (triangle, τ in chips) and by sinc(f T_I) in
 frequency. On a grid of step Δ the error is at worst Δ/2. The average over a uniform error is that of the *power*, the
 mean square. Over T_I an uncompensated acceleration bends the phase to a parabola. An uncompensated code Doppler slides
-the replica by D chips, ±D/2 around the middle, so the triangle loses D/4 of its height on average.
+the replica by D chips, ±D/2 around the middle. The triangle therefore loses D/4 of its height on average.
 
 A positive number is a loss. [WFO] leaves these effects out.
 """
@@ -25,7 +25,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 class GridLoss(NamedTuple):
-    """Loss in dB half a step off the grid, and of the mean power over all offsets between the grid points."""
+    """Loss in dB at half a step off the grid, and loss of the mean power over all offsets between the grid points."""
 
     worst_db: float
     mean_db: float

@@ -42,7 +42,8 @@ def marcum_q(a: Reals, b: Real, order: int = 1) -> Reals:
     a
         Root of the sum of the squared signal amplitudes, in standard deviations of the noise per dimension; ≥ 0.
     b
-        Threshold on the root of the sum of the squared magnitudes, same unit; ≥ 0. A number, or as many as a.
+        Threshold on the root of the sum of the squared magnitudes, same unit; ≥ 0. A number, or an array with the shape
+        of a.
     order
         K, number of magnitudes in the sum; 1 … 1000.
     """
@@ -60,7 +61,7 @@ def marcum_p(a: Reals, b: Real, order: int = 1) -> Reals:
 
 
 def _smaller_tail(a: Real, b: Real, order: int) -> Any:
-    """Return whether the smaller tail is the upper one, and that tail."""
+    """Return whether the smaller tail is the upper tail, and the smaller tail."""
     a, b = np.broadcast_arrays(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
     if np.any(a < 0) or np.any(b < 0) or not 1 <= order <= _MAX_ORDER:
         raise ValueError(f"amplitude and threshold must not be negative, the order from 1 to {_MAX_ORDER}")

@@ -65,7 +65,7 @@ NOT_COMPUTED = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperQuantity:
-    """One recomputed value of a row."""
+    """A recomputed value of a row."""
 
     name: str
     value: float
@@ -89,7 +89,7 @@ class PaperQuantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperNumber:
-    """One row: the value that the paper prints, its section, and the recomputed values."""
+    """A row: the value that the paper prints, its section, and the recomputed values."""
 
     row: str
     where: str

@@ -13,8 +13,8 @@ aδ, c_l = 1 − a(Δ−δ), c_e = 1 − a(Δ+δ). So c_l − c_e = 2aδ, c_p �
 
 The formula is exact for an unfiltered signal while Δ + |δ| is at most one chip: for every |δ| ≤ Δ/2 if Δ ≤ 2/3 chip.
 
-[WFO] prints the formula without the ½ and the sign, which gives |2δ|. The results of [WFO] were computed with both: the
-cluster of early detections lies at −30 m + ½·15 m = −22.5 m.
+[WFO] prints the formula without the ½ and the sign, which gives |2δ|. The results of [WFO] were computed with the ½ and
+the sign: the cluster of early detections lies at −30 m + ½·15 m = −22.5 m.
 
 |τ − τ_p| never exceeds Δ/2. An outer tap may be higher than the punctual tap, since the maximum detector allows this
 for n > 1 and at the ends of its range. The peak is then taken to be halfway to that outer tap. Three equal taps give
@@ -37,8 +37,8 @@ def range_offset_m(
 ) -> Float[np.ndarray, " n_epochs"]:
     """Return measured minus predicted E6 range of each epoch in m, positive if later; NaN without a detection.
 
-    Magnitudes |c| go from early to late. `tap` is the index of the punctual tap from a detector, n … N−1−n, or −1;
-    `spacing` is n; `offsets_m` are the taps' offsets from the prediction, ascending and equidistant.
+    Magnitudes |c| go from early to late. `tap` is the index of the punctual tap from a detector, n … N−1−n, or −1.
+    `spacing` is n. `offsets_m` are the taps' offsets from the prediction, ascending and equidistant.
 
     Raises `ValueError` if the taps are not equidistant, or a punctual tap lacks a neighbour.
     """

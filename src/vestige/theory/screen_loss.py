@@ -1,4 +1,4 @@
-"""The price of a screen that first looks at a part of the chips: the share of detections that a search loses.
+"""Loss by a screen that first correlates a part of the chips: the share of detections that a search loses.
 
 Theory of operation
 -------------------
@@ -13,13 +13,13 @@ threshold g. If the signal in z₁ is ρ A, for a given z
 A cell far above the threshold is thus almost never lost, and the loss depends only on S, not on the C/N0. With t = ρ g
 − k √(1−ρ²), a cell just at the threshold is k standard deviations above t. The choice of k and f balances the loss
 against the time: noise passes e^{−t²/2} of the cells. Here f = ¾, so ρ = ¾, and k = 2. Without the sum of two outputs,
-f = 9/16 has the same correlation, but the screen then needs half again as many additions.
+f = 9/16 has the same correlation, but the screen then needs 50 % more additions.
 
 The loss at a C/N0 is the mean of this probability over all S > g. The mean is computed for the strongest cell, with the
-signal anywhere between the points of the grid. Three things change the signal in z₁. The second output of the sum is
-half a chip earlier or later than the strongest cell, so the signal is nearer to it or farther from it. The screen's
-bins are 1/(2 f T_I) apart, those of the cells 1/(2 T_I), so the nearest bin of the screen may be off the frequency of
-the cell. The carrier is not removed within a segment of the screen.
+signal anywhere between the points of the grid. Three effects change the signal in z₁. The second output of the sum is
+half a chip earlier or later than the strongest cell. The signal is therefore nearer to the second output or farther
+from it. The screen's bins are 1/(2 f T_I) apart, and the bins of the cells 1/(2 T_I). So the nearest bin of the screen
+may be off the frequency of the cell. The carrier is not removed within a segment of the screen.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Detection budget of a search of many hypotheses: threshold, required C/N0, P_d on a grid, ROC.
 
-In the paper's theory the signal is on a grid point. On a real grid it lies anywhere between the points. Half a chip
-costs up to 2.5 dB and 1.1 dB in the mean, bins 1/(2 T_I) apart up to 0.9 dB and 0.3 dB in the mean (`losses`). So P_d
-at one C/N0 is an average over both, and at high P_d below that of the paper.
+In the paper's theory the signal is on a grid point. On a real grid the signal lies anywhere between the points. A step
+of half a chip loses up to 2.5 dB, and 1.1 dB in the mean. Bins 1/(2 T_I) apart lose up to 0.9 dB, and 0.3 dB in the
+mean (`losses`). So P_d at a given C/N0 is an average over code offset and Doppler. At high P_d this average is below
+the P_d of the paper.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ def search_budget(
 
     `overall_pfa` is the probability that noise alone gives any peak. `correlated_neighbours` reduces N to the number of
     independent tests that give the same false alarms as N tests with correlated neighbours (code ½, Doppler 2/π).
-    Without it the threshold is on the safe side, by 0.01 dB at the N of 30 s. Bins are `doppler_step_hz` apart: 0 for a
-    known Doppler, 1/(2 T_I) by default.
+    Without this reduction the threshold is on the safe side, by 0.01 dB at the N of 30 s. Bins are `doppler_step_hz`
+    apart: 0 for a known Doppler, 1/(2 T_I) by default.
     """
     pfa = float(single_event_pfa(overall_pfa, max(hypotheses, 1.0)))
     independent = max(hypotheses, 1.0)

@@ -89,7 +89,7 @@ def correlator_amplitude(
 def probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoherent: int = 1) -> Reals:
     """Return P_d = Q_K(A, g), the probability that the signal exceeds the threshold.
 
-    Relative error below 1e-12, also for weak signals, where P_d approaches P_fa.
+    The relative error is below 1e-12, also for weak signals, where P_d approaches P_fa.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoh
 def swerling1_probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float) -> Reals:
     """Return P_d = P_fa^{1/(1 + A²/2)} for an amplitude that is Rayleigh distributed from dwell to dwell.
 
-    This P_d is the pessimistic end for comparison, a signal without a direct path. Parameters are those of
+    This P_d is a pessimistic comparison, because the signal has no direct path. Parameters are those of
     `probability_of_detection`; `cn0_dbhz` is the mean.
     """
     _check(pfa)

@@ -7,8 +7,8 @@ then
 
     T = χ²(n − d) + k χ²(d)        P(T > t) = ∫₀^∞ e^{−v} P(χ²(n − d) > t − k q(v)) dv,    P(χ²(d) > q(v)) = e^{−v}
 
-For d = n the sum is k χ²(n). The integral is a sum over `_TAILS`. k is rounded up to a step of 2 %, so the threshold is
-an upper limit, high by at most 2 % of the part that k makes.
+For d = n the sum is k χ²(n). The integral is a sum over `_TAILS`. k is rounded up to a step of 2 %. The threshold is
+therefore an upper limit, high by at most 2 % of the part that k makes.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A check has a name, a unit, a false-alarm probability `p_fa` per test, and `series`: statistic and threshold over a
 block of epochs. A check fails where |statistic| > threshold. If an input is missing, the check is not run (NaN) and
-states the reason. A check that was not run is no evidence.
+states the reason. A check that was not run counts neither for nor against an attack.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def confirmed(
 ) -> Bool[np.ndarray, "*n"]:
     """Return where a check failed `confirm` times in a row; epochs in which it was not run do not count.
 
-    `before` is how many of a satellite's last tests before the block failed in a row, at most `confirm`.
+    `before` is the number of a satellite's last tests before the block that failed in a row, at most `confirm`.
     """
     out = np.zeros(failed.shape, np.bool_)
     flat_failed, flat_run, flat_out = (array.reshape(array.shape[0], -1) for array in (failed, run, out))

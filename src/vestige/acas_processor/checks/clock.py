@@ -1,9 +1,9 @@
-"""Check whether the receiver clock runs as an oscillator of its kind can.
+"""Check whether the receiver clock changes by no more than the noise of its oscillator allows.
 
 Theory of operation
 -------------------
-A position fix gives bias b and drift d of the receiver's clock (both times c), independently measured: b from codes
-with σ_b, d from carriers with σ_d. An oscillator with white (Sf) and random-walk (Sg) frequency noise [GALLEANI08]
+A position fix gives bias b and drift d of the receiver's clock (both times c). The codes give b with σ_b, and the
+carriers give d with σ_d, independently. An oscillator with white (Sf) and random-walk (Sg) frequency noise [GALLEANI08]
 allows, over a step Δt,
 
     innovation     d_k − d_{k−1}                            c² Sg Δt + 2 σ_d²

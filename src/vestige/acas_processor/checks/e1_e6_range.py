@@ -28,7 +28,7 @@ class RangeCheck:
 
     @property
     def p_fa(self) -> float:
-        """False-alarm probability of one test if σ equals that of the errors; a larger σ is intended, and lowers it."""
+        """False-alarm probability of one test if σ is the standard deviation of the errors; a larger σ lowers it."""
         return math.erfc(self.kappa / math.sqrt(2))
 
     @property

@@ -4,9 +4,9 @@ Theory of operation
 -------------------
 One oscillator drives both front ends, and geometry, troposphere and clocks change both carriers alike. φ is the phase
 of the detecting correlator minus the phase that the E1 carrier predicts (`searches/handover.py`). Only the ionosphere
-changes φ. A second E6 signal of amplitude a adds the variance a²/2 while its range changes: its phase against the true
-signal turns once for each 23.4 cm. The statistic is √(T/(N − 2)). T is the scatter of φ about a straight line over the
-last N RECS, relative to the noise (`monitoring/recs_windows.py`), with the variance of each RECS
+changes φ. A second E6 signal of amplitude a adds the variance a²/2 while its range changes. The phase of this signal
+against the true signal turns once for each 23.4 cm. The statistic is √(T/(N − 2)). T is the scatter of φ about a
+straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`), with the variance of each RECS
 
     σ² = 1/m² + (f6/f1)² (σ_PLL² + (2π σ_FLL Δt)²)
 
@@ -21,9 +21,9 @@ right if
 with v the fastest change of E6 − E1 by the ionosphere. If this condition fails for any of the N RECS, the check is not
 run. The check is not run over more than 120 s either, because the ionosphere may not change linearly for longer. `p_fa`
 assumes noise and multipath about a straight line. An ionosphere that does not change linearly raises the false-alarm
-rate. For `p_fa` = 10⁻⁶ and reflections that are new with each RECS, 73 of 59,677 overlapping windows of 100 RECS failed
-without a spoofer; no window of 30 RECS failed (docs/checks). At 35 dBHz and v = 3 mm/s the phase can be continued over
-27 s. The check therefore does not run with one RECS each 30 s.
+rate. False alarms were measured for `p_fa` = 10⁻⁶ and reflections that are new with each RECS. Without a spoofer, 73 of
+59,677 overlapping windows of 100 RECS failed, and no window of 30 RECS (docs/checks). At 35 dBHz and v = 3 mm/s the
+phase can be continued over 27 s. The check therefore does not run with one RECS each 30 s.
 """
 
 from __future__ import annotations

@@ -2,8 +2,9 @@
 
 Theory of operation
 -------------------
-Three causes change the pseudorange rate between two epochs: the satellite's motion, which the ephemeris predicts for a
-receiver that does not accelerate; the receiver's acceleration along the line of sight; and the receiver's clock:
+Three causes change the pseudorange rate between two epochs: the satellite's motion, the receiver's acceleration along
+the line of sight, and the receiver's clock. The ephemeris predicts the part of the satellite's motion for a receiver
+that does not accelerate:
 
     ρ̇₁ − ρ̇₀ = Δ_satellite − Δ(e·v) + Δdrift        e: unit vector to the satellite, v: velocity against the Earth
     Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means of both ends, a: acceleration
@@ -14,7 +15,7 @@ The difference of both sides has the variance of the remaining errors:
 
 with σ_bias the accelerometers' bias, N their velocity random walk and Sg that of the receiver's oscillator. The test
 fails beyond K standard deviations. The test does not detect a pull-off that stays below the drift of oscillator and
-accelerometers. It does not detect a pull-off that ends before the next epoch either, if the rate then has its old
+accelerometers. The test does not detect a pull-off that ends before the next epoch either, if the rate then has its old
 value.
 
 Accelerations are kinematic: the second derivative of the position relative to the Earth, without gravity.
@@ -78,7 +79,7 @@ class InertialMonitor(Monitor):
         return two_sided_detection(pull_mps / sigma, self.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block: each epoch with RECS and a position is compared with the previous such one."""
+        """Return the check over a block: an epoch with RECS and a position is compared with the previous such epoch."""
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
         steps = rate_steps(evidence)
         changes = steps.rate_change_mps, steps.static_change_mps, steps.delta_velocity_mps

@@ -12,8 +12,8 @@ damaged fields are counted field by field, so the check needs only seconds. A fi
 passed the checksum is no reception error (probability 2⁻²⁴ a page). A single such field shows that another sender is
 active.
 
-The checks do not detect an attack that leaves the data unchanged. A second channel that the attacker controls proves
-nothing.
+The checks do not detect an attack that leaves the data unchanged. The comparison proves nothing if the attacker
+controls the second channel.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LossMonitor(Monitor):
-    """Monitor of losses: it fails if more is missing than reception loses, with a probability below its P_fa."""
+    """Monitor of losses: it fails if so many losses have a probability below P_fa without an attack."""
 
     loss_probability: float = 0.02  # probability of a loss in one trial without an attack
     p_fa: float = 1e-5
@@ -122,9 +122,9 @@ def _series(
     too_few: str,
     failed: Callable[[float, float], str],
 ) -> CheckSeries:
-    """Return a check of subframes: NaN between their ends, or where they say nothing.
+    """Return a check of subframes; NaN between their ends, and for subframes that are not `enough`.
 
-    If several subframes end before one epoch, the worst of them counts.
+    If several subframes end before an epoch, the subframe with the largest excess over its limit counts.
     """
     ends = evidence.subframes.epoch
     statistic, threshold = np.full((2, evidence.shape[0]), np.nan)

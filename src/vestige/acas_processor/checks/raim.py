@@ -29,7 +29,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RaimMonitor(Monitor):
-    """Monitor that compares the residuals of a fix with independent errors of the σ of its weights."""
+    """Monitor that compares the residuals of a fix with the assumed standard deviations of its pseudoranges."""
 
     name: ClassVar = CheckName.RAIM
     unit: ClassVar = "sigma²"
@@ -42,7 +42,7 @@ class RaimMonitor(Monitor):
     def probability_of_detection(
         self, fix: Fix, column: int, bias_m: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, " k"]:
-        """Return the probability that a bias on a column's satellite is detected, in the first epoch of a fix."""
+        """Return the probability that a bias on the satellite of `column` is detected in the first epoch of a fix."""
         share = redundancy(fix.geometry[:1], fix.weight[:1]).unexplained[0, column]
         freedom = int(degrees_of_freedom(fix.weight[:1])[0])
         return 1 - missed_detection(bias_m**2 * fix.weight[0, column] * share, freedom, self.p_fa)

@@ -2,15 +2,15 @@
 
 Theory of operation
 -------------------
-One signal is a triangle r(τ) of unknown amplitude and position. C is the correlation of the noise in the taps, ⟨a, b⟩ =
-aᴴC⁻¹b, and c are the taps in standard deviations of the noise per dimension. τ₁ is the position at which |⟨r, c⟩|²/⟨r,
+One signal is a triangle r(τ) of unknown amplitude and position. C is the correlation of the noise in the taps, and ⟨a,
+b⟩ = aᴴC⁻¹b. The taps c are in standard deviations of the noise per dimension. τ₁ is the position at which |⟨r, c⟩|²/⟨r,
 r⟩ is largest. The statistic √G with
 
     r₂⊥ = r(τ) − r(τ₁) ⟨r(τ₁), r(τ)⟩/⟨r(τ₁), r(τ₁)⟩        G = max over |τ − τ₁| ≥ ½ chip of |⟨r₂⊥, c⟩|²/⟨r₂⊥, r₂⊥⟩
 
 measures how much better two signals explain the taps than one signal. Noise alone makes every |·|²/2 exponential. A
 reflection of Rayleigh amplitude and mean power P over a direct signal of amplitude s adds at most s²P/2 to the variance
-in each dimension. A single RECS cannot tell such a reflection from a spoofing signal. So
+in each dimension. In a single RECS such a reflection looks like a spoofing signal. So
 
     fail where √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = number of positions tried
 
@@ -22,8 +22,8 @@ A reflection never arrives before its direct signal. If the weaker signal is the
 the stronger signal. Then noise sets the threshold, with a small k = 0.06 for two effects: a near reflection bends the
 triangle, and τ₁ is found to 0.05 chip. With this k, measured false alarms stay below p_fa up to 45 dBHz over 16 ms.
 
-The check looks at the correlators within `reach_m` of the prediction. Farther out the early detector tells two signals
-apart by itself.
+The check looks at the correlators within `reach_m` of the prediction. Farther out the early detector alone separates
+two signals.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class _Places(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SecondSignalMonitor(Monitor):
-    """Monitor that detects more than one signal and its reflections in the correlators of one RECS."""
+    """Monitor that detects a second signal, beyond reflections, in the correlators of one RECS."""
 
     name: ClassVar = CheckName.E6_SECOND_SIGNAL
     unit: ClassVar = "sigma"
@@ -124,7 +124,7 @@ class SecondSignalMonitor(Monitor):
         return np.sqrt(-2 * variance * np.log(self.p_fa / tried))
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block; low satellites have stronger multipath, high ones weaker."""
+        """Return the check over a block; low satellites have stronger multipath, high satellites weaker."""
         measured = evidence.measured
         found = two_signals(self, measured)
         offsets_m = measured.banks.offsets_m

@@ -93,7 +93,7 @@ class SolutionSeparationMonitor(Monitor):
     def probability_of_detection(
         self, fix: Fix, column: int, bias_m: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, " k"]:
-        """Return the probability that leaving out a column's biased satellite reveals the bias, in the first epoch.
+        """Return the probability that omitting the biased satellite of `column` reveals the bias, in the first epoch.
 
         The result is a lower limit, because leaving out other satellites may reveal the bias too.
         """

@@ -3,20 +3,20 @@
 Theory of operation
 -------------------
 **Without the setting `alarms_per_day`** the checks that can be set to any false-alarm probability may raise
-`ALARMS_PER_DAY` together. They get equal shares, and each spreads its share over its tests of a day:
+`ALARMS_PER_DAY` together. These checks get equal shares, and each check divides its share among its tests of a day:
 
     P_fa = alarms a day / (number of such checks · tests a day)
 
 Some checks have their own false-alarm probability, in addition to this budget. The range check has erfc(κ/√2) if its σ
-equals that of the errors (a larger σ is intended). In addition, noise exceeds the detection threshold in one of N
-correlators with N times their P_fa. E6 power has 1 − P_d, averaged over fading by multipath (`theory/fading.py`).
-Power–distortion has its published 0.6 % [WESSON18] to the power of its confirmations. Differing OSNMA has 2⁻²⁴ a page.
-These probabilities are upper limits. Their sum is an upper limit too, because an alarm that is kept (`alarm.py`) counts
-its failures once.
+is the standard deviation of the errors (a larger σ is intended). In addition, noise exceeds the detection threshold in
+some of the N correlators, with N times the P_fa of a correlator. E6 power has 1 − P_d, averaged over fading by
+multipath (`theory/fading.py`). Power–distortion has its published 0.6 % [WESSON18] to the power of its confirmations.
+Differing OSNMA has 2⁻²⁴ a page. These probabilities are upper limits. The sum of these probabilities is an upper limit
+too, because several failures during one alarm (`alarm.py`) count once.
 
 **With `alarms_per_day` = a** the whole level may raise at most a false alarms in one day. Alarms that no threshold
-changes are subtracted first: those by noise in the N correlators, and OSNMA's 2⁻²⁴. The other n checks of the level get
-equal shares, and with T tests a day each
+changes are subtracted first: the alarms by noise in the N correlators, and OSNMA's 2⁻²⁴. The other n checks of the
+level get equal shares, and with T tests a day each
 
     P = (a − Σ fixed) / (n T)        of one test
     range check        κ = √2 erfc⁻¹(P)
@@ -24,12 +24,12 @@ equal shares, and with T tests a day each
     power–distortion   ⌈ln P / ln 0.006⌉ failures in a row
     all others         P_fa = P
 
-For level 1, eight satellites and a RECS each 30 s, a = 1: 0.11 a day are noise in 46 correlators, P = 1.9·10⁻⁵, κ =
-4.27. Checks that a user wrote keep their own probability, in addition to a.
+For level 1, eight satellites and a RECS each 30 s, a = 1: 0.11 alarms a day come from noise in 46 correlators, P =
+1.9·10⁻⁵, κ = 4.27. Checks that a user wrote keep their own probability, in addition to a.
 
 Among the checks with a settable probability, clock and RAIM are *exact*: their statistics have the distribution from
 which the threshold is computed. The other checks allow for errors that are not always present, such as a front end that
-drifts or a C/N0 that fades. Their probabilities are upper limits, too.
+drifts or a C/N0 that fades. The probabilities of these checks are upper limits, too.
 """
 
 from __future__ import annotations

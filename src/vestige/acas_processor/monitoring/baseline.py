@@ -2,7 +2,8 @@
 
 The checks of step 3 compare with a reference level. One rule gives the source of this level:
 
-1. If the receiver's settings state the level (calibrated front end, antenna with known C/N0), this is the reference.
+1. If the receiver's settings state the level (calibrated front end, antenna with known C/N0), this level is the
+   reference.
 2. Otherwise the receiver learns the level: the median of the last `WINDOW` values of epochs with RECS and without an
    alarm. Before `LEARNED` values are collected, the check is not run.
 
@@ -154,7 +155,7 @@ class Observed:
         }
 
     def _own_share(self, snr: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
-        """Return the signal's own contribution to the floor of wrong codes: Ec/N0 where it overlaps two chips."""
+        """Return the signal's contribution to the floor of wrong codes: Ec/N0, smaller where it overlaps two chips."""
         banks, chips_per_m = self.measured.banks, E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
         between = np.nan_to_num(self.measured.detected.range_offset_m) * chips_per_m % 1.0
         return snr / (banks.integration_s * E6C.chip_rate_hz) * ((1 - between) ** 2 + between**2)

@@ -9,7 +9,7 @@ import numpy as np
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
 
-MIN_SATELLITES = 3  # a single satellite cannot tell a bias from spoofing
+MIN_SATELLITES = 3  # with a single satellite, spoofing looks like a bias
 
 
 def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | None:

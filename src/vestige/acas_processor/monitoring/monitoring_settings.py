@@ -38,14 +38,15 @@ class MonitoringSettings:
     Attributes
     ----------
     cadence
-        Numbers of satellites, epochs, RECS and searches.
+        How often the checks test: number of satellites, and times between epochs, RECS and searches.
     alarms_per_day
-        Number of false alarms a day that the whole level may raise. Thresholds and confirmations of all its checks
-        follow (`alarm_budget.py`). With None, the checks with a settable probability may raise one a day together, and
-        range check and E6 power have their own probability.
+        Number of false alarms a day that the whole level may raise. Thresholds and confirmations of all checks of the
+        level follow (`alarm_budget.py`). With None, the checks with a settable probability may raise one alarm a day
+        together. Range check and E6 power then have their own probability.
     test_p_fa
         False-alarm probability of one test of every check, in place of the shares of the budget, to measure detection
-        curves. The three clock checks have this probability together. None: the shares of the budget.
+        curves. The three clock checks have this probability together. With None, the checks have the shares of the
+        budget.
     levels
         Reference levels that are known beforehand; the receiver learns the other levels.
     fix

@@ -8,10 +8,11 @@ subtracted:
 
     T = Σ w (y − a − b t)²        ~ χ²(N − 2) if nothing but noise scatters
 
-Reflections scatter too. Their part of y in phase or in quadrature is normal with the variance P/2, where P is their
-mean power over the direct signal. If reflections are new with every RECS, all N − 2 degrees of freedom have the
-variance k = 1 + w P N/(2 (N − 2)). If reflections last for a time L, d/2 of them follow each other in a window. Each
-widens two degrees of freedom, because its phase is free and its amplitude is constant:
+Reflections scatter too. The part of y that comes from reflections, in phase or in quadrature, is normal with the
+variance P/2. P is the mean power of the reflections over the direct signal. If reflections are new with every RECS, all
+N − 2 degrees of freedom have the variance k = 1 + w P N/(2 (N − 2)). If reflections last for a time L, d/2 reflections
+follow each other in a window. Each reflection widens two degrees of freedom, because its phase is free and its
+amplitude is constant:
 
     d = 2 max(1, ⌊(t_N − t_1)/L⌋), at most N − 2        k = 1 + w P N/(2 d)
 

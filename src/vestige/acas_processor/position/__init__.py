@@ -1,1 +1,1 @@
-"""Ranges in use, position, and the errors of both."""
+"""Ranges in use and position, with their errors."""

@@ -32,7 +32,8 @@ class ClockError:
     sigma_m
         Standard deviation of the fix's clock times c; NaN where there is no fix.
     of_fix
-        True where a position fix gives the error. Elsewhere the travel times give it to within `TRAVEL_SPREAD_S`.
+        True where a position fix gives the error. Elsewhere the travel times give the error to within
+        `TRAVEL_SPREAD_S`.
     """
 
     error_s: Float[np.ndarray, " n"]

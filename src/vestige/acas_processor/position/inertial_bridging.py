@@ -1,13 +1,14 @@
 """Inertial bridging from one RECS to the next: changes of range rates, and increments of the receiver's velocity.
 
-Each epoch with RECS and a position stores three quantities of its satellites: the measured range rates, the range rates
-for a receiver and a clock at rest, and the directions to the satellites. The next epoch compares
-(`checks/inertial.py`). An epoch without a position stores nothing, so the next epoch cannot compare.
+Each epoch with RECS and a position stores three quantities of its satellites. The quantities are the measured range
+rates, the range rates for a receiver and a clock at rest, and the directions to the satellites. The next epoch compares
+its own quantities with the stored quantities (`checks/inertial.py`). An epoch without a position stores nothing, so the
+next epoch has no comparison.
 
 Velocity increments are in local axes, which rotate with the position: by 1.2 mrad over 7.5 km, 30 s of an aircraft.
 Each increment is rotated into ECEF at its position on the path between the two fixes. The path follows from the
-positions at both ends and the increments. It is computed twice: as a straight line, then with the increments. The path
-also gives the velocities at both ends.
+positions at both ends and the increments. The path is computed twice: as a straight line, then with the increments. The
+path also gives the velocities at both ends.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ def _left_behind(evidence: Evidence, epoch: int) -> RateMemory | None:
 
 
 class _Ends(NamedTuple):
-    """Ends of all steps of a block: the RECS before it, which the state remembers, and all RECS of it."""
+    """Ends of all steps of a block: the last RECS before the block, from the state, and all RECS of the block."""
 
     time: GalileoTimes
     valid: Bool[np.ndarray, " q"]  # whether there is a position
@@ -135,7 +136,7 @@ class _Ends(NamedTuple):
 
 
 def _ends(evidence: Evidence, recs: Int64[np.ndarray, " k"]) -> _Ends:
-    """Return k + 1 ends; without a RECS before the block, the first is one without a position."""
+    """Return k + 1 ends; without a RECS before the block, the first end has no position."""
     found, snapshots, left = evidence.measured.fix, evidence.measured.snapshots, evidence.rates
     q, m = recs.size + 1, len(snapshots.svids)
     valid = np.zeros(q, np.bool_)
@@ -161,7 +162,7 @@ def _ends(evidence: Evidence, recs: Int64[np.ndarray, " k"]) -> _Ends:
 
 
 class _Sensed(NamedTuple):
-    """Increments of a block, with those before it since the last RECS, and the step to which each belongs."""
+    """Velocity increments of a block and since the last RECS before it, and the step to which each belongs."""
 
     time: GalileoTimes
     delta_velocity_mps: Float[np.ndarray, "j 3"]
@@ -212,7 +213,7 @@ def _why_no_step(
 def _gained(
     ends: _Ends, sensed: _Sensed, interval_s: Float[np.ndarray, " k"], steps: Int64[np.ndarray, " p"]
 ) -> Float[np.ndarray, "p m"]:
-    """Return Δ(e·v) of steps with as many increments each."""
+    """Return Δ(e·v) of steps that have equal numbers of increments."""
     here = np.stack([np.flatnonzero(sensed.step == step) for step in steps.tolist()])
     ends_s = sensed.time[here] - ends.time[steps[:, None]]
     places = np.stack([ends.position_m[steps], ends.position_m[steps + 1]], axis=1)
@@ -228,7 +229,7 @@ def _gained(
 
 
 class _Path(NamedTuple):
-    """Places in the middle of each of k increments of p steps, and the mean of the velocities at both ends."""
+    """Positions in the middle of each of k increments of p steps, and the mean of the velocities at both ends."""
 
     middles_m: Float[np.ndarray, "p k 3"]
     mean_of_ends_mps: Float[np.ndarray, "p 3"]
@@ -240,10 +241,10 @@ def _bent(
     interval_s: Float[np.ndarray, " p"],
     gained: Float[np.ndarray, "p k 3"],
 ) -> _Path:
-    """Return the path from one place to another on which a receiver gains velocities, each evenly in its step.
+    """Return the path between two positions on which a receiver gains velocities, each at a constant rate.
 
-    Places and velocities are ECEF. `ends_s` are the ends of the increments after the first place; the second is reached
-    at `interval_s`.
+    Positions and velocities are ECEF. `ends_s` are the ends of the increments after the first position; the receiver
+    reaches the second position at `interval_s`.
     """
     steps_s = np.diff(ends_s, prepend=0.0)[..., None]
     before = np.cumsum(gained, axis=1) - gained

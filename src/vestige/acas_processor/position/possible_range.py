@@ -1,6 +1,6 @@
 """Plausibility of ranges: limits from travel time, receiver clock, the other satellites and the known position.
 
-A search can take noise for a signal anywhere in the searched time. Three tests exclude impossible ranges:
+A search can mistake noise for a signal anywhere in the searched time. Three tests exclude impossible ranges:
 
 1. **Travel time and clock.** The travel time lies between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, and the clock
    error is below its upper limit.

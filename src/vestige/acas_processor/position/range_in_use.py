@@ -2,16 +2,16 @@
 
 A RECS authenticates the time since the previous RECS. In epochs with RECS the range in use is
 
-1. that of the earliest signal, if a search found several, whatever the verdict, because nobody can send chips before
-   they are broadcast; if both searches found this signal within one chip, the exhaustive search gives its range;
-2. that of E1, if the correlators of the RECS contain two signals and the earlier signal agrees with the E1 prediction;
-   else that of the earlier signal;
-3. that of E6, if the detected signal is earlier than the E1 prediction by more than the range check allows (for the
-   reason in 1);
-4. that of E1, if both the verdict and the state are AUTHENTIC.
+1. the range of the earliest signal, if a search found several, whatever the verdict: nobody can send chips before they
+   are broadcast. If both searches found this signal within one chip, the exhaustive search gives its range;
+2. the range of E1, if the correlators of the RECS contain two signals and the earlier signal agrees with the E1
+   prediction; otherwise the range of the earlier signal;
+3. the range of E6, if the detected signal is earlier than the E1 prediction by more than the range check allows (for
+   the reason in 1);
+4. the range of E1, if both the verdict and the state are AUTHENTIC.
 
-Otherwise no range is in use. If a search found several signals and cannot tell which is true, no range is in use
-either. The true signal may then come before all signals that the correlators of the RECS reach, so the earliest of
+Otherwise no range is in use. If a search found several signals and cannot decide which signal is true, no range is in
+use either. The true signal may then come before all signals that the correlators of the RECS reach, so the earliest of
 these signals proves nothing. Impossible ranges are not used (`possible_range.py`).
 
 The position is the fix of all satellites with a range in use, at least four. The fix uses uncorrected pseudoranges and

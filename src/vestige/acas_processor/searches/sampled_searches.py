@@ -2,10 +2,11 @@
 
 The searches are step 4 of [WFO, Sec. IV-B] and step 5 of [WFO, Sec. IV-C].
 
-`E1VestigialSearch` (level 2) searches all signals on E1, and hands each over to E6. `E6ExhaustiveSearch` (level 3)
-searches every half chip and Doppler bin of E6. Both take a snapshot and its assistance, and return peaks and number of
-signals of each satellite. Both search the `TimeUncertainty`. Before the first authentic fix it is the stated limit of
-the clock error; after the fix it is the possible drift of the oscillator since the fix.
+`E1VestigialSearch` (level 2) searches all signals on E1, and hands each signal over to E6. `E6ExhaustiveSearch` (level
+3) searches every half chip and Doppler bin of E6. Both searches take a snapshot and its assistance, and return peaks
+and number of signals of each satellite. Both searches cover the `TimeUncertainty`. Before the first authentic fix this
+uncertainty is the stated limit of the clock error. After the fix the uncertainty is the possible drift of the
+oscillator since the fix.
 
 `block_searches.py` uses both searches for a block of one epoch.
 """
@@ -327,14 +328,14 @@ def _apart_s(code: ChipSequence, snapshot: Snapshot) -> float:
 
 
 def _proven(decision: VestigialDecision) -> tuple[Peak, ...]:
-    """Return the peaks if the first is the true signal."""
+    """Return the peaks if the first peak is the true signal, else no peak."""
     return () if decision.true is None else decision.peaks
 
 
 def _proof(
     code: ChipSequence, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
 ) -> ReceptionProof:
-    """Return the proof of which arrivals of a RECS in a snapshot are before the disclosure of its key.
+    """Return the `ReceptionProof` of a RECS in a snapshot: which arrivals are before the disclosure of its key.
 
     The time tags of the samples follow E1, and so may follow a spoofer. `received_at` does not follow E1.
     """
@@ -346,7 +347,7 @@ def _proof(
 def _codes(
     snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int, cipher_mode: CipherMode
 ) -> tuple[ChipSequence, ...]:
-    """Return the RECS of a satellite that can be a proof in a snapshot, the RECS of the snapshot first."""
+    """Return the RECS whose keys were provably secret when the samples began; the RECS nearest in time is first."""
     begin = snapshot.received_at if snapshot.e6 is None else snapshot.e6.received_from
     keys = {key.time: key for key in assistance.keys}
     codes = [

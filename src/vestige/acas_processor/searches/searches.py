@@ -1,8 +1,9 @@
 """Check with two vestigial searches whether there is more than one signal of a satellite.
 
-Step 4 of [WFO, Sec. IV-B] finds all signals on E1 and hands each over to E6; step 5 of [WFO, Sec. IV-C] searches E6
-exhaustively. The statistic is the number of signals of a satellite; the threshold is 1. An attacker can evade both
-searches by nulling the true signal or burying it in noise. The checks of E6 power and of received power detect this.
+Step 4 of [WFO, Sec. IV-B] finds all signals on E1 and hands each signal over to E6. Step 5 of [WFO, Sec. IV-C] searches
+E6 exhaustively. The statistic is the number of signals of a satellite; the threshold is 1. An attacker can evade both
+searches by nulling the true signal or burying it in noise. The checks of E6 power and of received power detect both
+methods.
 
 The search on E1 is made with every RECS. The paper does not state how often the exhaustive search is made, and with
 every RECS the search would take too long. The exhaustive search is therefore made at the start, at a set period, and

@@ -7,7 +7,7 @@ receiver that finds the chips of one RECS twice is being spoofed. Nobody can sen
 the earliest signal is the true signal [WFO, Sec. III-D, III-E].
 
 `handover_peaks` hands over all signals of the satellite on E1 to E6. Each signal is measured on E1 and handed over as a
-line of candidate epochs (`CandidateEpochs`). E1 is measured again every `REMEASURE_S`: a Doppler error of 1 Hz shifts
+line of candidate epochs (`CandidateEpochs`). E1 is measured again every `REMEASURE_S`. A Doppler error of 1 Hz shifts
 the line by a tap in a minute, and a Doppler change of 0.5 Hz/s in ten seconds. After the first authentic position the
 clock is known, and the smaller time uncertainty shortens both searches in proportion.
 """
@@ -53,11 +53,11 @@ def decide_vestigial(
     open_code: bool = False,
     repeated_after_s: float | None = None,
 ) -> VestigialDecision:
-    """Return the decision on the peaks of a satellite: the earliest is the true signal, any other is spoofing.
+    """Return the decision on the peaks of a satellite: the earliest peak is the true signal, others are spoofing.
 
-    `proof` is None if all samples are known to be from before the key's disclosure. With an open code neither decision
-    is made. If the chips repeat after `repeated_after_s`, peaks that are whole multiples of this period apart count
-    once.
+    `proof` is None if all samples are known to be from before the key's disclosure. With an open code the decision has
+    no true peak and no spoofing. If the chips repeat after `repeated_after_s`, peaks that are whole multiples of this
+    period apart count once.
     """
     own = tuple(sorted((peak for peak in peaks if peak.svid == svid), key=lambda peak: peak.start_time))
     if open_code:
@@ -80,7 +80,7 @@ def _without_repetitions(peaks: Iterable[Peak], period_s: float) -> Iterator[Pea
 
 
 def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: float) -> ReceptionProof:
-    """Return the proof of which arrivals of a RECS are from before anybody could know its chips.
+    """Return the `ReceptionProof` of a RECS: which of its arrivals are from before anybody could know its chips.
 
     The assistance contains the segment of the chips and its key. `uncertainty_s` is the upper limit of the error of the
     clock that measures the start, infinite if there is no limit.

@@ -2,8 +2,8 @@
 
 If a worker is lost, the dask scheduler gives its chunks to another worker, including measured chunks that were not yet
 fetched. A chunk that is measured twice gives the same bits. All machines need the same source of vestige, and the same
-kind of processor if the bits depend on the processor. Both are checked with every chunk. The machines need no shared
-disk and no data.
+kind of processor if the bits depend on the processor. Source and processor are checked with every chunk. The machines
+need no shared disk and no data.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def connect(address: str, *, warn: Callable[[str], None] = lambda _line: None) -
         Address of the scheduler.
     warn
         Function that is called with one line when the cluster has had no workers for `NO_WORKERS_S`, and when the
-        cluster has workers again. Calls wait in between. A separate thread calls the function.
+        cluster has workers again. Calls wait while the cluster has no workers. A separate thread calls the function.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Run a plan in memory and without chunks, for short campaigns; a threat table needs thousands of these."""
+"""Run a plan in memory and without chunks, for short campaigns; a threat table needs thousands of short campaigns."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from vestige.campaign.plan import Plan, judged
 def direct_results(plan: Plan, *, judge: bool = True) -> xarray.Dataset:
     """Return the results of a plan as `run` does, without a store.
 
-    With `judge=False`, the results have no columns of `JudgedPlan.judge`; use this to judge at several levels later.
+    With `judge=False`, the results have no columns of `JudgedPlan.judge`; these results can be judged at several levels
+    later.
     """
     columns = plan.measure(0, plan.prepare().advance(0, plan.n_epochs))
     if judge:

@@ -48,9 +48,9 @@ def local_executor(kind: str, workers: int, preload: Sequence[str] = ()) -> Iter
     """Yield an executor with `workers` threads or processes; the exit of the context waits for running calls.
 
     Processes are started with `spawn`, because a fork of a process with threads may inherit a locked lock. If `preload`
-    names modules, a server process without threads imports them at once, while the caller goes on. Each worker is then
-    a fork of this server, so all workers together need one import. Without fork servers, as on Windows, workers import
-    what they need.
+    names modules, a server process without threads imports them at once, while the caller continues. Each worker is
+    then a fork of this server, so all workers together need one import. Without fork servers, as on Windows, workers
+    import what they need.
     """
     if workers < 1:
         raise ValueError(f"{workers} workers")
@@ -72,7 +72,7 @@ def local_executor(kind: str, workers: int, preload: Sequence[str] = ()) -> Iter
 
 
 def _start_server(preload: Sequence[str]) -> None:
-    """Start the process from which workers are forked; it ignores Ctrl-C, as they do, also while it imports."""
+    """Start the process from which workers are forked. This process and the workers ignore Ctrl-C, also at import."""
     multiprocessing.set_forkserver_preload(list(preload))
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a new process keeps that a signal is ignored
     try:

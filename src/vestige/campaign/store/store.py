@@ -6,9 +6,9 @@ has one number for each chunk: a 64-bit hash of the chunk's values, or 0 if the 
 written after the values.
 
 A resumed run reads the values again and compares their hash. Chunks that do not agree with their hash are computed
-again. A run may therefore end in any way: by `kill -9` between two files, by a power failure that loses written data,
-or with a store that was copied only in part. A new store is made in a temporary folder and then renamed, so a path
-never has half of a store.
+again. A run may therefore end in any way, such as by `kill -9` between two files or by a power failure that loses
+written data. A store may also be copied only in part. A new store is made in a temporary folder and then renamed, so a
+path never has an incomplete store.
 """
 
 from __future__ import annotations

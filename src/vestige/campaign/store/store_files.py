@@ -31,7 +31,7 @@ _LONGEST_FRAME_HEADER = 18
 def check_files(folder: Path, expected: str = EXPECTED_RESULTS) -> None:
     """Check that a store has only regular files and folders, and that no metadata file is too long.
 
-    A pipe would block the program for ever when it is opened. A link may lead to any other file.
+    A pipe would block the program without end when it is opened. A link may lead to any other file.
 
     Raises `InputFileError` with the path of the first wrong file.
     """
@@ -55,7 +55,8 @@ def _unreadable(error: OSError) -> None:
 def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
     """Return the arrays in the root of a store by name, opened one by one.
 
-    `group.arrays()` opens all arrays at once. If one is damaged, Python prints warnings about the others at its exit.
+    `group.arrays()` opens all arrays at once. If one array is damaged, Python prints warnings about the other arrays at
+    its exit.
 
     Raises `ValueError` with the name of the array if its metadata are damaged.
     """

@@ -1,7 +1,8 @@
 """A store without values: metadata and coordinates that follow from a plan.
 
 The same plan gives the same bytes. Metadata that were damaged on the disk or lost in a copy can therefore be written
-again, and the values of the store are kept. This is done only if the rest of the store certainly belongs to the plan.
+again, and the values of the store are kept. The metadata are written again only if the rest of the store certainly
+belongs to the plan.
 """
 
 from __future__ import annotations

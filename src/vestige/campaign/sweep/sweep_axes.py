@@ -24,7 +24,7 @@ _MAX_NAME = 200  # characters; file systems allow up to 255
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """One key of a scenario and its values in a sweep."""
+    """A key of a scenario and its values in a sweep."""
 
     key: str
     values: tuple[Value, ...]

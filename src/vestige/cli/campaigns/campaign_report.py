@@ -76,8 +76,8 @@ def sweep_json(rows: Sequence[Row]) -> str:
 def sweep_table(rows: Sequence[Row], file: Path) -> str:
     """Return a line for each campaign: the counts, beside the theory for a signal on a tap.
 
-    If there is an attack, or a level above 1, its outcome is given in place of the theory. `file` is the same table as
-    CSV.
+    If there is an attack, or a level above 1, the outcome of the run is given in place of the theory. `file` is the
+    same table as CSV.
     """
     if any(row.outcome is not None for row in rows):
         return "\n".join([*_columns(_outcome_cells(rows)), f"table: {file}"])
@@ -110,7 +110,7 @@ def _detectors(rows: Sequence[Row]) -> list[str]:
 
 
 def _outcome_cells(rows: Sequence[Row]) -> list[list[str]]:
-    """Return the cells of a sweep with an attack, or with a level above 1: its outcome."""
+    """Return the cells of a sweep with an attack, or with a level above 1: the outcome of the run."""
     keys = list(rows[0].settings)
     names = [
         "level",

@@ -157,7 +157,7 @@ def _run(
 
 
 def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited: bool) -> None:
-    """Print the summary, and end with the exit status that `--fail-on` asks for."""
+    """Print the summary, and end with the exit status that `--fail-on` sets."""
     from vestige.cli.recordings.verdicts import exit_status
 
     n_dropped = following.live.n_dropped

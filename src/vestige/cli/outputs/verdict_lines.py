@@ -41,7 +41,7 @@ class VerdictRow(TypedDict):
 
 
 class CheckEntry(TypedDict):
-    """A check behind a verdict, which fails if the magnitude of the statistic exceeds the threshold."""
+    """A check of a verdict, which fails if the magnitude of the statistic exceeds the threshold."""
 
     name: str
     outcome: _OutcomeName

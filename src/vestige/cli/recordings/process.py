@@ -245,7 +245,7 @@ def _with_bias(assistance: Assistance, bias_m: float | None) -> Assistance:
 def _tracked(recording: Recording, options: dict[str, Any], folder: Path) -> TrackedRecording | None:
     """Return the result of tracking E1; None if observations are given, or E1 is too short to track.
 
-    Before, the assistance folder `folder` and the other inputs are opened, because tracking takes long.
+    The assistance folder `folder` and the other inputs are opened before tracking, because tracking takes long.
     """
     from vestige.cli.progress import progress
     from vestige.recording.assistance.folder import read_assistance

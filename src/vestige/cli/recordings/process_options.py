@@ -249,7 +249,7 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
 
 
 def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
-    """Read the named keys, tree and certificates, and list folders, so that a wrong name costs no tracking of E1.
+    """Read the named keys, tree and certificates, and list folders, so that a wrong name is found before E1 is tracked.
 
     Raises `InputFileError` or `AuthenticationError`, as `read_assistance`.
     """
@@ -268,7 +268,7 @@ def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
 
 
 def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
-    """Return the estimator of the C/N0 of E1; usage error if one is named and E1 is not measured in the samples."""
+    """Return the estimator of the C/N0 of E1; usage error if it is named and E1 is not measured in the samples."""
     if options["cn0_estimator"] is not None and not measured:
         raise click.UsageError("--cn0-estimator is for E1 measured in samples; here observations give the C/N0")
     return options["cn0_estimator"] or "noise-floor"

@@ -24,7 +24,7 @@ FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 @dataclass(slots=True)
 class SearchFigure:
-    """Collector of the magnitudes of a search in E6, which draws them; does nothing without a file."""
+    """Collector that draws the magnitudes of a search in E6; without a file it does nothing."""
 
     file: Path | None
     codes: Sequence[ChipSequence]

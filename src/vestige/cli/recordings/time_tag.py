@@ -1,4 +1,4 @@
-"""Error of the time tag of samples: what `vestige track`, `process` and `live` say of it, and how they correct it."""
+"""Error of the time tag of samples: its report and its correction in `vestige track`, `process` and `live`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def late_or_early(error_s: float) -> str:
 
 
 def by_the_message(error_s: float) -> str:
-    """Return the error of the samples' time tag that the message tells, as a line for the user.
+    """Return the error of the samples' time tag that the message shows, as a line for the user.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def by_the_message(error_s: float) -> str:
 
 
 def time_tag_warning(error_s: float, said_s: float = 0.0) -> str:
-    """Return the warning that the message tells another time than the time tag; "" within `TIME_TAG_TOLERANCE_S`.
+    """Return the warning that the message gives another time than the time tag; "" within `TIME_TAG_TOLERANCE_S`.
 
     `said_s` is the error that the user knows already.
     """
@@ -76,7 +76,7 @@ def on_signal_clock(step: Step, late_s: float) -> Step:
 
 
 def label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
-    """Return the uncertainty of the time tag if E1 samples alone tell time, which is modulo 100 ms; otherwise 0."""
+    """Return the uncertainty of the time tag if E1 samples alone give the time, which is modulo 100 ms; otherwise 0."""
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
 
     around_s = recording.description.time_uncertainty_s if stated_s is None else stated_s

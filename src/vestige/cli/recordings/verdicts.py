@@ -65,7 +65,7 @@ class Tally:
 
     @property
     def nothing(self) -> str:
-        """Reason why there is no verdict at all; empty if there is one."""
+        """Reason why there is no verdict; empty if there is a verdict."""
         if self.counts:
             return ""
         if self.too_early:
@@ -253,7 +253,7 @@ def _print_not_run(verdicts: Iterable[Verdict]) -> None:
 
 
 def print_table(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float) -> None:
-    """Print the verdicts as text as they come, then their tally, which counts them."""
+    """Print each verdict as text when it comes, then the tally, which counts the verdicts."""
     for step in steps:
         print_snapshot(step)
         tally.add(step)
@@ -271,7 +271,7 @@ def print_not_seen(tally: Tally, put: Callable[[str], None] = echo) -> None:
 
 
 def print_json(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> None:
-    """Print the verdicts as they come as one JSON object, with numbers in full precision; the tally counts them."""
+    """Print each verdict when it comes, all in one JSON object with numbers in full precision. Count the verdicts."""
     separator: str = ""
     found: list[PositionEntry] = []
     head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)

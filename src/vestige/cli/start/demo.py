@@ -1,8 +1,8 @@
 """`vestige demo`: authenticate a small recording, with a wrong key and a shifted E6 too, then a sky, and statistics.
 
-The demo makes all its data: the recording (`first_light.toml`), an OSNMA key chain, and the RECS. Then follow some
-seconds of a sky with its message, keys and RECS (`night.toml`). The simulated measurements are those of `quick.toml`, a
-short form of the paper's harsh conditions.
+The demo makes all its data: the recording (`first_light.toml`), an OSNMA key chain, and the RECS. The demo also makes
+some seconds of a sky with its message, keys and RECS (`night.toml`). The simulated measurements are those of
+`quick.toml`, a short form of the paper's harsh conditions.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ SKY_SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7,8,13,14
 def command(folder: Path) -> None:
     """Show in a minute what vestige does, with every command as you would type it.
 
-    A recording is simulated and authenticated, and again with a wrong key and with a replayed E6. Then follow the
-    samples of a sky, statistics, and an attack.
+    A recording is simulated and authenticated, and again with a wrong key and with a replayed E6. The samples of a sky,
+    statistics, and an attack follow.
     """
     check_new_folder(folder)
     scenarios, night, sky = folder / "scenarios", folder / "recording", folder / "sky"

@@ -20,7 +20,7 @@ Root keys and alert messages have the subframe in which they were received. The 
 "don't use" or with a revocation; keys that they withdraw are refused (`chain_register`). The writer of a file can leave
 out such root keys. So the file proves that keys are genuine, but not that they were never withdrawn.
 
-Files of version 1 lack time and status. Such files are readable if none of their root keys withdraws a chain.
+Files of version 1 lack time and status. Files of version 1 are readable if none of their root keys withdraws a chain.
 """
 
 from __future__ import annotations

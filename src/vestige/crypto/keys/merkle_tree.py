@@ -141,7 +141,7 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree, known: Sequence[Publi
     """Return the public key of a DSM-PKR for the verification of root keys, verified against the tree's root.
 
     Public keys come into force in the order of their numbers. So a key with a number below that of a known key is
-    refused: such a key may have been revoked, and an attacker who has it can send its old DSM-PKR again [OSNMA-RG,
+    refused. Such a key may have been revoked, and an attacker who has the key can send its old DSM-PKR again [OSNMA-RG,
     4.2].
 
     Raises `AuthenticationError` if the message is malformed or leads to another root, or if the key is older than a

@@ -1,8 +1,8 @@
 """Readers of files with OSNMA's public key and Merkle tree.
 
-The European GNSS Service Centre publishes both as XML. Public keys also travel as PEM, and as loose XML elements
-without a common root, so a public key is read by its elements and not as a document. The readers return untrusted keys:
-see `public_key` and `merkle_tree`.
+The European GNSS Service Centre publishes key and tree as XML. Public keys also come as PEM, and as loose XML elements
+without a common root. A public key is therefore read by its elements and not as a document. The readers return
+untrusted keys: see `public_key` and `merkle_tree`.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ signed together with each DSM-KROOT. So the status follows from verified root ke
 * A root key with "chain revoked" or "public key revoked" withdraws all chains except the chain that it names as in
   force. "Public key revoked" also revokes the public keys before the key that signed the root key.
 * A chain comes back only with its own root key that says "test" or "operational" and cannot be older than the
-  withdrawal. A root key of a later time cannot be older, because a root key is a key of the chain that nobody may know
+  withdrawal. A root key of a later time cannot be older than the withdrawal, because nobody may know a key of the chain
   before its time. A root key of the chain that the withdrawal announced as next chain cannot be older either, because
   that chain was not in force before.
 * An alert message is final, because no message that could end it is trusted any more [OSNMA-RG, 4.2.3].
@@ -15,9 +15,9 @@ signed together with each DSM-KROOT. So the status follows from verified root ke
   its root key.
 
 The time of reception of a root key is not signed, so an attacker may choose it. Therefore a withdrawal counts from the
-earliest of its times of reception. A root key that ends a withdrawal must be later than three times: the latest
-reception of the withdrawal, the withdrawing root key, and the root keys of the chain that were known before. The last
-two times are signed.
+earliest of its times of reception. A root key that ends a withdrawal must be later than the latest reception of the
+withdrawal. The root key must also be later than the withdrawing root key and than the root keys of the chain that were
+known before. The times of root keys are signed.
 
 A genuine withdrawal that an attacker records and sends again counts as a new withdrawal. The receiver then has no keys
 until the root key of the next hour. In return, the receiver never misses a withdrawal.

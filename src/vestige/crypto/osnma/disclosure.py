@@ -43,7 +43,7 @@ def provably_before_disclosure(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceptionProof:
-    """Proof of which arrivals of one RECS happened before the disclosure of its key."""
+    """Proof for a RECS: which of its arrivals happened before the disclosure of its key."""
 
     disclosed_at: GalileoTime  # time at which the first bit of the key was on air
     duration_s: float  # length of the RECS in s

@@ -6,8 +6,8 @@ Keys verify the tags and MACSEQ fields that were sent before them (`tag_verifier
 of the MACK message, so subframes wait until a DSM-KROOT is received.
 
 The receiver takes pages as they come, and returns keys as soon as they are valid. Several satellites send the same key
-at the same time. A satellite with a different key is reported. Its key is accepted only if it chains, and no two
-different keys of a subframe chain.
+at the same time. A satellite with a different key is reported. The different key is accepted only if it chains, and two
+different keys of a subframe never both chain.
 
 Verified root keys alone decide which chain may be used (`chain_register`). The NMA header of a subframe is not
 authenticated, so it can only add restrictions. If a satellite's header says "don't use", the key of that subframe is
@@ -118,7 +118,7 @@ class OsnmaReceiver:
     def learn(self, roots: Iterable[RootKey]) -> tuple[ValidatedKey, ...]:
         """Return the keys that root keys from another source make valid, before the chain's DSM-KROOT is received.
 
-        Only the received message can tell whether the chain was withdrawn after the reception of those root keys.
+        Only the received message can show whether the chain was withdrawn after the reception of those root keys.
         """
         n_chains, n_changes = len(self._register.chains), self._register.n_changes
         for root in sorted(roots, key=lambda root: root.received_at):
@@ -319,7 +319,7 @@ class OsnmaReceiver:
                 self._withhold(key, refusal)
 
     def _release(self) -> list[ValidatedKey]:
-        """Return the withheld keys whose headers tags have since proven to be forged."""
+        """Return the withheld keys whose headers are forged, as tags have proven since then."""
         keys = []
         for claim in tuple(self._claims):
             message = claim.message

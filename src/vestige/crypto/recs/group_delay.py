@@ -10,8 +10,8 @@ so that BGD and ionosphere scale alike: P6 − P1 = (γ − 1) · (I1 + c · BGD
 reference receiver instead adds the value of the file without the factor, which is 1/0.518 times as much [SASLIB]. The
 convention of the service is not public. `GroupDelayConvention` selects the convention for simulator and processor.
 
-The layout of the file is known only from a reader that others derived from examples [SASLIB]. Only this module contains
-this layout::
+The layout of the file is known only from a reading program that others derived from examples [SASLIB]. Only this module
+contains this layout::
 
     byte  length  content
     0     4       provider, ASCII
@@ -113,7 +113,7 @@ class GroupDelayFile:
 
     @property
     def name(self) -> str:
-        """Our name for the file, after the pattern of a unitary RECS; the service's pattern is unknown."""
+        """Name that vestige gives the file, after the pattern of a unitary RECS; the service's pattern is unknown."""
         return f"{self.provider}{BGD_INTERFACE_VERSION:02d}_{format_time_code(self.valid_from)}.BGD"
 
 

@@ -1,14 +1,14 @@
 """Read and write RECS files bit for bit, as the assistance server publishes them.
 
-There are two kinds. An *aggregated* file has the RECS of one satellite at equal intervals: a 25-byte header, then the
-bodies one after the other. A *unitary* file has a single RECS behind a 16-byte header. All numbers are big endian, and
-times count deciseconds. The kind of a file follows from its content, not from its name. A name in the form of
+RECS files have two kinds. An *aggregated* file has the RECS of one satellite at equal intervals: a 25-byte header, then
+the bodies one after the other. A *unitary* file has a single RECS behind a 16-byte header. All numbers are big endian,
+and times count deciseconds. The kind of a file follows from its content, not from its name. A name in the form of
 `vestige.crypto.recs.recs_name` must agree with the header.
 
 Assumptions, since the service's interface document is not public [SASLIB]:
 
 * An aggregated body has a RECS at tSTART + i · RTBA for every i with i · RTBA < tDur.
-* WN is the full week in the aggregated header (16 bits) and the week modulo 4096 in the unitary one (12 bits).
+* WN is the full week in the aggregated header (16 bits) and the week modulo 4096 in the unitary header (12 bits).
 * The epoch of a RECS is the satellite time at which its first chip leaves the satellite. With RAND = 1 the header's
   time already includes the random offset.
 """
@@ -63,7 +63,7 @@ class RecsFile:
     Attributes
     ----------
     provider
-        Letters and digits; four in a unitary file, up to eight in an aggregated one.
+        Letters and digits; four in a unitary file, up to eight in an aggregated file.
     start
         Epoch of the (first) RECS, with the full week.
     svid
@@ -113,7 +113,7 @@ class RecsFile:
 
     @property
     def n_segments(self) -> int:
-        """Number of RECS: 1 in a unitary file, else the number that begin within tDur."""
+        """Number of RECS: 1 in a unitary file, else the number of RECS that begin within tDur."""
         return 1 if self.kind is RecsFileKind.UNITARY else -(-self.duration_ds // self.period_ds)
 
     @property
@@ -139,7 +139,7 @@ def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsF
     """Return the RECS file at `path`, of either kind.
 
     Raises `InputFileError` if the file is not a RECS file, is truncated, or contradicts itself or its name. Raises
-    `UnsupportedError` if its interface version is unknown.
+    `UnsupportedError` if the interface version of the file is unknown.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """Re-encrypted code sequences (RECS): convert a file body and an OSNMA key to E6-C chips, and back.
 
-The server takes a part of the encrypted E6-C code that a satellite will transmit (the ECS), and encrypts it again under
-an OSNMA key that is still secret. The server publishes the result, the RECS, up to a week ahead. The receiver records
-E6-C around the RECS's epoch, waits until the key is broadcast on E1-B, decrypts and correlates [WFO, Sec. II-A]::
+The server takes a part of the encrypted E6-C code that a satellite will transmit: the ECS. The server encrypts the ECS
+again under an OSNMA key that is still secret. The server publishes the result, the RECS, up to a week ahead. The
+receiver records E6-C around the RECS's epoch, waits until the key is broadcast on E1-B, decrypts and correlates [WFO,
+Sec. II-A]::
 
     GST_SF = (WN mod 4096) << 20 | TOW            32 bits, start of the 30 s subframe that transmits the key
     P      = GST_SF (4 bytes) || RAND (1 byte) || 11 zero bytes
@@ -41,7 +42,7 @@ class CipherMode(Enum):
     """Mode of operation of AES-256.
 
     The assumed mode is CBC. The two public sources disagree: the text names CTR, the code uses CBC. Two facts support
-    CBC: bodies are padded to whole AES blocks, which CTR would not need, and the code is reported to have worked on the
+    CBC. Bodies are padded to whole AES blocks, which CTR would not need, and the code is reported to have worked on the
     signal in space. CTR would use the IV as its first counter block. The wrong mode gives noise, never a wrong
     correlation peak [SASLIB].
     """

@@ -1,7 +1,7 @@
 """Encode and decode the almanac: coarse orbits of three satellites a set in words 7 to 10 [OS-ICD, 5.1.10].
 
-The almanac tells a receiver which satellites are in view; its positions have errors of some kilometres. Satellites
-whose orbit does not fit into the fields, such as the two in eccentric orbits, are not in the almanac.
+The almanac shows a receiver which satellites are in view. The positions of the almanac have errors of some kilometres.
+Satellites whose orbit does not fit into the fields, such as the two in eccentric orbits, are not in the almanac.
 """
 
 from __future__ import annotations

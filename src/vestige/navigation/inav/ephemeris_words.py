@@ -125,7 +125,7 @@ def status_word(
     Raises
     ------
     VestigeError
-        If a value does not fit into its field; it names the satellite.
+        If a value does not fit into its field; the message names the satellite.
     """
     valid = ephemeris.e1b_data_valid if e5b_data_valid is None else e5b_data_valid
     values = {
@@ -153,7 +153,7 @@ def as_broadcast(ephemeris: Ephemeris) -> Ephemeris:
     Raises
     ------
     VestigeError
-        If a value does not fit into its field; it names the satellite.
+        If a value does not fit into its field; the message names the satellite.
     """
     moved = referred_to(ephemeris, ephemeris.toe + -_past_minute_s(ephemeris.toe))
     past_s = _past_minute_s(moved.toc)
@@ -182,7 +182,7 @@ def sisa_m(index: int) -> float:
 
 
 def sisa_index(accuracy_m: float) -> int:
-    """Return the smallest index whose accuracy value is at least that given; 255, "no prediction", for NaN.
+    """Return the smallest index whose accuracy value is at least the given value; 255, "no prediction", for NaN.
 
     Parameters
     ----------

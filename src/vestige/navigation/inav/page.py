@@ -150,7 +150,7 @@ def page_ssp(start: GalileoTime) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InavPage:
-    """One I/NAV page of one satellite, as received on E1-B."""
+    """An I/NAV page of one satellite, as received on E1-B."""
 
     svid: int  # satellite, 1 … 36
     time: GalileoTime  # start of the page in whole seconds, from the recording
@@ -177,7 +177,7 @@ class InavPage:
 
     @property
     def word(self) -> int:
-        """The navigation word, 128 bits, with the word type in the first 6."""
+        """The navigation word, 128 bits, with the word type in the first 6 bits."""
         return self.field("data_1") << _DATA_2_BITS | self.field("data_2")
 
     @property

@@ -40,7 +40,7 @@ class UtcModel:
     a0_s, a1
         Offset in s and drift of the fraction of a second.
     reference
-        Time to which they refer, a whole hour.
+        Time to which offset and drift refer, a whole hour.
     leap_seconds, leap_seconds_after
         GST minus UTC in whole seconds before and after the leap second.
     leap_day
@@ -133,7 +133,7 @@ class GpsTimeOffset:
     a0g_s, a1g
         Offset in s and drift.
     reference
-        Time to which they refer, a whole hour.
+        Time to which offset and drift refer, a whole hour.
     """
 
     a0g_s: float

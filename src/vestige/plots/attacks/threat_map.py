@@ -1,6 +1,6 @@
 """Map of colours of each attack at each mitigation level: the counterpart of [WFO, Fig. 4] with measured numbers.
 
-Green marks a defence that works, red a defence that fails. Words tell whether the outcome was expected.
+Green marks a defence that works, red a defence that fails. Words say whether the outcome was expected.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ _MARGIN_DB = 1.0  # extension of the theory beyond the outermost points
 
 
 class _Kind(NamedTuple):
-    """A relative frequency: the variables of the sweep behind it, its theory as a function of C/N0, T_I and P_fa."""
+    """A relative frequency: its variables in the sweep, and its theory as a function of C/N0, T_I and P_fa."""
 
     title: str
     label: str

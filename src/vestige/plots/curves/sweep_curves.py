@@ -26,7 +26,7 @@ class SweepCurve:
 
 
 def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
-    """Return label and values of the abscissa of a sweep: C/N0, or if C/N0 does not vary, the first key that does.
+    """Return label and values of the abscissa of a sweep: C/N0, or if C/N0 does not vary, the first key that varies.
 
     A key whose values are not numbers separates curves, see `curves`.
     """

@@ -1,8 +1,8 @@
 """Estimation of unpredictable chips and symbols by an attacker who has received part of them.
 
-Security code estimation and replay (SCER) [HUMPHREYS13]: the attacker receives an unpredictable signal with a separate
-antenna, estimates its signs as they arrive, and transmits the estimates. This module computes the quality of these
-estimates. The decisions on chips of E6-C are the hard and soft decisions of [ANDERSON25].
+Security code estimation and replay (SCER) is an attack [HUMPHREYS13]. The attacker receives an unpredictable signal
+with a separate antenna, estimates its signs as they arrive, and transmits the estimates. This module computes the
+quality of these estimates. The decisions on chips of E6-C are the hard and soft decisions of [ANDERSON25].
 
 Theory of operation
 -------------------
@@ -21,9 +21,9 @@ The share of the power of x that correlates with the true signs is ρ² = E[x s]
 
 The rest of the power is noise; it is 1/ρ² − 1 times the part that correlates.
 
-**Chips of E6-C.** Each lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. Let the matching part of the spoofing signal
-have η times the power of the true signal. The rest is noise behind the victim's correlator, because its chips do not
-match. The density of this noise is
+**Chips of E6-C.** Each chip lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. Let the matching part of the spoofing
+signal have η times the power of the true signal. The rest is noise behind the victim's correlator, because its chips do
+not match. The density of this noise is
 
     N/N0 = η (Ec/N0 of the victim) (1/ρ² − 1)
 
@@ -129,7 +129,7 @@ def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimatio
 
     Examples
     --------
-    A dish of 25 dB: decisions leave a fifth of the noise that a repeater has.
+    With a dish of 25 dB, decisions leave a fifth of the noise that a repeater has.
 
     >>> [f"{10 * np.log10(estimation_noise(45.0, 25.0, name)):.1f} dB" for name in ("repeated", "hard", "soft")]
     ['-25.0 dB', '-31.9 dB', '-33.2 dB']
@@ -145,15 +145,16 @@ def replayed_mean(
     """Return the mean of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
 
     The attacker renews the estimate with each transmitted chip. Chip j then uses the signal received in j chips and the
-    head start. Without any reception it is a guess, of mean 0.
+    head start. Without any reception the estimate is a guess, of mean 0.
 
     Parameters
     ----------
     cn0_dbhz
         C/N0 of E1-B of the attacker's reception in dBHz.
     head_start_s
-        Duration of the symbol that the attacker has received when the spoofing signal's own symbol begins, in s: the
-        delay of the spoofing signal less the attacker's latency. If negative, the attacker guesses for that duration.
+        Duration of the symbol that the attacker has received when the spoofing signal's own symbol begins, in s. The
+        duration is the delay of the spoofing signal less the attacker's latency. If negative, the attacker guesses for
+        that duration.
     n_chips
         Chips from the beginning of the symbol, of 0.98 µs each, 1 to 4092.
     decision
@@ -161,7 +162,7 @@ def replayed_mean(
 
     Examples
     --------
-    45 dBHz and an antenna of 10 dB: the fourth chip has 83 % of the amplitude.
+    At 45 dBHz and with an antenna of 10 dB, the fourth chip has 83 % of the amplitude.
 
     >>> replayed_mean(55.0, 0.0, 4).round(2).tolist()
     [0.0, 0.57, 0.73, 0.83]
@@ -179,7 +180,7 @@ def replayed_covariance(
 
     Examples
     --------
-    A first chip that is a guess:
+    The first chip is a guess:
 
     >>> replayed_covariance(55.0, 0.0, 2).round(2).tolist()
     [[1.0, 0.0], [0.0, 0.68]]

@@ -7,10 +7,10 @@ the publication was not available, so the formulas are derived here from the ide
 Theory of operation
 -------------------
 The receiver correlates the first w seconds of each symbol and multiplies by the symbol. B_u is the mean over n_u
-unpredictable symbols and B_p the mean over n_p predictable symbols. Both are complex. With an authentic signal both
-have the amplitude A of the signal, for any effect of the front end's filter on the beginning of a symbol. The noise of
-one symbol has the variance s² = A²/(2 c w) per dimension, c = C/N0. The variance is estimated from the scatter of the
-real parts, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics are
+unpredictable symbols and B_p the mean over n_p predictable symbols. B_u and B_p are complex. With an authentic signal
+both means have the amplitude A of the signal, for any effect of the front end's filter on the beginning of a symbol.
+The noise of one symbol has the variance s² = A²/(2 c w) per dimension, c = C/N0. The variance is estimated from the
+scatter of the real parts, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics are
 
     real         Re(B_p − B_u) / e             Student's t, ν degrees of freedom
     distance     |B_p − B_u|² / (2 e²)         F with 2 and ν degrees of freedom
@@ -113,7 +113,7 @@ def metric_threshold(
         False-alarm probability, below 0.5.
     amplitude
         A/s, amplitude of the signal over the noise of the first part of one symbol. `real` and `distance` do not use
-        it.
+        A/s.
     metric
         Name of the metric.
 
@@ -172,7 +172,8 @@ def replay_detection_probability(
     metric
         Name of the metric of the partial correlations.
     n_predictable
-        Predictable symbols in the test. None takes all that are in the pages of the unpredictable symbols.
+        Predictable symbols in the test. None stands for all predictable symbols in the pages of the unpredictable
+        symbols.
     head_start_s
         Duration of a symbol that the attacker has received when its transmission begins, in s; negative for a latency.
     first_chips
@@ -182,8 +183,9 @@ def replay_detection_probability(
 
     Examples
     --------
-    A subframe of 480 symbols at 42 dBHz, P_fa 1e-3: an attacker with the antenna of the victim, one with 10 dB, and
-    the latter with a spoofing signal that is 3 µs late.
+    The test takes a subframe of 480 symbols at 42 dBHz, P_fa 1e-3. The first attacker has the antenna of the victim,
+    the second attacker 10 dB more. The third value is that of the second attacker with a spoofing signal that is 3 µs
+    late.
 
     >>> f"{replay_detection_probability(42.0, 0.0, 480, 1e-3):.3f}"
     '0.999'
@@ -192,7 +194,8 @@ def replay_detection_probability(
     >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3, head_start_s=3e-6):.3f}"
     '0.104'
 
-    The beginnings of predictable symbols as reference, and the distance, which does not know the sign of the change:
+    The next test compares with the beginnings of predictable symbols. The last test uses the distance, which has no
+    sign:
 
     >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3, metric='real'):.3f}"
     '0.895'

@@ -119,7 +119,7 @@ class DecisionMap:
 def simulated_decision_map(
     hypotheses: Hypotheses, *, alarm_cost: float = 1.0, seed: int = 0, draws: int = 400_000
 ) -> DecisionMap:
-    """Return the map of least expected cost, all four hypotheses equally likely.
+    """Return the map of least expected cost if all four hypotheses are equally likely.
 
     A false alarm (clean or multipath called an attack) costs `alarm_cost`, every other error 1. `draws` is the number
     of draws for each hypothesis. The same seed gives the same map.
@@ -151,7 +151,7 @@ def _density(hypotheses: Hypotheses, truth: SignalClass, seed: int, draws: int) 
 
 
 def _counts(power_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n"]) -> Int64[np.ndarray, "a b"]:
-    """Return how many pairs are in each cell. Regular cells need no search in their edges."""
+    """Return how many pairs are in each cell. All cells have the same size, so a division finds the cell."""
     cells, shape = np.zeros(power_db.size, np.int64), []
     for value, (first, last, step) in ((power_db, _POWER_DB), (distortion, _DISTORTION)):
         shape.append(round((last - first) / step))
@@ -162,7 +162,7 @@ def _counts(power_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n
 def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> Int[np.ndarray, "a b"]:
     """Return the classes; a cell in which nothing was drawn takes the class of a neighbour.
 
-    The neighbour of less power comes first, then that of less distortion. So an attack beyond the range of the
+    The neighbour of less power comes first, then the neighbour of less distortion. So an attack beyond the range of the
     hypotheses gets the class at the end of that range.
     """
     classes, drawn = classes.copy(), drawn.copy()

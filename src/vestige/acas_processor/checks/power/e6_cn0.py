@@ -2,7 +2,7 @@
 
 A second encrypted signal, stronger or of opposite phase, changes the magnitude of the correlators. The expected
 amplitude is s = √(2 C/N0 T). The largest |c| of the bank, in standard deviations of the noise per dimension, is Rician.
-For a detectable signal it is nearly normal about √(s² + 1):
+For a detectable signal |c| is nearly normal about √(s² + 1):
 
     |c| − √(s² + 1),    | · | ≤ K √(1 + (s (10^(σ_model/20) − 1))²),    K from p_fa, two-sided
 

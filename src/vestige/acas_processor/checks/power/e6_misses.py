@@ -1,7 +1,8 @@
 """Test for runs of missed E6 signals: step 1 of a level whose false alarms per day are set [WFO, Sec. IV-A].
 
 `e6_power.py` raises an alarm with every miss where E1 predicts a detection. Weak satellites are missed by chance
-several times a day. A level with fewer alarms therefore needs several misses in a row. Their number follows from C/N0.
+several times a day. A level with fewer alarms therefore needs several misses in a row. The number of these misses
+follows from C/N0.
 
 Theory of operation
 -------------------
@@ -11,14 +12,14 @@ of misses has the probability ∏ q_k. The check fails where
 
     ∏ q_k < p_fa,        over the misses since the last detection
 
-A test k can fail only if all RECS of the shortest such run that ends with k were missed. The length of this run is
-fixed before its RECS arrive, and the run has a probability below p_fa. So no test fails more often than p_fa at any
-C/N0. For a constant q this is "M of M RECS" with
+Let R be the shortest run of RECS that ends with RECS k and has ∏ q_k < p_fa. The test of RECS k can fail only if all
+RECS of R were missed. The length of R is fixed before its RECS arrive, and R has a probability below p_fa. So no test
+fails more often than p_fa at any C/N0. For a constant q this is "M of M RECS" with
 
     M = ⌈ln p_fa / ln q⌉
 
 At p_fa = 2·10⁻⁵, 16 ms and multipath of −15.8 dB, M is 1 RECS at 38 dBHz, 2 at 35, 4 at 33, and 5 at 32 dBHz. A rule "M
-of N RECS" with N > M would need a larger M for the same p_fa, and so more time to detect a missing signal.
+of N RECS" with N > M would need a larger M for the same p_fa. The detection of a missing signal would then take longer.
 
 Misses are not independent if multipath stays the same from one RECS to the next, or if satellites are weaker on E6 than
 E1 predicts. The configured `e6_over_e1_db` must therefore be right.

@@ -1,4 +1,4 @@
-"""Compute power and distortion, which tell clean, multipath, spoofed and jammed signals apart [WESSON18].
+"""Compute power and distortion, which separate clean, multipath, spoofed and jammed signals [WESSON18].
 
 Theory of operation
 -------------------
@@ -14,8 +14,8 @@ The tracked signal has the amplitude s = √(2 C/N0 T), and its own contribution
     a second signal     D Rician about s √η |R(τ_d + Δτ) − R(τ_d − Δτ)|
 
 The gain control keeps the total power constant, so D from the taps is divided by 10^(ΔP/20). A jammer therefore makes
-ΔP large and D small. Multipath makes D large and leaves ΔP small. A spoofer makes both large. `simulated_decision_map`
-divides the (ΔP, D) plane into regions.
+ΔP large and D small. Multipath makes D large and leaves ΔP small. A spoofer makes ΔP and D large.
+`simulated_decision_map` divides the (ΔP, D) plane into regions.
 """
 
 from __future__ import annotations

@@ -105,14 +105,14 @@ class ChainParameters:
     def disclosure_start_s(self) -> int:
         """Time from the start of the subframe to the first bit of its key on air, in whole seconds rounded down.
 
-        The OSNMA field is in the odd half of its page, which starts 1 s after the page, and the first page starts 1 s
-        after the subframe: + 22 s for the operational layout.
+        The OSNMA field is in the odd half of its page, which starts 1 s after the page. The first page starts 1 s after
+        the subframe. The result is 22 s for the operational layout.
         """
         return 1 + 2 * (self.key_start_bit // MACK_BITS) + 1
 
     @property
     def disclosure_end_s(self) -> int:
-        """Time from the start of the subframe to the end of the page with the last bit of its key, in s: + 31 s."""
+        """Time in s from the start of the subframe to the end of the page with the last bit of its key, usually 31."""
         last_bit = self.key_start_bit + self.key_bits - 1
         return 1 + 2 * (last_bit // MACK_BITS) + 2
 

@@ -5,9 +5,9 @@ satellites send different blocks at the same time, so a receiver with many satel
 minute.
 
 A DSM-KROOT is `NB 4 | PKID 4 | CIDKR 2 | reserved 2 | HF 2 | MF 2 | KS 4 | TS 4 | MACLT 8 | reserved 4 | WN 12 | TOWH 8
-| alpha 48 | KROOT | signature | padding` [OSNMA-ICD, DSM-KROOT]. The signature has 512 bits (P-256) or 1056 (P-521). It
-covers the NMA header and all fields from CIDKR to KROOT. Parsing proves nothing: only `root_key.verify_root_key` makes
-a usable key.
+| alpha 48 | KROOT | signature | padding` [OSNMA-ICD, DSM-KROOT]. The signature has 512 bits (P-256) or 1056 (P-521).
+The signature covers the NMA header and all fields from CIDKR to KROOT. Parsing proves nothing: only
+`root_key.verify_root_key` makes a usable key.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 The number MACLT of the signed DSM-KROOT selects a row. A row has two sequences of slots, for subframes that start at a
 full minute and at half a minute. A slot gives the kind of data (ADKD) of a tag, and its satellite: `S` the sending
-satellite, `E` any Galileo satellite. In a flexible slot (`FLX`) the tag itself gives both, protected by MACSEQ.
+satellite, `E` any Galileo satellite. In a flexible slot (`FLX`) the tag itself gives kind and satellite, protected by
+MACSEQ.
 
 Rows 33 and 34 are verified on real data; the other rows are only copied from the table.
 """

@@ -1,13 +1,13 @@
 """Extract the navigation data that OSNMA tags authenticate from the words of a satellite.
 
 A tag in subframe s covers data that was sent up to the end of subframe s-1. ADKD 0 and 12 cover ephemeris, clock and
-status (words 1 to 5, 549 bits), ADKD 4 the timing parameters (words 6 and 10, 141 bits) [OSNMA-ICD, ADKD].
+status (words 1 to 5, 549 bits). ADKD 4 covers the timing parameters (words 6 and 10, 141 bits) [OSNMA-ICD, ADKD].
 
-This module uses the latest words 1 to 5 (or 6 and 10) received by the end of subframe s-1, if the satellite was still
+This module uses the latest words 1 to 5 (or 6 and 10) received by the end of subframe s-1. The satellite must still be
 received in subframe s-1. Words 1 to 4 must have the same IODnav. Without such data a tag is not counted. Word 5 and the
-timing words carry no IOD, so the latest received words may be outdated after lost pages; the tag's cut-off point shows
-this (see `tags`). When such a word changes, a tag of old data cannot be told from a tag of new data. In the subframe
-after the change both are candidates, the new data first.
+timing words carry no IOD, so the latest received words may be outdated after lost pages. The tag's cut-off point shows
+outdated words (see `tags`). When such a word changes, a tag does not show whether it is of the old or of the new data.
+In the subframe after the change, old and new data are both candidates; the new data come first.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class NavigationWords:
         return NavigationWords(words={**self.words, **received}, replaced=replaced, subframe_s=start)
 
     def candidates(self, svid: int, adkd: int, subframe: GalileoTime) -> tuple[NavigationData, ...]:
-        """Return the data that a tag may cover: the latest, and the previous if a word without IODnav changed."""
+        """Return the data that a tag may cover: the latest data, and older data if a word without IODnav changed."""
         before = replace(self, words={**self.words, **self.replaced})
         found = (words.data(svid, adkd, subframe) for words in (self, before))
         return tuple({data.bits: data for data in found if data is not None}.values())

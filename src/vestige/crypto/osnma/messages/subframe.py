@@ -4,8 +4,8 @@ Every 30 s subframe has 15 pages, and each page carries 8 bits of the HKROOT and
 2]: 120 and 480 bits a subframe. Pages get lost, so a subframe records which of its 15 fields were received. A part of
 the MACK can still be read if its own pages were received.
 
-The assembler keeps a subframe open until a page arrives that is clearly later, so pages may come in any order of
-satellites and a little out of order in time.
+The assembler keeps a subframe open until a page arrives that is clearly later. Pages may therefore come in any order of
+satellites, and a little out of order in time.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class SatelliteSubframe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Epoch:
-    """One subframe of all satellites."""
+    """A subframe of all satellites."""
 
     time: GalileoTime  # start of the subframe (GST_SF)
     satellites: Mapping[int, SatelliteSubframe]  # by SVID

@@ -31,7 +31,7 @@ MIN_TAG_BITS = 40  # total of tag bits from which data counts as authenticated [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tag:
-    """One tag of a MACK message."""
+    """A tag of a MACK message."""
 
     counter: int  # CTR: 1 for tag0
     value: int  # l_t bits

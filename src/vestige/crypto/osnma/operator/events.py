@@ -43,7 +43,7 @@ class OsnmaEventKind(Enum):
 
     @property
     def has_end(self) -> bool:
-        """Whether something ends after the last step."""
+        """Whether the event has the last step `ended`."""
         return self is not OsnmaEventKind.CHAIN_RENEWAL
 
 

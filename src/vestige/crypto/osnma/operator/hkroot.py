@@ -2,8 +2,8 @@
 
 The satellites send different blocks of a DSM at the same time, so a receiver with many satellites soon completes the
 DSM. The block index is the number of the subframe plus an offset of the satellite, modulo the number of blocks. The
-offset is the SVID, as in the official test vectors. Several DSMs take turns. Each stays for as many subframes as it has
-blocks, so a receiver with a single satellite also gets all blocks of all DSMs.
+offset is the SVID, as in the official test vectors. Several DSMs take turns. Each DSM stays on air for as many
+subframes as it has blocks. So a receiver with a single satellite also gets all blocks of all DSMs.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def message_in_turn(messages: Sequence[SignedMessage], number: int) -> SignedMes
     Parameters
     ----------
     messages
-        The DSMs in the order of their turns; at least one.
+        One or more DSMs, in the order of their turns.
     number
         Number of the subframe since the first turn of the first DSM, 0 or more.
     """

@@ -20,7 +20,7 @@ MACK_BYTES = MACK_TOTAL_BITS // 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagContent:
-    """Content of one tag: the data for it to authenticate."""
+    """Content of a tag: the data that the tag authenticates."""
 
     svid: int  # PRN_D
     adkd: int

@@ -63,7 +63,7 @@ class OperatorChain:
 def root_key_time(time: GalileoTime) -> GalileoTime:
     """Return the subframe of the newest root key at a time: 30 s before the last full hour.
 
-    That key has been disclosed, so the root key reveals no secret.
+    The key of this subframe has been disclosed, so the root key reveals no secret.
 
     Examples
     --------
@@ -126,8 +126,8 @@ def draw_chain(
     """Return a chain whose DSM-KROOTs have no zero byte where possible.
 
     Some receivers treat a page with a zero HKROOT byte as lost. So random patterns alpha are drawn from the seed in
-    place of that of `parameters`, until root key, signature and padding have no zero byte in the first four hours.
-    After 32 patterns, the pattern with the fewest zero bytes is used.
+    place of the alpha of `parameters`. The first pattern without a zero byte in root key, signature and padding over
+    the first four hours is used. After 32 patterns, the pattern with the fewest zero bytes is used.
 
     Parameters
     ----------

@@ -2,10 +2,10 @@
 
 The operator signs root keys with a P-256 key that is a leaf of its Merkle tree, and broadcasts them in blocks over the
 satellites (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`) with keys
-that it discloses later, and carries out a table of events (`timeline`). A receiver with this Merkle tree treats the
-signal like the real signal.
+that it discloses later. The operator also carries out a table of events (`timeline`). A receiver with this Merkle tree
+treats the signal like the real signal.
 
-The key of a tag is the key on air at the time of its disclosure. Around a change of chains this is a key of the next
+The key of a tag is the key on air at the time of its disclosure. Around a change of chains this key belongs to the next
 chain.
 """
 
@@ -125,7 +125,7 @@ class OsnmaOperator:
     def validated_keys(self) -> tuple[ValidatedKey, ...]:
         """Return the keys of all broadcast subframes, each validated down to its signed root key.
 
-        A receiver can decrypt RECS that were encrypted with these keys with the keys from this signal.
+        A receiver of this signal can decrypt RECS that were encrypted with these keys.
         """
         return self._validated
 

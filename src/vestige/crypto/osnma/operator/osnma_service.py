@@ -49,7 +49,7 @@ class OperatorKey:
         private_key
             Private key on P-256.
         tree
-            Tree that contains its public key.
+            Tree that contains the public key of `private_key`.
 
         Raises
         ------

@@ -3,9 +3,9 @@
 A DSM-KROOT is signed for the NMA header that is broadcast with it. The signature is deterministic, so the same seed
 gives the same bits [RFC6979].
 
-A DSM-PKR is `NB 4 | leaf 4 | siblings 4 x 256 | type 4 | PKID 4 | point | padding` [OSNMA-ICD, DSM-PKR]. Its padding is
-the start of SHA-256 of the root of the Merkle tree and the leaf's content. An alert notice fills the DSM-PKR up to its
-end.
+A DSM-PKR is `NB 4 | leaf 4 | siblings 4 x 256 | type 4 | PKID 4 | point | padding` [OSNMA-ICD, DSM-PKR]. The padding of
+a DSM-PKR is the start of SHA-256 of the root of the Merkle tree and the leaf's content. An alert notice fills the
+DSM-PKR up to its end.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def public_key_dsm(point: bytes, pkid: int, leaf: int, siblings: Sequence[bytes]
     pkid
         PKID 0 … 15.
     leaf
-        Index of its leaf in the tree, 0 … 15.
+        Index of the key's leaf in the tree, 0 … 15.
     siblings
         The four nodes from the leaf to the root, 32 bytes each, the lowest first.
     root

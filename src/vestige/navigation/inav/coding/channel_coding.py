@@ -1,9 +1,9 @@
 """Convert the bits of an I/NAV page to the symbols on E1-B, and back [OS-ICD, 4.1.4].
 
-A page has two halves of 120 bits. Each half passes the convolutional code of rate 1/2 and constraint length 7 (171 and
-133 octal, the second output inverted) and a block interleaver of 30 columns and 8 rows. Ten synchronisation symbols
-precede each half, so a half takes 250 symbols in 1 s. The six tail bits return the encoder to state 0, so each half is
-decoded by itself.
+A page has two halves of 120 bits. Each half passes through the convolutional code of rate 1/2 and constraint length 7
+(171 and 133 octal, the second output inverted). A block interleaver of 30 columns and 8 rows follows. Ten
+synchronisation symbols precede each half, so a half takes 250 symbols in 1 s. The six tail bits return the encoder to
+state 0, so each half is decoded by itself.
 
 Soft symbols are positive for a 0 and negative for a 1, as E1-B is modulated. The scale of soft symbols does not matter.
 """
