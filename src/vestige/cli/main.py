@@ -85,7 +85,7 @@ def vestige() -> None:
 
     \b
     Exit status:
-      0    The command did what it says. Verdicts may be anything.
+      0    The command has finished. Verdicts do not change this status.
       1    Bad input, a failed verification or lost samples. One line on
            standard error says what was expected, and where.
       2    Options that do not exist or do not go together.
