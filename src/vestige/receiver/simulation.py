@@ -6,9 +6,9 @@ With P the pseudorange that geometry and receiver clock make, common to both ban
     P6 = P + iono_diff + bias                        where the line of sight is in E6
 
 The hand-over thus misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath. The reflections
-arrive later by their excess delay. All of these are delays of the code; the carrier has no bias, and the ionosphere
-advances it (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1 loop
-followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
+arrive later by their excess delay. All these terms are delays of the code. The carrier has no bias, and the ionosphere
+advances the carrier (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1
+loop followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with
   reflections and noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one
@@ -145,7 +145,7 @@ class Simulation:
 
     @property
     def spoofer_as_received(self) -> Spoofer:
-        """The attacker at E1 and at the drawn correlators; samples get the past of the sky by themselves."""
+        """The attacker at E1 and at the drawn correlators; samples contain the geometry of a replay by themselves."""
         if self.elevation is None or not self.spoofer.attacks:
             return self.spoofer
         return SpooferUnderSky(

@@ -66,7 +66,7 @@ class CorrelatorModel:
         return None if self.front_end is None or self.front_end.transparent else self.front_end
 
     def noise_factor(self) -> Float[np.ndarray, "n_taps n_taps"]:
-        """Return L for σ = 1.
+        """Return L, a root of the covariance of the noise over the taps, for σ = 1.
 
         Raises `ValueError` if two taps coincide.
         """

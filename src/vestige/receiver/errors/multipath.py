@@ -118,12 +118,12 @@ class LmsLiteMultipath:
 
     @classmethod
     def elevation_5_30(cls) -> LmsLiteMultipath:
-        """Return low satellites as in [WFO, Sec. VI-A]: each epoch has a new reflection."""
+        """Return the multipath of low satellites as in [WFO, Sec. VI-A]: each epoch has a new reflection."""
         return cls(power_db=REFERENCE_MULTIPATH_DB, mean_excess_m=40.0, mean_life_m=0.0)
 
     @classmethod
     def open_sky(cls) -> LmsLiteMultipath:
-        """Return a satellite above 30°: weaker and shorter reflections."""
+        """Return the multipath of a satellite above 30°: weaker and shorter reflections."""
         return cls(power_db=OPEN_SKY_DB, mean_excess_m=20.0, mean_life_m=0.0)
 
     @classmethod
@@ -162,7 +162,7 @@ class _Renewal:
     def advance(
         self, steps: Float[np.ndarray, " n"], candidates: Float[np.ndarray, "n_values n width"]
     ) -> Float[np.ndarray, "n_values n width"]:
-        """Return for each epoch the candidates of the last epoch with a change.
+        """Return the values at each epoch: the candidates of the last epoch with a change.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """An attack in a recording: each spoofing signal is an additional satellite in the sky, with its own path.
 
-A spoofing signal has the delay τ at the receiver. The signal left the satellite together with the true signal that
-arrived τ earlier, and the receiver's clock is that of its arrival:
+A spoofing signal has the delay τ at the receiver. The spoofing signal left the satellite together with the true signal
+that arrived τ earlier. The receiver's clock is that at the arrival of the spoofing signal:
 
     P'(t) = s(t − τ) + clock(t) + c τ
 

@@ -12,8 +12,8 @@ recording goes through all epochs in one piece:
 In the middle of the reception of an epoch's chips, all errors have the values of the epoch, and change slowly. From
 there the errors change to the values of the next epoch without a step. Delays and strengths follow half a cosine. The
 phase of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the recording is
-therefore that of `Simulation.snapshot`, except for carrier phase and micrometres. Tracking loops see a channel without
-jumps.
+therefore that of `Simulation.snapshot`, except for the carrier phase and for micrometres of range. Tracking loops see a
+channel without jumps.
 """
 
 from __future__ import annotations
@@ -109,7 +109,8 @@ class ContinuousTruth:
         return t_s
 
     def propagation(self, band: Band, duration_s: float) -> ContinuousPropagation:
-        """Return the propagation in a band; while the RECS of an epoch (`duration_s`) arrives, it is that epoch's."""
+        """Return the propagation in a band; while an epoch's RECS (`duration_s`) arrives, it is the epoch's
+        propagation."""
         return ContinuousPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
 
     def _clock(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], ...]:

@@ -121,7 +121,7 @@ class FrontEnd:
         ----------
         samples
             Samples at `input_rate_hz` whose noise has variance 1, with `margin_samples` more at both ends. Powers are
-            relative to that noise.
+            relative to the noise.
         """
         if self.bandwidth_hz is not None:
             samples = np.ascontiguousarray(_convolve(samples, self.filter_taps())[:: self.oversampling])

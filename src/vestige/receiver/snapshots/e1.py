@@ -9,9 +9,9 @@ and power are in single precision, as in results.
 
 A satellite has no measurement if it is out of view, too weak for the loop, or being acquired.
 
-Under a sky a pseudorange that is wrong by 0.6 million kilometres is usable: the fix finds a clock error of 2 s, which
-the clock monitor reports. A single line of sight has no other clock. If its pseudorange is wrong by more than any
-travel time can explain, the receiver's clock follows the pseudorange.
+Under a sky even a pseudorange that is wrong by 0.6 million kilometres is usable. The fix then finds a clock error of 2
+s, which the clock monitor reports. On a single line of sight the signal is the only clock. If the error of the
+pseudorange is longer than any travel time, the receiver's clock follows the pseudorange.
 """
 
 from __future__ import annotations

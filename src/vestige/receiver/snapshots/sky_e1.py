@@ -9,11 +9,11 @@ the arrival of the chip that is sent at the epoch, plus the loop's error by nois
 same meaning as in `e1_taps`. The noise of the receiver has σ = 1 per dimension, and phases are relative to the line of
 sight at the arrival of that chip.
 
-A signal on air is CBOC(6,1,1/11). A BOC(1,1) replica correlates √(10/11) of it, 0.4 dB less. All other components add
-their noise, as on E6. The model of the fidelity `correlators` is `sky_e1_model`.
+A signal on air is CBOC(6,1,1/11). A BOC(1,1) replica correlates √(10/11) of the signal's amplitude, 0.4 dB less. All
+other components add their noise, as on E6. The model of the fidelity `correlators` is `sky_e1_model`.
 
 **Power.** The power is measured in W = 2 MHz about the carrier over the 10 ms that contain the arrival at the epoch.
-Without an attack it is 1 + Σ P(0) C/N0_i / W times the noise, where P(0) of both components is within W.
+Without an attack it is 1 + Σ P(0) C/N0_i / W times the noise, where P(0) counts both components within W.
 """
 
 from __future__ import annotations

@@ -143,7 +143,7 @@ def read_assistance(
     certificates
         PEM public keys or X.509 certificates of the assistance server. If any is given, unsigned files are not used.
     reference
-        A time within 39 years, which resolves 12-bit weeks where a file's name does not.
+        Approximate time, at most 39 years off, which resolves 12-bit weeks if a file's name does not.
     window
         First and last time of transmission of the RECS to keep, because a week of RECS fills gigabytes.
     strict
