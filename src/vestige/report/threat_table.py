@@ -85,7 +85,7 @@ class ThreatTable:
 def read_threat_table(path: Path) -> ThreatTable:
     """Return the table in a file.
 
-    Raises `InputFileError` if it is no such table.
+    Raises `InputFileError` if the file is no such table.
     """
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected=EXPECTED_TABLE)
     try:

@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-[WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has none. So this module starts from an
-`Acquisition` and measures in one batch the values that a loop would have settled to:
+[WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has no continuous tracking. So this module starts
+from an `Acquisition` and measures in one batch the values that a loop would have settled to:
 
 1. Every 4 ms code period is correlated at `TAPS_CHIPS` around the acquired code phase, E1-C and E1-B, with
    BOC(1,1).

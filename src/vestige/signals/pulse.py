@@ -7,8 +7,8 @@ square 1. All functions follow exactly from the levels, with w = T_c/n the width
     autocorrelation   R(τ): linear between R(m w) = (1/n) Σ_k a_k a_{k+m}           random code, |τ| < T_c
     band-limited      R_B(τ) = ∫_{-B/2}^{B/2} S(f) cos(2πfτ) df                     ideal filter
 
-CBOC(6,1,1/11) [OS-ICD, 2.3.3]: √(10/11) BOC(1,1) ± √(1/11) BOC(6,1), on twelve sub-chips. The sign is + on E1-B and −
-on E1-C. Averaged over both, the cross term cancels and the spectrum is MBOC = 10/11 BOC(1,1) + 1/11 BOC(6,1).
+CBOC(6,1,1/11) is √(10/11) BOC(1,1) ± √(1/11) BOC(6,1), on twelve sub-chips [OS-ICD, 2.3.3]. The sign is + on E1-B and −
+on E1-C. Averaged over both signals, the cross term cancels and the spectrum is MBOC = 10/11 BOC(1,1) + 1/11 BOC(6,1).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Outcome of an attack in many runs at one mitigation level, and its agreement with the expectation.
 
-A statement about an attack is tested in many runs with different seeds. It is true if the exact interval of its
-probability lies above one half. If the interval contains one half, the runs do not decide. An expectation is a
-statement of this kind:
+A statement about an attack is tested in many runs with different seeds. The statement is true if the exact interval of
+its probability lies above ½. If the interval contains ½, the runs are not conclusive. An expectation is a statement of
+this kind:
 
     pass         without an attack neither alarms nor failures of single tests are more frequent than their budget,
                  nor failures of any check more frequent than the budget of that check, nor less frequent where the

@@ -59,7 +59,7 @@ def examine_continuity(
     reader
         Reader of the E1 samples, with the description that shows the satellites.
     e6
-        Reader of the E6 samples, likewise.
+        Reader of the E6 samples, with the description that shows the satellites; None without E6.
     satellites
         Satellites at the beginning, the strongest first; the first three are followed.
     """

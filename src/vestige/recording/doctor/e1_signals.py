@@ -142,7 +142,7 @@ def _satellite(batch: SampleBatch, found: Acquisition) -> E1Satellite:
 
 
 def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading | None:
-    """Return the reading of complex samples as real ones, or the reverse, if it makes the strongest signal stronger."""
+    """Return the reading of complex samples as real, or the reverse, if it makes the strongest signal stronger."""
     best = max(found, key=lambda one: one.cn0_dbhz)
     least = best.cn0_dbhz + 1.0  # I and Q read as real samples at twice the rate lose half of the signal's power
     stronger = None

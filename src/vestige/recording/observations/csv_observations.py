@@ -7,7 +7,7 @@ The first line names the columns, in any order::
 
 Required are the time, the satellite and the pseudorange; the other columns, or single values, may be missing. Lines of
 the same epoch follow each other, and epochs are in time order. The value 1 of `cycle_slip` means that the carrier phase
-is not continuous with the epoch before.
+is not continuous with the previous epoch.
 """
 
 from __future__ import annotations

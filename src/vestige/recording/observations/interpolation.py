@@ -77,7 +77,7 @@ def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s
 
 
 def _is_final(track: list[tuple[float, E1Observation]], last: float, max_gap_s: float) -> bool:
-    """Return the same for a satellite with its points; `last` is the t of the last epoch of any satellite."""
+    """Return whether further epochs change nothing for a satellite; `last` is the t of the last epoch."""
     here = next((index for index, (t, _) in enumerate(track) if t >= -SAME_TIME_S), None)
     if here is None:
         return last - track[-1][0] > max_gap_s

@@ -228,7 +228,7 @@ def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
 def _band_file(
     document: _Document, element: Element, lane: Element, chunk: Element, stream: Element, place: tuple[int, int]
 ) -> BandFile | None:
-    """Return the band file of a stream, or None without a carrier; `place` is its number, and that of all."""
+    """Return the band file of a stream, None without a carrier; `place` has its number and the number of streams."""
     path = document.path
     form, q_negated = _form(document, chunk, stream, place)
     rate_hz = document.hertz(document.one(lane, "system"), "freqbase") * document.count(stream, "ratefactor")

@@ -1,4 +1,4 @@
-"""Two signals at once, or one signal that jumps: a sum over code periods cannot tell these apart.
+"""Two signals at once, or one signal that jumps: a sum over code periods does not show the difference.
 
 Theory of operation
 -------------------
@@ -80,7 +80,7 @@ def find_jump(
 
 
 def _patterns(n: int) -> Iterator[tuple[tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]], int, bool]]:
-    """Yield when both peaks may be present, with the period of the jump, or 0, and whether one peak is first."""
+    """Yield the periods with each of two peaks, the period of the jump or 0, and whether the first peak is earlier."""
     always = np.ones(n, bool)
     yield (always, always), 0, False
     for k in range(1, n):

@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 The code oscillator cuts the samples into code periods. Period k begins with the first sample whose code phase is not
-negative. A period is correlated as its samples arrive, by `correlator_bank_kernel`, and gives the bank P_j of E1-C,
+negative. `correlator_bank_kernel` correlates a period as its samples arrive. The period gives the bank P_j of E1-C,
 with the secondary chip removed, and the prompt of E1-B. After every integration the discriminators give the errors,
 from the early (E), prompt (P) and late (L) correlator:
 

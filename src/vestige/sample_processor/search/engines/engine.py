@@ -37,8 +37,8 @@ class Grid:
     reach
         Number of bins on each side of the middle.
     half_width_hz
-        Largest distance from the middle. A replica with the code Doppler of the middle loses at most 0.24 dB there. A
-        wider span needs several passes, each with its own middle.
+        Largest distance from the middle. At this distance a replica with the code Doppler of the middle loses at most
+        0.24 dB. A wider span needs several passes, each with its own middle.
     """
 
     segment_chips: int

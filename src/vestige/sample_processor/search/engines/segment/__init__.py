@@ -23,13 +23,15 @@ noise would pass too often; then all chips are summed up at every offset.
 **Screen: sign tables.** Five chips have 16 sign patterns, apart from a common sign. So every sum x(n) ± x(n+1) ± … ±
 x(n+4) is computed once for all segments, offsets and codes. P_k is then a sum of 48 table rows or more; the sign of a
 group's first chip decides whether its row is added or subtracted. Rows are read at consecutive offsets, without a
-multiplication, a branch or a look-up by sample. A row has five bits in steps of eight. With chips of σ = 12 the steps
-add noise 21 dB below that of the chips, and a sum beyond 4.6 σ is cut. So eight rows are added in one byte before they
-are widened to int16. The tables of a block serve all codes. The distance between two rows is 256 bytes more than a
-multiple of 4 kB. Without the 256 bytes all rows would share a few lines of the cache, which costs a factor of two.
+multiplication, a branch or a look-up by sample. A row stores a sum in five bits, in steps of eight. With chips of σ =
+12 the steps add noise 21 dB below that of the chips, and a sum beyond 4.6 σ is cut. So eight rows are added in one byte
+before they are widened to int16. The tables of a block serve all codes. The distance between two rows is 256 bytes more
+than a multiple of 4 kB. Without the 256 bytes all rows would share a few lines of the cache, which costs a factor of
+two.
 
 **Screen: Doppler transform.** The segments have 240 chips at 4 ms, which costs 0.8 dB at 5 kHz and 0.27 dB on average.
-128 points, the upper half of the inputs zero, in two steps of 8 and 16: input k = b + 16 j, output m = r + 8 g,
+The transform has 128 points, of which the upper half of the inputs is zero. Two steps of 8 and 16 compute it, with
+input k = b + 16 j and output m = r + 8 g,
 
     y_b[r] = Σ_j P_{b+16j} e^{−j2π j r / 8}        Z_{r+8g} = Σ_b (y_b[r] e^{−j2π b r / 128}) e^{−j2π b g / 16}
 
