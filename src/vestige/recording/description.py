@@ -5,7 +5,7 @@ moment. Sample n of a band is n sampling intervals of that band later. A file ma
 so two front ends that started at different moments still share the counter.
 
 `center_frequency_hz` is the radio frequency that appears at 0 Hz in the *stored* samples. A real IF recording with a
-local oscillator at 1572.42 MHz has 1572.42e6 there and finds E1 at +3 MHz.
+local oscillator at 1572.42 MHz has the value 1572.42e6, and E1 is at +3 MHz in the samples.
 """
 
 from __future__ import annotations

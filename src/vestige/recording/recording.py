@@ -7,8 +7,8 @@ A recording is given as:
 * a folder with one `.sigmf-meta` for each band, or one such file;
 * a folder with an `.sdrx` file, or that file, or an `.xml` file: ION GNSS SDR metadata.
 
-If a folder contains several of these, the first in this list counts. E1 observations are in the same folder (RINEX or
-CSV, told by their first line) or are named in `recording.toml`.
+If a folder contains several of these descriptions, the first in this list counts. E1 observations are in the same
+folder (RINEX or CSV, told by their first line) or are named in `recording.toml`.
 """
 
 from __future__ import annotations

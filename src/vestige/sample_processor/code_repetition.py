@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 A satellite's samples repeat after one code period, except for a sign and a phase. So the samples are multiplied with
-themselves one lag later, blocks of products are summed coherently, and the squared magnitudes of the blocks are added.
+themselves one lag later. Blocks of products are summed coherently, and the squared magnitudes of the blocks are added.
 At the lag of a code period, and at its multiples, the sum exceeds that of other lags, for any centre frequency, sense
 of the spectrum and set of satellites. The score of a rate tells how far the sums at all multiples of its code period
 exceed the other sums. An acquisition has to confirm the rate, because divisors of the true rate fit, too.

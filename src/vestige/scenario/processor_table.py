@@ -76,9 +76,9 @@ class ProcessorTable(Section):
     follow from this power. The values of this table do not follow from the errors that a scenario gives its receiver. A
     better or worse oscillator has to be stated in this table, too.
 
-    `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith. Their
-    defaults are the values of `[receiver]`, because a receiver knows its antenna. `e6_over_e1_db` is the expected C/N0
-    of E6-C over that of E1-C of each satellite, by default the difference of the two expected C/N0.
+    `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith. The defaults
+    of these two C/N0 are the values of `[receiver]`, because a receiver knows its antenna. `e6_over_e1_db` is the
+    expected C/N0 of E6-C over that of E1-C of each satellite, by default the difference of the two expected C/N0.
     `expected_satellites` is the number of satellites that the receiver expects in view, by default the number above the
     mask at the first epoch.
 

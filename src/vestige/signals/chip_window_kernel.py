@@ -14,7 +14,7 @@ samples.
 
 **Fixed-point code phase.** The phase at the start of a block is a float64. Inside the block the phase is an integer
 with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. The phase, modulo 32 chips and cut to 27
-fraction bits, is added to the phase of the delay (`window_delay`); the five upper bits of the sum are the shift. A chip
+fraction bits, is added to the phase of the delay (`window_delay`). The five upper bits of the sum are the shift. A chip
 edge is exact to 2^-27 chip (0.4 µm): a plain double loop in float64 finds the same chip at every sample.
 """
 

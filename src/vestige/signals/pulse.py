@@ -101,8 +101,8 @@ def autocorrelation(pulse: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float
 def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the correlation of an unfiltered signal with the replica of another pulse and the same random code.
 
-    Both pulses have the same symmetry about the middle of the chip, so the correlation is even. Beyond one chip it is
-    zero.
+    Both pulses have the same symmetry about the middle of the chip, so the correlation is even. Beyond one chip the
+    correlation is zero.
 
     Parameters
     ----------

@@ -3,8 +3,8 @@
 A scene lasts 15 minutes. The samples of a scene would fill 56 GB, and tracking them would take as long as the scene. So
 a recording is a part of the scene and differs from it only in these points:
 
-* A slow attack is accelerated by the factor `faster`. Every time in its tables, counted from its start, and every
-  duration is divided by the factor. Powers, delays and the values that the seed draws are those of the scene.
+* A slow attack is accelerated by the factor `faster`. Every time in the tables of the attack, counted from its start,
+  and every duration is divided by the factor. Powers, delays and the values that the seed draws are those of the scene.
 * RECS come more often, and some satellites are left out.
 * If the recording begins before the attack, the receiver is locked when the attack begins. If the recording begins
   later, the receiver is switched on under the attack, as in the scene (`acquired`).

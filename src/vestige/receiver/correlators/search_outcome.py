@@ -18,10 +18,10 @@ against the threshold of all cells at `p_fa`. The model leaves out that neighbou
 some 0.02 near P_d = ½ (docs/vestigial_search.md).
 
 Signals closer than the separation rule count as a single signal, the stronger. On E1 the rule is two chips modulo 4 ms.
-In E6 the rule is one chip. It is 2¼ − s/s' chips if the fine search of the weaker signal, within 1¼ chips of its cell,
-can end on the flank of the stronger signal. On E1 a signal that is 16 dB below the strongest does not count. On E1
-every found signal counts as an additional signal; in E6 only a signal with the chips of the RECS counts. A false alarm
-has probability p_fa and lies anywhere in the window.
+In E6 the rule is one chip. The rule is 2¼ − s/s' chips if the fine search of the weaker signal, within 1¼ chips of its
+cell, can end on the flank of the stronger signal. On E1 a signal that is 16 dB below the strongest does not count. On
+E1 every found signal counts as an additional signal; in E6 only a signal with the chips of the RECS counts. A false
+alarm has probability p_fa and lies anywhere in the window.
 
 The earliest signal in E6 is the true signal. A receiver then uses the delay of this signal less the predicted E6 − E1
 delay as a range. The errors of this range are its delay, ionosphere and group delay as in every hand-over, and the

@@ -16,10 +16,10 @@ R_B and R_C are the autocorrelations of the two components, and R is that of BOC
 µs; at 6.2 MHz it is 18 % more, as sampling folds BOC(6,1) into the band. Seven other satellites of 45 dBHz raise the
 noise by 13 %.
 
-**The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips it gives the output of
+**The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips E1-B gives the output of
 E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are random.
-So over T E1-B is noise with the shape and the phase of the signals. Its variance is X²/(N T R_c) times the power of the
-signals.
+So over T E1-B is noise with the shape and the phase of the signals. The variance of this noise is X²/(N T R_c) times
+the power of the signals.
 
 **Power** is the power within W about the carrier. The common power of two signals with the delay difference τ is, over
 both components,

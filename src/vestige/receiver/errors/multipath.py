@@ -8,12 +8,12 @@ Theory of operation
 * Strength: Rayleigh, mean square 10^(G/10)/N with G = G0 − s τ in dB, for N reflections. So G0 is the mean power of all
   reflections together relative to the line of sight.
 * Phase: uniform at first, then changing with the Doppler f_i = (v/λ) cos ψ_i, ψ uniform, v the receiver's speed.
-* Life: exponential, so a reflection dies in a step dt with probability 1 − e^{−r dt}, whatever its age; r = v/L + 1/T
-  for a mean life of L metres of travel or T seconds. Another, independent reflection follows.
+* Life: exponential, so a reflection dies in a step dt with probability 1 − e^{−r dt}, whatever its age. The rate is r =
+  v/L + 1/T for a mean life of L metres of travel or T seconds. Another, independent reflection follows.
 * Number: fixed, or Poisson with a maximum; the number is drawn anew at the same rate as the reflections.
 
 A reflection has the same coefficient on E1, but the phase of the E1 carrier. The phase differs by (f1 − f6) τ cycles,
-one cycle for each metre of excess delay, so that the errors of E1 and E6 are practically independent.
+one cycle for each metre of excess delay. So the errors of E1 and E6 are practically independent.
 
 These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681], without its
 scenery. The power of the presets is calibrated to the only result in [WFO]: 52 misses in 100,000.

@@ -9,11 +9,11 @@ recording goes through all epochs in one piece:
     E6:  code later by γ I + bias + (γ − 1) c BGD, carrier earlier by γ I
          reflections
 
-In the middle of the reception of an epoch's chips, all errors have the values of the epoch, and change slowly. From
-there the errors change to the values of the next epoch without a step. Delays and strengths follow half a cosine. The
-phase of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the recording is
-therefore that of `Simulation.snapshot`, except for the carrier phase and for micrometres of range. Tracking loops see a
-channel without jumps.
+In the middle of the reception of an epoch's chips, all errors have the values of the epoch, and change slowly. Between
+two such moments the errors change to the values of the next epoch without a step. Delays and strengths follow half a
+cosine. The phase of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the
+recording is therefore that of `Simulation.snapshot`, except for the carrier phase and for micrometres of range.
+Tracking loops see a channel without jumps.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ Under a sky the correlators come from samples that all satellites share (`snapsh
 Theory of operation
 -------------------
 For each epoch and satellite T = 0.1 s of E1-C is synthesised: line of sight, multipath, spoofing signals, noise and
-jamming. The processor's own correlator processes the samples with BOC(1,1) as a code of twice the chip rate, in which
+jamming. The processor's own correlator processes the samples. BOC(1,1) is then a code of twice the chip rate, in which
 each chip is followed by its opposite. Epochs are sent at whole tenths of a second, where the secondary code begins.
 Time zero is the delay at which the loop has settled, so a signal of delay τ lies at τ − x₀. Sample phase and Doppler,
 on code and carrier, are those of the pseudorange. With M = f_s T samples of noise 1, the mean over them times √(2M) is

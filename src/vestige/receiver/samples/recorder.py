@@ -227,7 +227,7 @@ def band_noise_key(seed: int, band: Band) -> np.uint64:
 
 
 class _Middles:
-    """Middles of the stretches and motion of satellites there, computed for twenty stretches at a time."""
+    """Middles of the stretches and motion of satellites at these times, computed for twenty stretches at once."""
 
     def __init__(self, *, length: int, sample_rate_hz: float) -> None:
         self._length, self._rate_hz = length, sample_rate_hz

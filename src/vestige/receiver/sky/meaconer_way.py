@@ -1,7 +1,7 @@
 """The path over a meaconer's antenna: the delay of each satellite's signal relative to the direct signal.
 
-A meaconer at the position r_a retransmits the signals received there. So the signal of satellite s arrives at the
-victim, at r,
+A meaconer at the position r_a retransmits the signals received at this position. So the signal of satellite s arrives
+at the victim, at r,
 
     |s − r_a| + |r_a − r| − |s − r|
 

@@ -74,7 +74,7 @@ class DrawnE6:
         return other_signals_density(np.stack(cn0_dbhz, axis=1), np.stack(power, axis=1), of.simulations[0].front_end)
 
     def front_end(self) -> FrontEndBlock:
-        """Return the state of the front end: the power of the band; the banks are those before its gain."""
+        """Return the state of the front end: the power of the band; the banks are those before the gain."""
         of, simulation = self.of, self.of.simulations[0]
         power_db, gain_db = np.full((2, of.n), np.nan)
         if of.recs_rows.size:

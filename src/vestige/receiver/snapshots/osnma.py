@@ -5,8 +5,8 @@ RECS comes up to a minute later, so this C/N0 is corrected for the noise of an a
 that withholds OSNMA destroys every page that is on air at the same time.
 
 An E1 loop on a spoofing signal with the attacker's own navigation data demodulates these data, with good checksums. No
-key in them validates, and no tag covers them. A spoofing signal that repeats the satellite's data has the true data.
-Whether a later key is received depends on the signal that the loop follows at the epoch, as for the C/N0.
+key in these data validates, and no tag covers these data. A spoofing signal that repeats the satellite's data has the
+true data. Whether a later key is received depends on the signal that the loop follows at the epoch, as for the C/N0.
 
 If E1 acquires a satellite at an epoch, the page that has just ended is lost.
 
@@ -173,7 +173,7 @@ def _page_loss(
     row
         Epoch of each page.
     middle_s, place
-        Middle of q different pages in s after the start, and the number among these of each page.
+        Middle of q different pages in s after the start, and the index of each of the p pages among them.
     """
     at_epoch = tracked_cn0_dbhz(simulation, truth) + 10 * np.log10(1 + truth.e1_attack.rise(Band.E1))
     seen, tracking = np.where(truth.geometry.in_view, at_epoch, -np.inf), simulation.models.e1_tracking

@@ -1,7 +1,7 @@
 """The simulated receiver: from the truth of a block of epochs to the input of the processor.
 
-A block is a pure function of the truth, of the number of its first epoch and of the seed. So any worker can make it,
-and the cut of the epochs into blocks changes no bit.
+A block is a pure function of the truth, of the number of its first epoch and of the seed. So any worker can make a
+block, and the cut of the epochs into blocks changes no bit.
 """
 
 from __future__ import annotations

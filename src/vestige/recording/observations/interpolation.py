@@ -1,7 +1,7 @@
 """E1 observations at a moment between the epochs of a file.
 
 A snapshot begins with its RECS, at a time between two epochs of the E1 receiver. Between two epochs a and b, T apart,
-the carrier phase gives the motion to a fraction of a wavelength, so the interpolated pseudorange follows the phase.
+the carrier phase gives the motion to a fraction of a wavelength. So the interpolated pseudorange follows the phase.
 With u = (t - t_a)/T:
 
 * Doppler f and its rate are linear in u: exact for constant acceleration.
@@ -10,9 +10,10 @@ With u = (t - t_a)/T:
   acceleration. Then no phase is returned.
 * Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)): the mean of the two codes, carried along the phase.
 
-Missing values are computed first: a Doppler from the phases of the neighbouring epochs (the parabola through three, the
-line through two), a Doppler rate from their Dopplers. A Doppler rate that cannot be computed is set to zero. In half a
-snapshot of 16 ms even 50 Hz/s turn the carrier by less than 0.002 cycles.
+Missing values are computed first. A missing Doppler comes from the phases of the neighbouring epochs (the parabola
+through three, the line through two). A missing Doppler rate comes from the Dopplers of these epochs. A Doppler rate
+that cannot be computed is set to zero. In half a snapshot of 16 ms even 50 Hz/s turn the carrier by less than 0.002
+cycles.
 
 A satellite is left out if the epochs on both sides are missing, or further apart than the allowed gap. A satellite is
 also left out if there is no Doppler, or if code and carrier disagree because the receiver's clock was set in between.

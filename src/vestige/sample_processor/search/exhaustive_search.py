@@ -83,8 +83,9 @@ class ExhaustiveSearch:
     doppler_span_hz
         Half width of the Doppler search, which goes from −span to +span.
     engine
-        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that runs here. With
-        every engine exact cells decide. `segment` leaves out a few of the weakest signals (`theory/screen_loss.py`).
+        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that this machine runs.
+        With every engine exact cells decide. `segment` leaves out a few of the weakest signals
+        (`theory/screen_loss.py`).
     workers
         Number of threads; None for all cores. The result does not depend on this number.
     """

@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-A signal on E1 gives code phase and Doppler. A multiple of its period remains unknown: 4 ms, or 100 ms if the phase of
-the secondary code is known. So the first chip of a RECS can arrive at τ_m after a known moment, where
+A signal on E1 gives code phase and Doppler. A multiple of the signal's period remains unknown: 4 ms, or 100 ms if the
+phase of the secondary code is known. So the first chip of a RECS can arrive at τ_m after a known moment, where
 
     u(τ) = R_c (1 + f_d/f_c) τ + ½ R_c (ḟ_d/f_c) τ²        u(τ_m) = m · period · R_c
 

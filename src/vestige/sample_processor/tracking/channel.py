@@ -125,7 +125,7 @@ class Channel:
     found
         Result of an acquisition; the channel starts at the first sample of that acquisition.
     batch
-        Samples of the acquisition. Only their rate, centre frequency and counter are used.
+        Samples of the acquisition. Only the rate, the centre frequency and the counter of these samples are used.
     settings
         Loops and correlators.
     bandwidth_hz
@@ -244,8 +244,8 @@ def track_together(
 ) -> list[TrackedPeriods]:
     """Track the same samples with some channels; return the code periods of each channel that end in the samples.
 
-    The result of a channel does not depend on the other channels. Together they are faster, because they share the
-    running sums of the samples.
+    The result of a channel does not depend on the other channels. Together the channels are faster, because they share
+    the running sums of the samples.
 
     Parameters
     ----------

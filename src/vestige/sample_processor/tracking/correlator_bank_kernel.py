@@ -16,9 +16,9 @@ by 0.005 cycles in half a chip. This rotation reduces the amplitude by (0.005 π
 centre frequency other than that of E1 is removed from the samples before they are summed. The frequency that is removed
 is a multiple of the sampling rate over 2³², so that its phase at any sample is an exact integer.
 
-**Precision.** Running sums are float32 and start again after at most `PIECE` samples. At 12.5 MHz their rounding is 116
-dB below the noise of a code period. If the samples have a constant offset as strong as the noise, the rounding is 81 dB
-below.
+**Precision.** Running sums are float32 and start again after at most `PIECE` samples. At 12.5 MHz the rounding of the
+sums is 116 dB below the noise of a code period. If the samples have a constant offset as strong as the noise, the
+rounding is 81 dB below.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"

@@ -8,8 +8,8 @@ receiver's clock.
 
 The time of transmission becomes known in steps. The secondary code gives this time modulo 100 ms; the message gives it
 completely, after up to 30 s. Until a message of some satellite has given the time, the receiver's clock resolves the
-ambiguity (`time_tag_error_s`). After that the median of the satellites with a known time resolves all others, whose
-travel times differ by less than 25 ms.
+ambiguity (`time_tag_error_s`). After that the median of the satellites with a known time resolves all other satellites,
+whose travel times differ by less than 25 ms.
 """
 
 from __future__ import annotations

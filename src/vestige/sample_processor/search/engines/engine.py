@@ -101,10 +101,12 @@ class Engine(Protocol):
         Parameters
         ----------
         chips
-            Chips of the samples, real and imaginary parts. Their number is `n_offsets` plus the length of the codes.
+            Chips of the samples, real and imaginary parts. The number of chips is `n_offsets` plus the length of the
+            codes.
         threshold
-            Threshold of the magnitude, in standard deviations of the noise per dimension. An engine may return zero
-            for an offset without a cell above the threshold. The engine states how many detections this costs at most.
+            Threshold of the magnitude, in standard deviations of the noise per dimension. An engine may return zero for
+            an offset without a cell above the threshold. The engine states how many detections these zeros cost at
+            most.
         """
         ...
 
