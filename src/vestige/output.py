@@ -1,9 +1,9 @@
 """Write outputs safely: an output is either complete or unchanged, and never destroys an input.
 
 A command whose output could be an input calls `check_output` before it computes. Every command writes through
-`replacement` or `new_folder`. Both write into a private folder beside the output, `.output.…`, which no other user can
-have prepared, and rename at the end. After an error or Ctrl-C the private folder is removed. A killed process leaves
-this hidden folder, which is harmless. `vestige simulate` can resume an unfinished recording
+`replacement` or `new_folder`. Both functions write into a private folder beside the output, `.output.…`, and rename at
+the end. No other user can have prepared this folder. After an error or Ctrl-C the private folder is removed. A killed
+process leaves this hidden folder, which is harmless. `vestige simulate` can resume an unfinished recording
 (`simulated.unfinished_recording`).
 """
 

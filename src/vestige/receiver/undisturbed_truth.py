@@ -60,7 +60,7 @@ class UndisturbedTruth:
     motion: SatelliteMotion
     clock_m: Float[np.ndarray, " n"]  # receiver clock times c
     clock_drift_mps: Float[np.ndarray, " n"]
-    # noise of E1 tracking, as long as only the true signal is there
+    # noise of E1 tracking, as long as only the true signal is present
     code_m: Float[np.ndarray, " n"]
     carrier_m: Float[np.ndarray, " n"]
     doppler_hz: Float[np.ndarray, " n"]
@@ -72,7 +72,7 @@ class UndisturbedTruth:
 
 
 class UndisturbedProcess:
-    """Runs through the epochs in order."""
+    """Process that steps through the epochs in order."""
 
     def __init__(self, of: Simulation) -> None:
         models, elevation = of.models, of.elevation

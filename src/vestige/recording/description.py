@@ -44,7 +44,7 @@ class BandFile:
     center_frequency_hz: float  # radio frequency that appears at 0 Hz in the stored samples
     spectral_inversion: bool = False  # whether the stored spectrum is inverted; the reader inverts it again
     first_sample: int = 0  # number of the file's first sample on the counter that the bands share
-    start: GalileoTime | None = None  # time of the file's first sample on the receiver's clock; None if nothing tells
+    start: GalileoTime | None = None  # time of the file's first sample on the receiver's clock; None if unknown
     bandwidth_hz: float | None = None  # bandwidth of the front end, two-sided; None if not stated
     header_bytes: int = 0  # bytes before the first sample
     trailing_bytes: int = 0  # bytes after the last sample

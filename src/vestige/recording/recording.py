@@ -41,7 +41,7 @@ class Recording:
     description
         Description of the samples; `time_uncertainty_s` is infinite if nothing states it.
     e1, e6
-        The samples of the bands, or None. `SampleReader.read` reads by the counter that both share.
+        The samples of the bands, or None. `SampleReader.read` reads by the counter that both bands share.
     observations
         The file of E1 observations, or None.
     """
@@ -84,7 +84,7 @@ class Recording:
 
 
 def find_recording(path: Path) -> Path | None:
-    """Return the file that describes the recording at `path`, the folder if several files do together, or None.
+    """Return the file that describes the recording at `path`, the folder if several files describe it, or None.
 
     Raises `InputFileError` if a folder has more than one collection, or more than one `.sdrx` file and no SigMF. Raises
     `UnsupportedError` for a SigMF archive.

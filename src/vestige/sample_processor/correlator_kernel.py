@@ -13,7 +13,7 @@ both samples lie in the same chip. So no loop over chips is needed. Chip numbers
 shorter than a chip. The last samples of a block are kept, rotated to the phase of the next block.
 
 Sums are float32 inside a block of 1024 samples and float64 over blocks. At both ends of the segment, some taps meet a
-chip and others do not. These few samples are processed individually.
+chip and others do not. The few samples at these ends are processed individually.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

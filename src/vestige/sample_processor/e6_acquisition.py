@@ -33,9 +33,9 @@ from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E6C, SignalDefinition
 
 OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has at most 0.1
-_MIN_PERIODS = 25  # periods of 1 ms; with fewer, the 100 phases of the secondary code cannot be told apart
+_MIN_PERIODS = 25  # periods of 1 ms; with fewer, the 100 phases of the secondary code cannot be distinguished
 _TRANSFORM = 1024  # points over the periods, for the residual Doppler
-# iterations of measuring the code phase; at 5 MHz the first one ends at the last tap, 0.45 chip from the acquisition
+# iterations of measuring the code phase; at 5 MHz the first iteration ends at the last tap, 0.45 chip away
 _CODE_STEPS = 2
 
 

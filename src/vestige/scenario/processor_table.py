@@ -59,7 +59,7 @@ class E6CarrierTable(Section):
 
 
 class ProcessorTable(Section):
-    """The processing of a campaign; both detectors are evaluated, `detector` gives the status.
+    """The processing of a campaign; both detectors are evaluated, and `detector` gives the status.
 
     `detector` may name a user's own class, `module:Name`, which is then evaluated in addition to the two detectors of
     vestige. `checks` names a user's own checks, which are run after the checks of the levels.

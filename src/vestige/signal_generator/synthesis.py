@@ -51,7 +51,7 @@ class ReceivedSignal:
     delay_m: Float[np.ndarray, " n_rays"]  # delay of each path, positive is later
     amplitude: Complex128[np.ndarray, " n_rays"]  # amplitude of each path with its phase at `start_s`
     ray_doppler_hz: Float[np.ndarray, " n_rays"]  # Doppler of each path over `doppler_hz`
-    lead_chips: int = 0  # chips before the segment, for the samples there and for late paths
+    lead_chips: int = 0  # chips before the segment, for the samples before it and for late paths
 
 
 def amplitude(cn0_dbhz: float, sample_rate_hz: float) -> float:

@@ -125,7 +125,7 @@ def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.nda
 
 @lru_cache(maxsize=16)
 def _corners(received: Pulse, replica: Pulse) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return the delays at which the correlation bends, in chips, and its values there; between them it is straight."""
+    """Return the delays in chips, and the values, at the bends of the correlation, which is straight between them."""
     n = math.lcm(len(received.levels), len(replica.levels))
     first, second = (np.repeat(one.levels, n // len(one.levels)) for one in (received, replica))
     values = np.pad(np.correlate(first, second, mode="full") / n, 1)

@@ -9,7 +9,7 @@ A recording `night` is written in `.night.unfinished`, in the same parent folder
 
 `progress.json` is replaced as a whole, and only after the samples that it counts are on the disk. So the process or the
 machine may stop at any moment. The next call cuts the files to the counted samples and makes the rest. All other files
-are made anew. After an error or Ctrl-C nothing is left.
+are made anew. After an error or Ctrl-C no file is left.
 """
 
 from __future__ import annotations

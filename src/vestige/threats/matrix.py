@@ -170,7 +170,7 @@ def _runs(
     All cases are measured with a group of seeds before the next group begins. The runs of a case begin before those of
     the previous case have ended, so that no worker waits.
     """
-    measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}  # call of each run, and its place in the call
+    measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}  # call of each run, and its position in the call
 
     def submitted() -> Iterator[tuple[int, bool, tuple[RunKey, ...], str]]:
         together = [seeds[first : first + _SEEDS_TOGETHER] for first in range(0, len(seeds), _SEEDS_TOGETHER)]

@@ -73,7 +73,7 @@ def _settled_m(
     pulse: Pulse,
     chip_rate_hz: float,
 ) -> Float[np.ndarray, " n"]:
-    """Return where the loop settles in m."""
+    """Return the delay at which the loop settles in m."""
     rays = _Rays(delay_m.T * (chip_rate_hz / SPEED_OF_LIGHT_MPS), amplitude.T, spacing_chips / 2, pulse)
     error = np.zeros(delay_m.shape[0])
     at_zero = rays.discriminator(error)

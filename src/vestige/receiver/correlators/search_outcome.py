@@ -18,16 +18,17 @@ against the threshold of all cells at `p_fa`. The model leaves out that neighbou
 some 0.02 near P_d = ½ (docs/vestigial_search.md).
 
 Signals closer than the separation rule count as a single signal, the stronger. On E1 the rule is two chips modulo 4 ms.
-In E6 the rule is one chip. The rule is 2¼ − s/s' chips if the fine search of the weaker signal, within 1¼ chips of its
-cell, can end on the flank of the stronger signal. On E1 a signal that is 16 dB below the strongest does not count. On
-E1 every found signal counts as an additional signal; in E6 only a signal with the chips of the RECS counts. A false
-alarm has probability p_fa and lies anywhere in the window.
+In E6 the rule is one chip. The rule is 2¼ − s/s' chips if the fine search of the weaker signal can end on the flank of
+the stronger signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a signal that is 16 dB below the
+strongest does not count. On E1 every found signal counts as an additional signal; in E6 only a signal with the chips of
+the RECS counts. A false alarm has probability p_fa and lies anywhere in the window.
 
 The earliest signal in E6 is the true signal. A receiver then uses the delay of this signal less the predicted E6 − E1
-delay as a range. The errors of this range are its delay, ionosphere and group delay as in every hand-over, and the
-noise of one snapshot. After a hand-over search the range is used if every signal of E1 was found in E6 or could not
-have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip off. After an exhaustive search the range is used if there
-are two signals. A single signal may be the spoofing signal, with the true signal lost in noise.
+delay as a range. The errors of this range are the delay of the signal, ionosphere and group delay as in every
+hand-over, and the noise of one snapshot. After a hand-over search the range is used if every signal of E1 was found in
+E6, or if none of these signals could have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip off. After an
+exhaustive search the range is used if there are two signals. A single signal may be the spoofing signal, with the true
+signal lost in noise.
 
 In this model multipath components do not count as signals of their own. The model keeps a satellite that is 16 dB
 weaker than the strongest other satellite.

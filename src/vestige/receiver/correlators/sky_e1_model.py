@@ -2,7 +2,8 @@
 
 Theory of operation
 -------------------
-Each satellite sends E1-B and E1-C, of C/N0 c_j each, CBOC(6,1,1/11) with + and −. A correlator takes E1-C as BOC(1,1).
+Each satellite sends E1-B and E1-C, of C/N0 c_j each, as CBOC(6,1,1/11) with the signs + and −. A correlator takes E1-C
+as BOC(1,1).
 
 **Strangers** are all signals that are not aligned with the replica: signals of other satellites, and the satellite's
 own signals a chip or more away. The power u = Σ c_j p_j of the strangers is that of one component over N0, in Hz. The

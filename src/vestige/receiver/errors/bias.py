@@ -22,7 +22,8 @@ from vestige.receiver.errors.error_process import Streams
 class BiasResiduals:
     """Gaussian residuals of group delay and hardware; the default is none, as after calibration.
 
-    Without calibration the hardware has about 3 m [WFO, Sec. II-B]. Without a group delay file, BGD has 1.5 m [SASLIB].
+    Without calibration the standard deviation of the hardware delay is about 3 m [WFO, Sec. II-B]. Without a group
+    delay file, that of BGD is 1.5 m [SASLIB].
 
     Attributes
     ----------

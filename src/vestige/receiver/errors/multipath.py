@@ -15,8 +15,8 @@ Theory of operation
 A reflection has the same coefficient on E1, but the phase of the E1 carrier. The phase differs by (f1 − f6) τ cycles,
 one cycle for each metre of excess delay. So the errors of E1 and E6 are practically independent.
 
-These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681], without its
-scenery. The power of the presets is calibrated to the only result in [WFO]: 52 misses in 100,000.
+These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681], without the
+channel's houses and trees. The power of the presets is calibrated to the only result in [WFO]: 52 misses in 100,000.
 """
 
 from __future__ import annotations

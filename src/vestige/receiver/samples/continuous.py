@@ -39,7 +39,7 @@ class ContinuousTruth:
     """A truth at any time."""
 
     line_of_sight: RangeHistory
-    truth: TruthBlock  # truth at the epochs: at least two, which enclose all times that are asked for
+    truth: TruthBlock  # truth at the epochs: at least two, which enclose all requested times
     e1_multipath: bool  # whether the reflections are in E1 too
     # delay of E6 relative to E1 that the receiver is told, in addition to the truth's residuals, in m
     group_delay_m: float = 0.0
@@ -109,8 +109,7 @@ class ContinuousTruth:
         return t_s
 
     def propagation(self, band: Band, duration_s: float) -> ContinuousPropagation:
-        """Return the propagation in a band; while an epoch's RECS (`duration_s`) arrives, it is the epoch's
-        propagation."""
+        """Return the propagation in a band; while an epoch's RECS (`duration_s`) arrives, it is that of the epoch."""
         return ContinuousPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
 
     def _clock(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], ...]:

@@ -8,8 +8,9 @@ amplitude √(C/N0 / f_s).
 **Filter.** A band limit of two-sided width B is a windowed sinc of odd length. The sinc is even, so its group delay is
 a whole number of samples and is removed. The taps of the sinc have Σh² = 1, so the noise keeps variance 1 in a narrower
 band. Signals in the pass band grow by √(f/B), with f the filter's own rate. The C/N0 does not change. A filter *behind*
-the sampler cannot undo the effects of sampling: sidelobes fold back before it, and a staircase (`staircase.py`) stays.
-So the samples may be made at a multiple of the front end's rate; they are filtered at that rate and then thinned out.
+the sampler cannot undo the effects of sampling: sidelobes fold back before the filter, and a staircase (`staircase.py`)
+stays. So the samples may be made at a multiple of the front end's rate; they are filtered at that rate and then thinned
+out.
 
 **Gain and quantiser.** The gain control brings the rms of its input over the snapshot to the level where the quantiser
 loses least (`quantiser.py`). Without gain control the gain is right for noise alone, and a jammer saturates the

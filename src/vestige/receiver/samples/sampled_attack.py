@@ -26,7 +26,7 @@ from vestige.spoofer.jammers import power_in_samples
 from vestige.time import GalileoTime
 
 _SPARE_CHIPS = 16  # on either side, because the chips on air are known to less than a chip
-_FAR_M = 1e3  # a window at this distance from the line of sight is filled with the chips on air there
+_FAR_M = 1e3  # a window at this distance from the line of sight is filled with the chips on air at this distance
 _SAME_ARRIVAL_S = 5e-3  # time in which the line of sight moves by less than a chip at 10 km/s
 _JAMMER = 16  # first stream number of the jammers
 

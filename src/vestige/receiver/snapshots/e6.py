@@ -155,8 +155,9 @@ class SimulatedE6Samples:
         return float(truth.time_s[row] + arrived.dt_s[row] + self._repeated_later_m[column][row] / SPEED_OF_LIGHT_MPS)
 
     def _time_off_s(self, expected_s: float, epoch: int, column: int) -> float:
-        """Return the correction of the sample times that fits `_without_delay`: minus a meaconer's delay of seconds, in
-        s. During these seconds the receiver's clock drifts, while the hand-over has the clock of the epoch.
+        """Return the correction of the sample times that fits `_without_delay`, minus a meaconer's seconds.
+
+        During these seconds the receiver's clock drifts, while the hand-over has the clock of the epoch.
         """
         if not self._seconds_late_m[column][epoch]:
             return 0.0

@@ -145,7 +145,7 @@ class DrawnSearches:
                 values[of.rows, column] = getattr(one, name)
             return np.where(of.in_view & ~of.acquiring, single(values), np.nan)
 
-        # beyond the window this receiver finds no true signal: the earliest signal is the one that E1 follows
+        # beyond the window this receiver finds no true signal: the earliest signal is the signal that E1 follows
         window_m = WINDOW_S * SPEED_OF_LIGHT_MPS
         late_m = np.stack(
             [

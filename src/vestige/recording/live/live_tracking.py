@@ -1,6 +1,6 @@
 """Tracking of E1 while its samples arrive: observations, the message, and the error of the time tag.
 
-The tracking receiver takes `TRACKED_STRETCH_S` of samples at a time. The result is the same as of the finished
+The tracking receiver takes `TRACKED_STRETCH_S` of samples at a time. The result is the same as for the finished
 recording, because the stretches begin at the same samples. Pseudoranges are ambiguous by multiples of 100 ms until a
 message has told the time. Observations wait for that time, which resolves the ambiguity. Observations that no RECS
 needs any more are dropped.

@@ -67,7 +67,7 @@ def interpolate(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_ga
 
 
 def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> bool:
-    """Return whether further epochs, all later than these, would not change the result of `interpolate` at `time`."""
+    """Return whether epochs after the given epochs would not change the result of `interpolate` at `time`."""
     if not epochs or epochs[-1].time - time < -SAME_TIME_S:
         return False
     tracks: dict[int, list[tuple[float, E1Observation]]] = {}

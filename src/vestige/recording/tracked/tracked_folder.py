@@ -34,7 +34,7 @@ _CLOCK_IS_SET_S = 1.0  # a clock with a larger error is set to the message's sec
 
 
 def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float) -> tuple[Path, ...]:
-    """Write those of the files above that have content, and return them.
+    """Write the files of the module's table that have content, and return them.
 
     Parameters
     ----------

@@ -58,8 +58,8 @@ class SearchState:
     block_start
         Time of the first code offset of the last block.
     block_magnitude
-        Magnitude of the strongest cell in that block, as computed by the engine, in standard deviations of the noise
-        per dimension; 0 if the engine left out all cells.
+        Magnitude of the strongest cell in that block, as computed by the engine; 0 if the engine left out all cells.
+        The unit is the standard deviation of the noise per dimension.
     blocks
         Number of searched blocks, counted from the first.
     """

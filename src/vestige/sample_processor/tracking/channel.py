@@ -37,7 +37,7 @@ from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11, CBOC_MINUS, Pulse, band_limited_correlation
 
-MAX_SPACING_CHIPS = 1 / 3  # largest distance of a correlator from the prompt: BOC(1,1)'s main peak ends there
+MAX_SPACING_CHIPS = 1 / 3  # largest distance of a correlator from the prompt: the end of BOC(1,1)'s main peak
 # at a lower rate, a correlator one sample away leaves the peak
 MIN_SAMPLE_RATE_HZ = E1C.chip_rate_hz / MAX_SPACING_CHIPS
 _SLOPE_STEP_CHIPS = 1e-4

@@ -2,7 +2,7 @@
 
 Every satellite sends the almanac of all satellites in words 7 to 10, three satellites a minute [OS-ICD, 5.1.10]. With
 the ranges of four satellites, coarse orbits give the position to some kilometres, and elevations to a tenth of a
-degree. So the receiver finds a satellite that has risen within seconds; a search of all satellites in turn may take
+degree. So within seconds the receiver finds a satellite that has risen. A search of all satellites in turn may take
 minutes.
 
 The almanac only decides which satellites are tried first. A message may be forged, and an almanac may be old, so every

@@ -49,7 +49,7 @@ class TrackingSettings:
     pull_in_s
         Time for which the FLL runs before the PLL takes over.
     min_cn0_dbhz, min_phase_lock
-        Lower limits of C/N0 and phase lock (mean of cos 2φ, over about 0.3 s). A channel that stays below for
+        Lower limits of C/N0 and phase lock (mean of cos 2φ, over about 0.3 s). A channel that stays below a limit for
         `patience_s` is lost.
     slip_phase_lock
         Lower limit of the phase lock of 100 ms for observations; the first phase after a lower value is flagged as

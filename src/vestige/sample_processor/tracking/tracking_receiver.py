@@ -336,7 +336,8 @@ def recut(batches: Iterable[SampleBatch], duration_s: float) -> Iterator[SampleB
     Parameters
     ----------
     batches
-        Samples in their original order. There is a gap if the number of a first sample does not follow.
+        Samples in their original order. There is a gap if the first number of a piece does not follow the previous
+        piece.
     duration_s
         Length of a piece in s.
     """

@@ -2,7 +2,7 @@
 
 An engine gets chips of a stretch of samples and returns, for every code offset, the largest power over the Doppler
 bins. The power may be too low by a stated part of a decibel. Offsets near the threshold are computed again exactly
-(`exact_cell`), and only the exact value counts. So the precision of an engine does not enter a published number.
+(`exact_cell`), and only the exact value counts. So the precision of an engine does not affect published numbers.
 """
 
 from __future__ import annotations

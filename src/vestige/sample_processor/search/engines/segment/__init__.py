@@ -15,7 +15,7 @@ not removed, which costs sinc²(f M / R_c), 0.35 dB at the outermost bin. Each c
 chips have a magnitude of 6.8 ± 0.5 σ. Two offsets half a chip apart share half of their noise. So the sum of both
 offsets has 5.9 ± 0.7 σ, for any delay of the signal between the two offsets. So the engine first adds the chips of the
 two grids and sums up only their middle three quarters, once for two offsets. Both offsets are dropped if the largest
-magnitude is below t = ¾ g − 1.32, 4.6 σ. Noise passes t at about 0.2 % of the offsets. At the offsets that pass all
+magnitude is below t = ¾ g − 1.32, 4.6 σ. Noise passes t at about 0.2 % of the offsets. At the offsets that pass, all
 chips are summed up exactly, and only this power is returned. `theory/screen_loss.py` computes the detections that the
 screen costs. The middle is taken because the code Doppler then moves its chips equally to both sides. In short searches
 g is so low that noise would pass too often; then all chips are summed up at every offset.

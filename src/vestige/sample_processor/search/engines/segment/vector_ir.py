@@ -212,10 +212,10 @@ def row_sum(
     """Store SUM_WIDTH sums of ± table[entry + base + i] at `out[out_index:]`, less `zero`.
 
     A sum is cut at ±`top` and multiplied by 2^`shift`. Entries low … plus_end are added and minus_start … high
-    subtracted, eight rows at a time in bytes. Between these two ranges there may be eight more entries. Among them,
-    entries from `first_minus` on are added as ROW_TOP less the row, which is an exclusive or. The rows are bytes up to
-    ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and all 16-bit words are summed, and Σ even = Σ words −
-    256 Σ odd, modulo 2¹⁶. In each group of VECTOR_BYTES sums the even sums are stored first.
+    subtracted, eight rows at a time in bytes. Between these two ranges there may be eight more entries. Among these
+    entries, those from `first_minus` on are added as ROW_TOP less the row, which is an exclusive or. The rows are bytes
+    up to ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and all 16-bit words are summed, and Σ even = Σ
+    words − 256 Σ odd, modulo 2¹⁶. In each group of VECTOR_BYTES sums the even sums are stored first.
     """
 
     def codegen(context, builder, signature, arguments):
