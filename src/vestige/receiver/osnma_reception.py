@@ -10,7 +10,7 @@ and constraint length 7 (171, 133 octal) [OS-ICD, 4.1.4]. E1-B and E1-C have the
 Here σφ is the phase error of the carrier loop. The error changes over many symbols of a page, and the interleaver
 spreads these symbols. A soft-decision Viterbi decoder loses half a page with the probability `_HALF_LOST`. This table
 comes from a simulation of the code, which `tests/unit/receiver/test_osnma_reception.py` repeats. Beyond the table,
-first error events of the free distance 10 decide, and the logarithm is extrapolated. A page is lost if the checksum of
+first error events of the free distance 10 dominate, so the logarithm is extrapolated. A page is lost if the checksum of
 one of its halves fails:
 
     C/N0     22 dBHz  23 dBHz  24 dBHz  25 dBHz  26 dBHz

@@ -1,8 +1,8 @@
 """Description of a recording before any sample is read: file, sample format and start of each band.
 
 A recording has up to two bands, which share one clock and one sample counter. Sample 0 of both bands is the same
-moment. Sample n of a band is n sampling intervals of that band later. A file may start at any number (`first_sample`),
-so two front ends that started at different moments still share the counter.
+moment. Sample n of a band comes n sampling intervals of that band after sample 0. A file may start at any number
+(`first_sample`), so two front ends that started at different moments still share the counter.
 
 `center_frequency_hz` is the radio frequency that appears at 0 Hz in the *stored* samples. A real IF recording with a
 local oscillator at 1572.42 MHz has the value 1572.42e6, and E1 is at +3 MHz in the samples.

@@ -35,7 +35,7 @@ def narrow_to_wide_dbhz(
 
     M is `together`; prompts of a row after whole groups of M are not used.
 
-    Raises `ValueError` if a row has fewer prompts.
+    Raises `ValueError` if a row has fewer than M prompts.
     """
     n, k = prompts.shape
     if k < together:

@@ -110,7 +110,7 @@ class ProcessorTable(Section):
     _own_checks: tuple[OwnCheck, ...] = PrivateAttr(())
 
     def model_post_init(self, _context: Any) -> None:
-        """Import the user's own detector and checks, which workers get by this table."""
+        """Import the user's own detector and checks; worker processes get both through this table."""
         if is_own(self.detector):
             self._own_detector = named_part(self.detector, object, "detector")
         elif self.detector not in DETECTORS:

@@ -1,4 +1,4 @@
-"""From the antenna to the samples of one band: filter, gain control, quantisation.
+"""Front end of one band, from the antenna to the samples: filter, gain control, quantisation.
 
 Theory of operation
 -------------------

@@ -125,7 +125,7 @@ class SatelliteRange:
 
 @lru_cache(maxsize=4096)
 def _kept_range_m(path: SatelliteRange, times: bytes) -> Float[np.ndarray, " n"]:
-    """Return ranges from a cache, because scenes with the same seed have the same ranges; the times in s are bytes."""
+    """Return ranges from a cache, because scenes with the same seed have the same ranges; `times` are bytes."""
     t_s = np.frombuffer(times)
     return range_less_clock_m(path.ephemeris, path.start, t_s, path.trajectory.motion(t_s))
 

@@ -155,7 +155,7 @@ class SimulatedE6Samples:
         return float(truth.time_s[row] + arrived.dt_s[row] + self._repeated_later_m[column][row] / SPEED_OF_LIGHT_MPS)
 
     def _time_off_s(self, expected_s: float, epoch: int, column: int) -> float:
-        """Return the correction of the sample times that fits `_without_delay`, minus a meaconer's seconds.
+        """Return the correction of the sample times in s, which subtracts a meaconer's delay like `_without_delay`.
 
         During these seconds the receiver's clock drifts, while the hand-over has the clock of the epoch.
         """

@@ -61,7 +61,7 @@ class OsnmaReception:
 
     @property
     def data_authenticated(self) -> Bool[np.ndarray, "n m"]:
-        """Whether each satellite's data and tag that the key of an epoch's RECS authenticates are received."""
+        """Whether each satellite's data and tag are received; the key of the epoch's RECS authenticates these."""
         pages = data_pages(self.week_s, self.of.simulations[0].key_delay)
         return np.stack(self._whole(pages), axis=1) & ~self._withheld_by_operator[:, None]
 
@@ -169,7 +169,7 @@ def _page_loss(
     Parameters
     ----------
     simulation, truth
-        The satellite; out of view every page is lost.
+        Simulation and truth of the satellite; every page is lost while the satellite is out of view.
     row
         Epoch of each page.
     middle_s, place

@@ -172,7 +172,7 @@ _Hit = tuple[Reading, tuple[Acquisition, ...]]
 def _first_that_fits(
     file: BandFile, other: BandFile | None, limit: TimeLimit, progress: Progress
 ) -> tuple[_Hit | None, list[str]]:
-    """Return the reading that shows signals, these signals, and the kinds of mistakes that were tried completely."""
+    """Return the reading that shows signals, these signals, and the kinds of mistakes whose readings were all tried."""
     tried: list[str] = []
     for name, hits in _groups(file, other):
         strongest: _Hit | None = None

@@ -115,7 +115,7 @@ class FollowJournal:
         return state
 
     def record(self, lines: Sequence[str], progress: FollowProgress) -> None:
-        """Keep the lines of an epoch and the progress: both or neither."""
+        """Store the lines of an epoch and the progress; after a kill either both are stored or neither is."""
         data = "".join(f"{line}\n" for line in lines).encode()
         with naming(self._folder / LINES):
             self._lines.write(data)

@@ -314,7 +314,7 @@ class _Block:
 
 
 def _clusters(powers: Float32[np.ndarray, "grids offsets"], screen: float) -> list[list[float]]:
-    """Return the code offsets in chips whose power is above the screen, in clusters, the strongest of each first."""
+    """Return the code offsets in chips whose power is above `screen`, in clusters, the strongest of each first."""
     grid, offset = np.nonzero(powers > screen)
     place = offset + 0.5 * grid
     order = np.argsort(place)

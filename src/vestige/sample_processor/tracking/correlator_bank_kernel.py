@@ -247,7 +247,7 @@ def _segment(running, edge, next_edge, zero, count, lag):
 
 @njit(cache=True, nogil=True)
 def correlate_part(x, replicas, phase, step, cycles, cycles_per_sample, lags, starts, slots, bank):
-    """Fill the bank of E1-C with the correlations of a part of a code period; return that with E1-B at lag 0.
+    """Fill the bank of E1-C from a part of a code period; return the correlation with E1-B at lag 0.
 
     Parameters
     ----------

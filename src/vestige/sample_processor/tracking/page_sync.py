@@ -1,4 +1,4 @@
-"""From the E1-B prompts of a tracking channel to I/NAV pages.
+"""Decoder from the E1-B prompts of a tracking channel to I/NAV pages.
 
 A code period of E1-B is a symbol, so the symbols need no clock of their own. A half-page begins with a period of the
 secondary code of E1-C, because both begin with the Galileo second. So of the 500 positions at which a page may begin,

@@ -11,9 +11,9 @@ carrier in phase, the test uses
     d_k = b_k Re(later_k − first_k)        T = √n mean(d) / std(d)
 
 Without an attack d_k is Gaussian of mean 0. So T has Student's distribution with n − 1 degrees of freedom, for any C/N0
-and signal strength. The alarm is T > t, with P(T > t) = P_fa. A narrow filter of the front end violates this
-assumption. The effect of the filter on the first chips of a symbol differs from that on the average chip, so the mean
-of d_k is not 0.
+and signal strength. The test raises an alarm if T > t, where P(T > t) = P_fa. A narrow filter of the front end violates
+this assumption. The effect of the filter on the first chips of a symbol differs from that on the average chip, so the
+mean of d_k is not 0.
 
 **The beginnings of predictable symbols** (`predictable_reference_test`). The attacker knows these symbols in time. The
 filter has the same effect on predictable symbols, so this effect cancels. `vestige.theory.scer.partial_correlations`
