@@ -155,8 +155,8 @@ class Simulation:
     def repeated_later_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
         """Return the delay of the RECS to which E1 leads, relative to the true RECS, times c.
 
-        The delay equals the E1 error, unless that error is seconds. Under a sky an error of seconds also contains the
-        motion of the satellite in these seconds, while the RECS itself has only the delay.
+        The delay equals the E1 error, unless this error amounts to seconds. Under a sky an error of seconds also
+        contains the motion of the satellite in these seconds, while the RECS itself has only the delay.
         """
         error_m = truth.e1.error_m
         rows = np.flatnonzero(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)

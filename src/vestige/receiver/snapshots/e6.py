@@ -205,7 +205,7 @@ class SimulatedE6Samples:
 
     @cached_property
     def _seconds_late_m(self) -> tuple[Float[np.ndarray, " n"], ...]:
-        """Delay of each satellite, times c, if it is seconds; otherwise 0."""
+        """Delay of each satellite, times c, if the delay amounts to seconds; otherwise 0."""
         return tuple(one.seconds_late_m(truth) for one, truth in zip(self.of.simulations, self.of.truth, strict=True))
 
     @cached_property

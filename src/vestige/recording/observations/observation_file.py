@@ -72,7 +72,7 @@ def open_observations(path: Path) -> ObservationFile:
 
 
 class ObservationTrack:
-    """E1 observations at any time from a file. Advancing times need one pass; an earlier time starts another.
+    """E1 observations at any time from a file. Advancing times need one pass; an earlier time starts another pass.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class TrackingSettings:
         prompt, so the nearest possible distance is used.
     n_correlators
         Number of correlators in the bank, 5 to 11 and odd. The correlators are spaced around the prompt by half of the
-        distance above.
+        early-late distance.
     replica
         `BOC(1,1)`, for narrow front ends, or `CBOC`, with the BOC(6,1) part, for bands wider than 14 MHz.
     pull_in_s
