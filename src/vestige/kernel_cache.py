@@ -2,7 +2,7 @@
 
 numba stores the machine code of a function on disk, and recompiles it if the function's own module has changed. numba
 ignores changes in modules whose functions are inlined. After an update of vestige such a function would silently use
-old code for tables of a new layout; E1 tracking once lost its satellites in this way. So the mark by which numba
+old code for tables of a new layout. E1 tracking once lost its satellites for this reason. So the mark by which numba
 recognises old code is computed here from all kernels: the time of the newest change, and the total size.
 """
 

@@ -1,9 +1,10 @@
 """Write outputs safely: an output is either complete or unchanged, and never destroys an input.
 
 A command whose output could be an input calls `check_output` before it computes. Every command writes through
-`replacement` or `new_folder`. Both write into a private folder beside the output, `.output.…`, which no other user can
-have prepared, and rename at the end. After an error or Ctrl-C the private folder is removed. A killed process leaves
-this hidden folder, which is harmless. `vestige simulate` can resume (`simulated.unfinished_recording`).
+`replacement` or `new_folder`. Both functions write into a private folder beside the output, `.output.…`, and rename at
+the end. No other user can have prepared this folder. After an error or Ctrl-C the private folder is removed. A killed
+process leaves this hidden folder, which is harmless. `vestige simulate` can resume an unfinished recording
+(`simulated.unfinished_recording`).
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ def replacement(output: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(output: Path) -> Iterator[Path]:
-    """Yield a folder to write into, which becomes `output` at the end; of several programs only one succeeds.
+    """Yield a folder to write into, which becomes `output` at the end; only the first of several programs succeeds.
 
     Raises
     ------
@@ -123,7 +124,7 @@ def check_new_folder(output: Path) -> None:
 
 @contextmanager
 def naming(output: Path, private: str | None = None) -> Iterator[None]:
-    """Set the name of the output in errors of a full disk (which have no name) and of `private`."""
+    """Set the name of the output in errors that name the folder `private` or, on a full disk, no file."""
     try:
         yield
     except OSError as error:

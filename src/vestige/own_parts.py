@@ -152,7 +152,7 @@ def require_members(kind: str, thing: object, protocol: type) -> None:
 
 
 def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]) -> None:
-    """Raise if the values from a user's part are not numbers of a shape; vestige's own parts are not checked.
+    """Raise if values from a user's part are not numbers of a required shape; vestige's own parts are not checked.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ _KINDS: list[type] = []  # the single kind of validated key, once its class exis
 class ValidatedKey:
     """A TESLA key that leads to a signed root key; only `vestige.crypto.osnma.messages.tesla.validate` makes one.
 
-    Neither the constructor nor `dataclasses.replace` makes or changes a validated key, and a pickled key is validated
-    again when it is read. This protects against mistakes and short cuts. Python cannot prevent code that calls
+    Neither the constructor nor `dataclasses.replace` makes or changes a validated key. A pickled key is validated again
+    when it is read. These checks protect against mistakes and short cuts. Python cannot prevent code that calls
     `object.__setattr__`, uses attributes whose names begin with an underscore, or replaces functions of vestige.
     """
 

@@ -1,4 +1,4 @@
-"""Draws in blocks of epochs, so that a random number belongs to its epoch wherever a stretch is cut."""
+"""Draws in blocks of epochs, so that the random numbers of an epoch do not depend on the cut into stretches."""
 
 from __future__ import annotations
 

@@ -9,19 +9,19 @@ and constraint length 7 (171, 133 octal) [OS-ICD, 4.1.4]. E1-B and E1-C have the
 
 Here σφ is the phase error of the carrier loop. The error changes over many symbols of a page, and the interleaver
 spreads these symbols. A soft-decision Viterbi decoder loses half a page with the probability `_HALF_LOST`. This table
-is a simulation of the code that `tests/unit/receiver/test_osnma_reception.py` repeats. Beyond the table, first error
-events of the free distance 10 decide, and the logarithm is extrapolated. A page is lost if the checksum of one of its
-halves fails:
+comes from a simulation of the code, which `tests/unit/receiver/test_osnma_reception.py` repeats. Beyond the table,
+first error events of the free distance 10 dominate, so the logarithm is extrapolated. A page is lost if the checksum of
+one of its halves fails:
 
     C/N0     22 dBHz  23 dBHz  24 dBHz  25 dBHz  26 dBHz
     lost     0.52     0.13     0.02     0.0008   0.00002     without phase error
 
-An ideal receiver thus loses OSNMA within 3 dB. Fading, an old decoder or few bits cost more.
+An ideal receiver thus loses OSNMA within 3 dB. Fading, an old decoder or soft decisions of few bits cost more.
 
 Pages 10 to 14 of every satellite's subframe carry the same key [OSNMA-ICD], so a single satellite is enough.
 
-Pages are numbered from the start of the week. Page j is page j mod 15 of its subframe; it ends 3 + 2j s after that
-start.
+Pages are numbered from the start of the week. Page j is page j mod 15 of its subframe, and ends 3 + 2j s after the
+start of the week.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def demodulated(
 ) -> Bool[np.ndarray, "*n"]:
     """Return which pages of a satellite are received; a page has the same draw in every call.
 
-    A negative number means no page, which is not received.
+    A negative number means no page, and gives False.
     """
     due = page >= 0
     if not due.any():

@@ -2,15 +2,15 @@
 
 With P the pseudorange that geometry and receiver clock make, common to both bands,
 
-    P1 = P + e1_noise + e1_multipath                 what E1 tracking says
-    P6 = P + iono_diff + bias                        where the line of sight is in E6
+    P1 = P + e1_noise + e1_multipath                 range that E1 tracking measures
+    P6 = P + iono_diff + bias                        range of the line of sight in E6
 
 The hand-over thus misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath. The reflections
-arrive later by their excess delay. All of these are delays of the code; the carrier has no bias, and the ionosphere
-advances it (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1 loop
-followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
+arrive later by their excess delay. All these terms are delays of the code. The carrier has no bias, and the ionosphere
+advances the carrier (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1
+loop followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
 
-* `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key, the receiver samples them with
+* `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key. The receiver samples the chips with
   reflections and noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one
   recording of all satellites (`snapshots.sky_samples`).
 * `correlators`: the banks are drawn from the exact model (`correlator_model`), a block at a time.
@@ -145,7 +145,7 @@ class Simulation:
 
     @property
     def spoofer_as_received(self) -> Spoofer:
-        """The attacker at E1 and at the drawn correlators; samples get the past of the sky by themselves."""
+        """The attacker at E1 and at the drawn correlators; samples contain the geometry of a replay by themselves."""
         if self.elevation is None or not self.spoofer.attacks:
             return self.spoofer
         return SpooferUnderSky(
@@ -153,10 +153,10 @@ class Simulation:
         )
 
     def repeated_later_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-        """Return the delay, times c, relative to the true RECS, of the RECS to which E1 leads.
+        """Return the delay of the RECS to which E1 leads, relative to the true RECS, times c.
 
-        The delay equals the E1 error, unless that error is seconds. Under a sky an error of seconds also contains the
-        motion of the satellite in these seconds, while the RECS itself has only the delay.
+        The delay equals the E1 error, unless this error amounts to seconds. Under a sky an error of seconds also
+        contains the motion of the satellite in these seconds, while the RECS itself has only the delay.
         """
         error_m = truth.e1.error_m
         rows = np.flatnonzero(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)
@@ -200,7 +200,7 @@ class Simulation:
         offsets_m: Float[np.ndarray, " n_taps"],
         other_signals: Float[np.ndarray, " n"] | None = None,
     ) -> tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]:
-        """Return drawn taps and noise power of RECS; a pure function, and the cut into blocks does not change it.
+        """Return drawn taps and noise power of RECS; the cut into blocks does not change these numbers.
 
         `other_signals` is the density over N0 of all other signals on air under a sky.
         """

@@ -1,4 +1,4 @@
-"""The truth of a simulated line of sight, epoch after epoch: every term of every error, with what an attack adds.
+"""The truth of a simulated line of sight, epoch after epoch: every term of every error, and the effects of an attack.
 
 The errors have memory and are cheap, so they are drawn in order; the cut of the epochs into calls makes no difference.
 """
@@ -119,7 +119,8 @@ class TruthProcess:
     def _without_attack(self, first: int, count: int) -> UndisturbedTruth:
         """Return the part of the truth that no attack changes.
 
-        Scenes of a threat table differ in their attack alone: a short run that begins with this block is kept for them.
+        Scenes of a threat table differ only in their attack, so a short run that begins with this block stays in
+        memory.
         """
         if first == 0 and count <= KEPT_EPOCHS:
             return kept_truth(self._undisturbed, count)

@@ -1,7 +1,7 @@
 """The truth of a block of epochs together with the epochs around them, which also affect the block's samples.
 
-Between two epochs the receiver's samples change from the truth of the first to that of the second (`continuous`). A
-spoofing signal brings the chips of an epoch later than the line of sight does. So the samples of a block depend on
+Between two epochs the receiver's samples change from the truth of the first epoch to that of the second (`continuous`).
+A spoofing signal brings the chips of an epoch later than the line of sight does. So the samples of a block depend on
 epochs before its first and after its last epoch.
 """
 

@@ -60,7 +60,7 @@ class UndisturbedTruth:
     motion: SatelliteMotion
     clock_m: Float[np.ndarray, " n"]  # receiver clock times c
     clock_drift_mps: Float[np.ndarray, " n"]
-    # noise of E1 tracking, as long as only the true signal is there
+    # noise of E1 tracking, as long as only the true signal is present
     code_m: Float[np.ndarray, " n"]
     carrier_m: Float[np.ndarray, " n"]
     doppler_hz: Float[np.ndarray, " n"]
@@ -72,7 +72,7 @@ class UndisturbedTruth:
 
 
 class UndisturbedProcess:
-    """Runs through the epochs in order."""
+    """Process that steps through the epochs in order."""
 
     def __init__(self, of: Simulation) -> None:
         models, elevation = of.models, of.elevation
@@ -128,7 +128,7 @@ class UndisturbedProcess:
     def _weaker(
         self, geometry: SatelliteGeometry, code_m: Float[np.ndarray, " n"], doppler_hz: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Return the tracking noise at the strength of each epoch, from that at the nominal one."""
+        """Return the tracking noise at the strength of each epoch, from the noise at the nominal strength."""
         if self._of.models.e1_tracking is None:
             return code_m, doppler_hz
         code, doppler = noise_growth(
@@ -156,7 +156,7 @@ _kept = lru_cache(maxsize=_KEPT_BLOCKS)(_begun)
 
 
 def _advanced(model: Any, process: Any, times_s: Float[np.ndarray, " n"], n_errors: int = 1) -> Any:
-    """Return the next values of a model's errors; of a class of the user's only what has the shape that it needs."""
+    """Return the next values of a model's errors, after a check of the shape if the class is the user's."""
     values = process.advance(times_s)
     if isinstance(values, RayBlock):
         for field in fields(values):

@@ -1,11 +1,11 @@
 """Description of a recording before any sample is read: file, sample format and start of each band.
 
 A recording has up to two bands, which share one clock and one sample counter. Sample 0 of both bands is the same
-moment. Sample n of a band is n sampling intervals of that band later. A file may start at any number (`first_sample`),
-so two front ends that started at different moments still share the counter.
+moment. Sample n of a band comes n sampling intervals of that band after sample 0. A file may start at any number
+(`first_sample`), so two front ends that started at different moments still share the counter.
 
 `center_frequency_hz` is the radio frequency that appears at 0 Hz in the *stored* samples. A real IF recording with a
-local oscillator at 1572.42 MHz has 1572.42e6 there and finds E1 at +3 MHz.
+local oscillator at 1572.42 MHz has the value 1572.42e6, and E1 is at +3 MHz in the samples.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class BandFile:
     center_frequency_hz: float  # radio frequency that appears at 0 Hz in the stored samples
     spectral_inversion: bool = False  # whether the stored spectrum is inverted; the reader inverts it again
     first_sample: int = 0  # number of the file's first sample on the counter that the bands share
-    start: GalileoTime | None = None  # time of the file's first sample on the receiver's clock; None if nothing tells
+    start: GalileoTime | None = None  # time of the file's first sample on the receiver's clock; None if unknown
     bandwidth_hz: float | None = None  # bandwidth of the front end, two-sided; None if not stated
     header_bytes: int = 0  # bytes before the first sample
     trailing_bytes: int = 0  # bytes after the last sample

@@ -64,8 +64,8 @@ class Inspection:
     assistance: AssistanceFolder
     recorded_segments: tuple[EncryptedSegment, ...]  # the RECS that can be in the E6 samples
     notes: tuple[str, ...]  # unusual features of the recording, one line each
-    # what ACAS lacks, one line each: first what no verdict is possible without, then what the assistance folder says of
-    # itself
+    # missing data, one line each: first the data without which no verdict is possible, then the gaps that the
+    # assistance folder states
     missing: tuple[str, ...]
     examination: Examination | None = None  # result of the search for signals; None if there was no search
 

@@ -1,4 +1,4 @@
-"""Tables of numbers as CSV: a header with the column names, then a row a line with a rising time first."""
+"""Tables of numbers as CSV: a header with the column names, then one row per line, which begins with a rising time."""
 
 from __future__ import annotations
 

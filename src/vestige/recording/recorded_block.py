@@ -1,6 +1,6 @@
 """Blocks of one epoch for the processor: a snapshot of a recording, or the state of E1 tracking between two snapshots.
 
-A block includes the data of other channels since the block before.
+A block includes the data of other channels since the previous block.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class OtherChannels:
     def block(self, snapshot: Snapshot, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
         """Return a snapshot as a block of one epoch.
 
-        `since` is the time of the snapshot before; None for the first snapshot.
+        `since` is the time of the previous snapshot; None for the first snapshot.
         """
         return self.joined(block_of(snapshot, since=since, accelerations=self.accelerations), assistance, since)
 
@@ -62,7 +62,7 @@ def tracked_block(
     time_uncertainty_s
         Upper limit of the error of the receiver's clock in s.
     increments
-        Increments of the inertial sensors since the block before; None without such sensors.
+        Increments of the inertial sensors since the previous block; None without such sensors.
     """
     svids = tuple(sorted(epoch.observations))
     rows: dict[str, Any] = {

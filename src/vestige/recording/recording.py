@@ -7,8 +7,8 @@ A recording is given as:
 * a folder with one `.sigmf-meta` for each band, or one such file;
 * a folder with an `.sdrx` file, or that file, or an `.xml` file: ION GNSS SDR metadata.
 
-If a folder contains several of these, the first in this list counts. E1 observations are in the same folder (RINEX or
-CSV, told by their first line) or are named in `recording.toml`.
+If a folder contains several of these descriptions, the first in this list counts. E1 observations are in the same
+folder (RINEX or CSV, told by their first line) or are named in `recording.toml`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Recording:
     description
         Description of the samples; `time_uncertainty_s` is infinite if nothing states it.
     e1, e6
-        The samples of the bands, or None. `SampleReader.read` reads by the counter that both share.
+        The samples of the bands, or None. `SampleReader.read` reads by the counter that both bands share.
     observations
         The file of E1 observations, or None.
     """
@@ -84,7 +84,7 @@ class Recording:
 
 
 def find_recording(path: Path) -> Path | None:
-    """Return the file that describes the recording at `path`, the folder if several files do together, or None.
+    """Return the file that describes the recording at `path`, the folder if several files describe it, or None.
 
     Raises `InputFileError` if a folder has more than one collection, or more than one `.sdrx` file and no SigMF. Raises
     `UnsupportedError` for a SigMF archive.

@@ -41,7 +41,7 @@ class _E1AndFrontEnds(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingSource:
-    """Snapshots of a recording; iterate over it.
+    """Snapshots of a recording, as an iterable.
 
     Attributes
     ----------

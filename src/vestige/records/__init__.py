@@ -266,7 +266,7 @@ class EncryptedSegment:
     transmit_time
         Satellite time at which the first chip leaves the satellite; RECS files count this time in deciseconds.
     n_chips
-        Number of chips to correlate. The body may have more (the padding of the last AES block).
+        Number of chips to correlate. The body may have more chips (the padding of the last AES block).
     cipher
         The RECS body.
     key_time

@@ -121,5 +121,5 @@ class AlarmShare:
 
     @property
     def confirmed_p_fa(self) -> float:
-        """Probability that a test fails without an attack and confirms the failures before it."""
+        """Probability that a test fails without an attack and confirms the previous failures."""
         return self.p_fa**self.confirm

@@ -30,7 +30,7 @@ class Accelerations:
             require_finite("accelerations", **{name: float(np.abs(values).sum())})
 
     def increments(self, first: GalileoTime | None, last: GalileoTime) -> VelocityIncrements:
-        """Return ∫ a dt from one epoch to the next, sample by sample, with a linear between samples.
+        """Return ∫ a dt from one epoch to the next, sample by sample, with a linear acceleration between samples.
 
         If `first` is None, there are no increments.
         """

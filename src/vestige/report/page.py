@@ -1,4 +1,4 @@
-"""A page as a single file with template, style, script and data; a browser has to fetch nothing.
+"""A page as a single file with template, style, script and data; a browser fetches nothing else.
 
 The content security policy of the page allows only its own script, by its hash, and no address.
 """

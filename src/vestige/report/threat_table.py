@@ -1,7 +1,7 @@
 """Reader of the table that `vestige threats -o` writes, by the names of its columns.
 
 The name of a column gives its meaning, so the reader accepts further levels and columns. `expected_level_2` and
-`level_2` are expectation and agreement of level 2, `detected_level_2` is a count of level 2. A table with a column
+`level_2` are expectation and agreement of level 2; `detected_level_2` is a count of level 2. A table with a column
 `level` has a row for each level; names without a level then refer to that level. If only one level is measured, names
 without a level refer to it, too.
 """
@@ -85,7 +85,7 @@ class ThreatTable:
 def read_threat_table(path: Path) -> ThreatTable:
     """Return the table in a file.
 
-    Raises `InputFileError` if it is no such table.
+    Raises `InputFileError` if the file is no such table.
     """
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected=EXPECTED_TABLE)
     try:

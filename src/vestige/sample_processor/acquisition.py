@@ -12,9 +12,9 @@ dimension the sum is chi-squared with 2K degrees of freedom. The threshold follo
 probability over all cells (code phases × Doppler bins × satellites) [WFO, Sec. III-D].
 
 Cross-correlation with a much stronger satellite is not noise, because it is constant over the whole 100 ms. Between two
-memory codes at a Doppler difference it reaches −20 dB. The rough C/N0 of the strong satellite is low by up to 3 dB (its
-own self-noise, half a bin off), and noise adds to the weak satellite. So a cell is only accepted within
-`CROSS_CORRELATION_DB` of the strongest.
+memory codes at a Doppler difference the cross-correlation reaches −20 dB. The rough C/N0 of the strong satellite is low
+by up to 3 dB (its own self-noise, half a bin off), and noise adds to the weak satellite. So a cell is only accepted
+within `CROSS_CORRELATION_DB` of the strongest cell.
 
 `acquire` takes the strongest cell of each satellite on E1-C. `vestige.sample_processor.search.e1_search` takes every
 signal from the same powers.

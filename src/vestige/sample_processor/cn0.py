@@ -8,14 +8,14 @@ are wiped off.
 
 | estimator | from | weakness |
 |---|---|---|
-| narrow to wide power ratio | M prompts together against M single ones [VAN-DIERENDONCK96] | M need one sign |
+| narrow to wide power ratio | M prompts together against M single prompts [VAN-DIERENDONCK96] | M equal signs |
 | second and fourth moment | powers of P [PINI08] | spread below 30 dBHz |
 | signal to noise variance | size of I [PINI08] | reads too much where S < N |
 | Beaulieu | steps of the size of I [PINI08] | reads too much where S < 3 N |
 | real signal, complex noise | Q is noise alone [PINI08] | needs the phase locked |
 
-The narrow-to-wide ratio is the best of these: its bias is at most 0.2 dB from 25 to 45 dBHz, with the smallest spread
-at low C/N0. An estimate that noise drove beyond its definition is NaN.
+The narrow-to-wide ratio is the best of these estimators: its bias is at most 0.2 dB from 25 to 45 dBHz, with the
+smallest spread at low C/N0. An estimate is NaN if noise makes its formula undefined.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def narrow_to_wide_dbhz(
 
     M is `together`; prompts of a row after whole groups of M are not used.
 
-    Raises `ValueError` if a row has fewer prompts.
+    Raises `ValueError` if a row has fewer than M prompts.
     """
     n, k = prompts.shape
     if k < together:

@@ -3,10 +3,11 @@
 Theory of operation
 -------------------
 A satellite's samples repeat after one code period, except for a sign and a phase. So the samples are multiplied with
-themselves one lag later, blocks of products are summed coherently, and the squared magnitudes of the blocks are added.
-At the lag of a code period, and at its multiples, the sum exceeds that of other lags, for any centre frequency, sense
-of the spectrum and set of satellites. The score of a rate tells how far the sums at all multiples of its code period
-exceed the others together. An acquisition has to confirm the rate, because divisors of the true rate fit, too.
+themselves one lag later. Blocks of products are summed coherently, and the squared magnitudes of the blocks are added.
+At the lag of a code period, and at its multiples, the sum exceeds that of other lags. The centre frequency, the sense
+of the spectrum and the set of satellites do not matter. The score of a rate tells how far the sums at all multiples of
+its code period exceed the other sums. An acquisition has to confirm the rate, because divisors of the true rate fit,
+too.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ def _profile(samples: Complex64[np.ndarray, " n_samples"], block: int) -> Iterat
 
 
 def _score(profile: Float64[np.ndarray, " lags"], lag: float) -> float:
-    """Return how far the sums at the multiples of a lag together exceed the others."""
+    """Return how far the sums at the multiples of a lag together exceed the other sums."""
     count = min(int((profile.size - 1) / (lag * (1 + _TOLERANCE))), _MULTIPLES)
     if count < 1:
         return 0.0

@@ -12,10 +12,11 @@ segment. M is the number of samples of the segment. So a path of amplitude a at 
 
 **Noise floor.** The threshold must come from the post-correlation noise, as seen by a code that is not in the signal
 [WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w of random signs gives Σ_j w_j
-y_j. The mean of its power over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel. So one pass
-over the chips gives the result of infinitely many wrong codes, and no reference cell is drawn at random. The estimate
-is also right for coloured noise and interference. The true signal adds its own E_c/N_0 (−32 dB at 35 dBHz), as with any
-wrong code. Estimated from M chips the floor has a relative error of 1/√M, 0.35 % for 16 ms: the CFAR loss is 0.0005 dB.
+y_j. The mean power of this sum over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel. So one
+pass over the chips gives the result of infinitely many wrong codes, and no reference cell is drawn at random. The
+estimate is also right for coloured noise and interference. The true signal adds its own E_c/N_0 (−32 dB at 35 dBHz), as
+with any wrong code. Estimated from M chips the floor has a relative error of 1/√M, 0.35 % for 16 ms: the CFAR loss is
+0.0005 dB.
 """
 
 from __future__ import annotations

@@ -5,15 +5,15 @@ then costs a shift and a multiplication by ±1. Two taps are summed in one loop,
 as multiplying it.
 
 **Carrier.** One rotator table, from float64, serves the whole bank. The phase at the middle of each block is applied to
-the block's sums in float64. A Doppler rate enters there, and as a first-order rotation inside the block (1e-7 at 100
-Hz/s).
+the block's sums in float64. A Doppler rate changes this phase, and rotates the samples inside the block to first order
+(1e-7 at 100 Hz/s).
 
 **Noise floor.** Σ_j |y_j|² over chips is Σ_n |y_n|² plus twice the real part of y_n y*_(n−l) for each lag l at which
 both samples lie in the same chip. So no loop over chips is needed. Chip numbers modulo 32 are enough, because a lag is
 shorter than a chip. The last samples of a block are kept, rotated to the phase of the next block.
 
 Sums are float32 inside a block of 1024 samples and float64 over blocks. At both ends of the segment, some taps meet a
-chip and others do not. The few samples there are processed one by one.
+chip and others do not. The few samples at these ends are processed individually.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

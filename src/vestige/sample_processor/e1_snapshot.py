@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-[WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has none. So this module starts from an
-`Acquisition` and measures in one batch the values that a loop would have settled to:
+[WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has no continuous tracking. So this module starts
+from an `Acquisition` and measures in one batch the values that a loop would have settled to:
 
 1. Every 4 ms code period is correlated at `TAPS_CHIPS` around the acquired code phase, E1-C and E1-B, with
    BOC(1,1).
@@ -13,7 +13,7 @@ Theory of operation
 4. Code phase: E1-B and E1-C are added coherently over the whole batch. The symbols of E1-B are first wiped by the sign
    of its own prompt against the pilot's phase. The root of early minus late magnitude is the code phase.
 5. C/N0 of E1-C: from the coherent prompt against the noise of wrong codes, or from the prompts alone (`cn0.py`). The
-   prompts alone have 23 degrees of freedom for the noise, so their estimate scatters by 0.9 dB; the samples give the
+   prompts alone have 23 degrees of freedom for the noise, so their estimate scatters by 0.9 dB. The samples give the
    noise to 0.01 dB.
 
 All values refer to the middle of the batch.
@@ -39,7 +39,7 @@ from vestige.time import GalileoTime
 E1_WINDOW_S = 0.1  # duration of samples for one measurement: a period of the secondary code
 # Below it the phase of the secondary code is ambiguous: the second-best phase of CS25 itself is 5.6 dB lower.
 MIN_SECONDARY_MARGIN_DB = 1.0
-MIN_PERIODS = 12  # periods of 4 ms; with fewer, the 25 secondary phases cannot be told apart at 33 dBHz
+MIN_PERIODS = 12  # periods of 4 ms; with fewer, the 25 secondary phases cannot be distinguished at 33 dBHz
 NOISE_FLOOR = "noise-floor"
 # 25 prompts contain one group of the usual 20; two smaller groups have less bias and no more spread
 _PROMPT_ESTIMATORS: dict[str, Cn0Estimator] = {
@@ -60,7 +60,7 @@ class E1Snapshot:
     # satellite time of transmission at `time`, modulo 100 ms (the period of the secondary code), in s
     transmit_phase_s: float
     doppler_hz: float
-    cn0_dbhz: float  # C/N0 of E1-C alone; NaN if noise drove the estimate beyond its definition
+    cn0_dbhz: float  # C/N0 of E1-C alone; NaN if noise makes the formula undefined
     secondary_margin_db: float  # peak of the chosen secondary-code phase over the next highest
 
 

@@ -5,18 +5,18 @@ Theory of operation
 The method is that of `vestige.sample_processor.acquisition` on E1. Stretches have two code periods (2 ms) and start
 every period (1 ms). Each stretch is correlated with one period of code, so a symbol change between two periods does no
 harm. The bins are 1/(2 ms) = 500 Hz apart. The powers of K stretches are added non-coherently, each shifted by the code
-Doppler, and compared with the threshold that noise exceeds with the stated probability (chi-squared with 2K degrees of
-freedom).
+Doppler. Noise exceeds the threshold with the stated probability (chi-squared with 2K degrees of freedom).
 
 E6-C without encryption repeats its primary code every millisecond, with the signs of the secondary code CS100. An
 encrypted E6-C has no repetition. So the primary code of E6-C, found over several periods, shows that E6-C is open. The
-secondary code on its periods shows that no other signal was mistaken for it.
+secondary code on these periods shows that no other signal was mistaken for E6-C.
 
-The bins of the acquisition are wider than the signal: half a sample (0.47 chip at 5.5 MHz) and 250 Hz away, 6 dB of the
-power are missing. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A symbol of E6-B lasts one period, so
-the powers of the periods are added. First the Doppler is refined. A signal at the distance δ from the acquired Doppler
-has the amplitudes A₊ and A₋ at ±1/2T around this Doppler, where T is the period. The amplitude follows sin(x)/x, so
-A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the root of early minus late gives the code phase.
+The bins of the acquisition are wider than the signal. Half a sample (0.47 chip at 5.5 MHz) and 250 Hz away from the
+signal, 6 dB of the power are missing. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A symbol of E6-B
+lasts one period, so the powers of the periods are added. First the Doppler is refined. A signal at the distance δ from
+the acquired Doppler has the amplitudes A₊ and A₋ at ±1/2T around this Doppler, where T is the period. The amplitude
+follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the root of early minus late
+gives the code phase.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E6C, SignalDefinition
 
 OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has at most 0.1
-_MIN_PERIODS = 25  # periods of 1 ms; with fewer, the 100 phases of the secondary code cannot be told apart
+_MIN_PERIODS = 25  # periods of 1 ms; with fewer, the 100 phases of the secondary code cannot be distinguished
 _TRANSFORM = 1024  # points over the periods, for the residual Doppler
-# iterations of measuring the code phase; at 5 MHz the first one ends at the last tap, 0.45 chip from the acquisition
+# iterations of measuring the code phase; at 5 MHz the first iteration ends at the last tap, 0.45 chip away
 _CODE_STEPS = 2
 
 
@@ -105,8 +105,8 @@ def acquire_e6(
 def cn0_on_the_peak_dbhz(batch: SampleBatch, signal: SignalDefinition, found: E6Acquisition) -> float:
     """Return the C/N0 of an acquired signal in dBHz, with code phase and Doppler refined; NaN if no period is complete.
 
-    The replica and the noise floor are those with which the RECS is correlated. So the C/N0 includes what a filter of
-    the front end takes from the signal.
+    The replica and the noise floor are those with which the RECS is correlated. So the C/N0 includes the loss in a
+    filter of the front end.
 
     Parameters
     ----------

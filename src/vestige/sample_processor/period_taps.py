@@ -1,7 +1,8 @@
 """Correlators of every code period in a batch, around an acquired code phase, and the delay of their peak.
 
-The measurements of E1 (`e1_snapshot`) and of E6 (`e6_acquisition`) use both. An acquisition finds the code phase to
-half a sample, which is half a chip of E6 at 5.5 MHz. The taps around this code phase show how far away the peak is.
+The measurements of E1 (`e1_snapshot`) and of E6 (`e6_acquisition`) use these correlators and this delay. An acquisition
+finds the code phase to half a sample, which is half a chip of E6 at 5.5 MHz. The taps around this code phase show how
+far away the peak is.
 """
 
 from __future__ import annotations

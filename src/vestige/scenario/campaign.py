@@ -109,7 +109,7 @@ class ReceiverTable(Section):
         Upper limit of the clock error that the receiver assumes, in s.
     clock_offset_s
         Receiver clock minus Galileo System Time in s, a constant beside `clock`. The receiver does not know this
-        offset, which may be larger than `time_uncertainty_s`. Only with `correlators`.
+        offset, which may be larger than `time_uncertainty_s`. The offset is possible only with `correlators`.
     reacquisition_s
         Time in s that a signal on E1 has to be present until a receiver that lost lock, or was restarted, tracks it.
         Until then E1 has no measurements.

@@ -135,7 +135,7 @@ def check_no_clock_offset(clock_offset_s: float) -> None:
 def check_disclosed(attacks: Sequence[Attack], sent_s: Sequence[float], key_delay: int) -> None:
     """Raise if a forger would transmit the chips of a RECS before the key of the RECS is complete.
 
-    `sent_s` are times of transmission of RECS in s after the start of a week, `key_delay` is KDI.
+    `sent_s` are times of transmission of RECS in s after the start of a week; `key_delay` is KDI.
     """
     known_s = max(key_delay * SUBFRAME_S + KEY_ON_AIR.disclosure_end_s - one % SUBFRAME_S for one in sent_s)
     for number, attack in enumerate(attacks):

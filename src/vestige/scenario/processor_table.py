@@ -59,7 +59,7 @@ class E6CarrierTable(Section):
 
 
 class ProcessorTable(Section):
-    """The processing of a campaign; both detectors are evaluated, `detector` gives the status.
+    """The processing of a campaign; both detectors are evaluated, and `detector` gives the status.
 
     `detector` may name a user's own class, `module:Name`, which is then evaluated in addition to the two detectors of
     vestige. `checks` names a user's own checks, which are run after the checks of the levels.
@@ -68,18 +68,19 @@ class ProcessorTable(Section):
     `early_reach_m` before the prediction.
 
     `alarms_per_day` is the number of false alarms a day that the whole level may raise. The limit of the range check,
-    the E6 misses in a row that are an alarm, and all other thresholds follow from it. By default κ applies, and every
-    single miss is an alarm.
+    the E6 misses in a row that are an alarm, and all other thresholds follow from this number. By default κ applies,
+    and every single miss is an alarm.
 
     `search_s` is the time in s between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is
     the multipath power at 16° elevation for which the check for a second signal allows. The expected misses of E6 also
-    follow from this power. These values do not follow from the errors that a scenario gives its receiver: a better or
-    worse oscillator has to be stated in this table, too.
+    follow from this power. The values of this table do not follow from the errors that a scenario gives its receiver. A
+    better or worse oscillator has to be stated in this table, too.
 
-    `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith. Their
-    defaults are the values of `[receiver]`, because a receiver knows its antenna. `e6_over_e1_db` is the expected C/N0
-    of E6-C over that of E1-C of each satellite, by default the difference of those two. `expected_satellites` is the
-    number of satellites that the receiver expects in view, by default the number above the mask at the first epoch.
+    `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith. The defaults
+    of these two C/N0 are the values of `[receiver]`, because a receiver knows its antenna. `e6_over_e1_db` is the
+    expected C/N0 of E6-C over that of E1-C of each satellite, by default the difference of the two expected C/N0.
+    `expected_satellites` is the number of satellites that the receiver expects in view, by default the number above the
+    mask at the first epoch.
 
     `e6_carrier` turns on the monitors of the phase and of the fading of E6, which are off by default.
     """
@@ -109,7 +110,7 @@ class ProcessorTable(Section):
     _own_checks: tuple[OwnCheck, ...] = PrivateAttr(())
 
     def model_post_init(self, _context: Any) -> None:
-        """Import the user's own detector and checks, which workers get by this table."""
+        """Import the user's own detector and checks; worker processes get both through this table."""
         if is_own(self.detector):
             self._own_detector = named_part(self.detector, object, "detector")
         elif self.detector not in DETECTORS:

@@ -1,11 +1,12 @@
 """The processor of a campaign, with the prior knowledge of the scenario's receiver and without the truth.
 
 The receiver knows its antenna (C/N0 against elevation), the power of its bands without interference, and its front
-ends. The receiver also knows the data sheets of its oscillator and its accelerometers, the broadcast orbits, its own
-tracking loops, and the errors of pseudoranges in `[position]`. `[processor]` states the expected C/N0, the expected
-C/N0 difference between E6 and E1, and the expected number of satellites. If the number of satellites is not stated, the
-receiver counts the satellites above the mask at the first epoch, because it has an almanac and a rough position at the
-start. The receiver never uses later epochs, so a longer run begins with the same bits.
+ends. The receiver also knows the data sheets of its oscillator and its accelerometers. Other known data are the
+broadcast orbits, the receiver's own tracking loops, and the errors of pseudoranges in `[position]`. `[processor]`
+states the expected C/N0, the expected C/N0 difference between E6 and E1, and the expected number of satellites. If the
+number of satellites is not stated, the receiver counts the satellites above the mask at the first epoch. For this count
+the receiver has an almanac and a rough position at the start. The receiver never uses later epochs, so a longer run
+begins with the same bits.
 """
 
 from __future__ import annotations

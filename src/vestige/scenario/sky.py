@@ -284,7 +284,7 @@ def satellites_in_view(
 
 
 def _elevations_rad(path: SatelliteRange, duration_s: float) -> tuple[float, float]:
-    """Return the elevation of a satellite at the beginning of a run, and the highest one."""
+    """Return the elevation of a satellite at the beginning of a run, and its highest elevation."""
     times_s = np.linspace(0.0, duration_s, int(np.clip(np.ceil(duration_s / _GRID_S) + 1, 2, _MOST_TIMES)))
     elevation_rad = path.sight(times_s).elevation_rad
     return float(elevation_rad[0]), float(np.max(elevation_rad))

@@ -1,8 +1,8 @@
 """Encrypted E6-C in the simulation: a keystream that never repeats and can be entered at any chip.
 
-Galileo's encryption of E6-C is not published. ACAS does not depend on it, because the receiver gets the chips
-themselves in the RECS. A simulation needs chips that nobody can predict without the key, and no two equal stretches. So
-chip number n since the start of Galileo time is bit n of the satellite's AES-256-CTR keystream. The most significant
+Galileo's encryption of E6-C is not published. ACAS does not depend on this encryption, because the receiver gets the
+chips themselves in the RECS. A simulation needs chips that nobody can predict without the key, and that never repeat.
+So chip number n since the start of Galileo time is bit n of the satellite's AES-256-CTR keystream. The most significant
 bit comes first; bit 0 is chip +1 and bit 1 is chip −1:
 
     K_svid = SHA-256("vestige E6-C" || svid || key)        counter block = ⌊n / 128⌋, big-endian

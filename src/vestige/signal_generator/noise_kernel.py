@@ -18,8 +18,8 @@ take 0.6 of the time.
 
 Polynomials: Cephes, single precision [CEPHES]. Errors against float64: radius 1.1e-7 relative, sine and cosine 6e-8.
 
-Two keys that differ by a multiple of GOLD would give one sequence, shifted. A hash as the key prevents this
-(`noise_key`).
+Two keys that differ by a multiple of GOLD would give the same sequence, shifted. A hash as the key prevents such a
+difference (`noise_key`).
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

@@ -3,8 +3,8 @@
 Theory of operation
 -------------------
 All components of a satellite in a band share code phase and carrier, so they are added *before* sampling. The table
-holds their sum on the finest sub-chip grid of the band, 12.276 MHz on E1 and 5.115 MHz on E6. A path then costs one
-look-up and one rotation per sample for any number of components:
+contains the sum of the components on the finest sub-chip grid of the band, 12.276 MHz on E1 and 5.115 MHz on E6. A path
+then costs one look-up and one rotation per sample for any number of components:
 
     x_i += level[⌊u_0 + i u_1⌋] · (a e^{jφ_i})          u_0, u_1 in float64, new for each block
 

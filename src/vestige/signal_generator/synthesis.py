@@ -3,7 +3,8 @@
 Theory of operation
 -------------------
 Sample n is taken t_n after the start of the segment. At the start, chip number L would arrive by a path without delay;
-L earlier chips are on air. A signal has Doppler f_d and Doppler rate ḟ_d on its carrier f_c. Over its paths r it adds
+L earlier chips are on air. A signal has Doppler f_d and Doppler rate ḟ_d on its carrier f_c. Over its paths r the
+signal adds
 
     x_n = Σ_r a_r · chip[L + ⌊u_n − d_r⌋] · exp j2π[(f_c − f_0 + f_d + f_r) t_n + ½ ḟ_d t_n²]
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
@@ -50,7 +51,7 @@ class ReceivedSignal:
     delay_m: Float[np.ndarray, " n_rays"]  # delay of each path, positive is later
     amplitude: Complex128[np.ndarray, " n_rays"]  # amplitude of each path with its phase at `start_s`
     ray_doppler_hz: Float[np.ndarray, " n_rays"]  # Doppler of each path over `doppler_hz`
-    lead_chips: int = 0  # chips before the segment, for the samples there and for late paths
+    lead_chips: int = 0  # chips before the segment, for the samples before it and for late paths
 
 
 def amplitude(cn0_dbhz: float, sample_rate_hz: float) -> float:

@@ -7,13 +7,14 @@ consecutive chips. A left shift by s brings chip s of the window into the sign b
 multiplies the float32 by the chip.
 
 **One window for many samples.** A window has the chips of all samples that lie within 15 chips, at every delay within
-`WINDOW_REACH_CHIPS` of a common middle. These are 32 samples from 2.2 samples per chip on, otherwise eight from half a
-sample per chip on. At lower sampling rates each sample has its own window. A window stays in the order of its words:
-chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. So no look-up is needed for single samples.
+`WINDOW_REACH_CHIPS` of a common middle. A window serves 32 samples from 2.2 samples per chip on, and eight samples from
+half a sample per chip on. At lower sampling rates each sample has its own window. A window stays in the order of its
+words: chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. So no look-up is needed for single
+samples.
 
 **Fixed-point code phase.** The phase at the start of a block is a float64. Inside the block the phase is an integer
 with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. The phase, modulo 32 chips and cut to 27
-fraction bits, is added to the phase of the delay (`window_delay`); the five upper bits of the sum are the shift. A chip
+fraction bits, is added to the phase of the delay (`window_delay`). The five upper bits of the sum are the shift. A chip
 edge is exact to 2^-27 chip (0.4 µm): a plain double loop in float64 finds the same chip at every sample.
 """
 

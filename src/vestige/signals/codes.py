@@ -1,8 +1,8 @@
 """Spreading codes: primary memory codes and secondary codes of E1-B, E1-C, E6-B, E6-C, from a packaged table.
 
 The tables are published facts of the Galileo OS SIS ICD and the Galileo E6-B/C Codes Technical Note (© European Union,
-used with acknowledgement). `data/README.md` describes their packed form. The SHA-256 of each section is checked on
-reading.
+used with acknowledgement). `data/README.md` describes the packed form of the tables. The SHA-256 of each section is
+checked on reading.
 """
 
 from __future__ import annotations

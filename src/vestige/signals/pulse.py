@@ -7,8 +7,8 @@ square 1. All functions follow exactly from the levels, with w = T_c/n the width
     autocorrelation   R(τ): linear between R(m w) = (1/n) Σ_k a_k a_{k+m}           random code, |τ| < T_c
     band-limited      R_B(τ) = ∫_{-B/2}^{B/2} S(f) cos(2πfτ) df                     ideal filter
 
-CBOC(6,1,1/11) [OS-ICD, 2.3.3]: √(10/11) BOC(1,1) ± √(1/11) BOC(6,1), on twelve sub-chips. The sign is + on E1-B and −
-on E1-C. Averaged over both, the cross term cancels and the spectrum is MBOC = 10/11 BOC(1,1) + 1/11 BOC(6,1).
+CBOC(6,1,1/11) is √(10/11) BOC(1,1) ± √(1/11) BOC(6,1), on twelve sub-chips [OS-ICD, 2.3.3]. The sign is + on E1-B and −
+on E1-C. Averaged over both signals, the cross term cancels and the spectrum is MBOC = 10/11 BOC(1,1) + 1/11 BOC(6,1).
 """
 
 from __future__ import annotations
@@ -101,8 +101,8 @@ def autocorrelation(pulse: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float
 def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the correlation of an unfiltered signal with the replica of another pulse and the same random code.
 
-    Both pulses have the same symmetry about the middle of the chip, so the correlation is even. Beyond one chip it is
-    zero.
+    Both pulses have the same symmetry about the middle of the chip, so the correlation is even. Beyond one chip the
+    correlation is zero.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.nda
 
 @lru_cache(maxsize=16)
 def _corners(received: Pulse, replica: Pulse) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return the delays at which the correlation bends, in chips, and its values there; between them it is straight."""
+    """Return the delays in chips, and the values, at the bends of the correlation, which is straight between them."""
     n = math.lcm(len(received.levels), len(replica.levels))
     first, second = (np.repeat(one.levels, n // len(one.levels)) for one in (received, replica))
     values = np.pad(np.correlate(first, second, mode="full") / n, 1)

@@ -1,10 +1,10 @@
 """Some epochs of a campaign as an ACAS test case: all data that an independent receiver needs, and the truth.
 
 The test case contains the epochs from `first` to before `end`. The samples of both bands are continuous and contain all
-satellites of the sky (`receiver.samples.continuous`). With them come E1 observations with the errors of the truth,
-RECS, group delays and keys. `vestige run` processes the same epochs with the same RECS, keys and errors. Under a sky
-the E6 samples are also the same, and so are the E1 samples except for the symbols of E1-B. On a single line of sight
-the noise of the campaign's samples differs, because each epoch has its own noise.
+satellites of the sky (`receiver.samples.continuous`). The test case also contains E1 observations with the errors of
+the truth, RECS, group delays and keys. `vestige run` processes the same epochs with the same RECS, keys and errors.
+Under a sky the E6 samples are also the same, and so are the E1 samples except for the symbols of E1-B. On a single line
+of sight the noise of the campaign's samples differs, because each epoch has its own noise.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ class ExportedSatellite:
     interval_s: float  # time between epochs
     first: int
     end: int
-    symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random ones
+    symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
 
     @property
     def svid(self) -> int:

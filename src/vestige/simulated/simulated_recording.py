@@ -94,7 +94,7 @@ class SimulatedRecording:
         return next(self.record(band, at_most=stretch_samples(self.sample_rate_hz)))
 
     def _rest(self, band: Band, done: int, pool: Executor) -> Generator[SampleBatch]:
-        """Yield the samples of a band after the first `done`."""
+        """Yield the samples of a band after the first `done` samples."""
         if rest := self.samples[done:]:
             yield from self._made(band, rest, noise=True, pool=pool)
 

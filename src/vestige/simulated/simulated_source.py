@@ -24,7 +24,7 @@ class SimulatedSource:
     scenario
         The campaign.
     block_epochs
-        Epochs in a block; the verdicts do not depend on it.
+        Number of epochs in a block; the verdicts do not depend on this number.
     """
 
     scenario: CampaignScenario
@@ -54,7 +54,7 @@ def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLO
     scenario
         Campaign, or the path of its file.
     block_epochs
-        Number of epochs in a block, 1 or more. The verdicts do not depend on it.
+        Number of epochs in a block, 1 or more. The verdicts do not depend on this number.
 
     Returns
     -------

@@ -8,8 +8,8 @@ A recording `night` is written in `.night.unfinished`, in the same parent folder
 | `night/` | the later folder; samples are in `*.part` until their band is complete |
 
 `progress.json` is replaced as a whole, and only after the samples that it counts are on the disk. So the process or the
-machine may stop at any moment: the next call cuts the files to the counted samples and makes the rest. All other files
-are made anew. After an error or Ctrl-C nothing is left.
+machine may stop at any moment. The next call cuts the files to the counted samples and makes the rest. All other files
+are made anew. After an error or Ctrl-C no file is left.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[
     Raises
     ------
     InputFileError
-        If `output` exists or lies in the results of a campaign; if the hidden folder contains another recording, is in
+        If `output` exists or lies in the results of a campaign. If the hidden folder contains another recording, is in
         use by another process, or could have been prepared by another user.
     OSError
         If the folder cannot be written; the error has the name of `output`.

@@ -2,9 +2,9 @@
 
 A run takes about a second, so no store of it is kept. A line of `runs.csv` has the outcome of a run at a mitigation
 level. Threat, scene, seed, level and a digest of the scenario identify the line. If scenario or version changed, the
-run is measured anew. All levels are judged on the same results. Each attacked run is measured a second time without
-its attack; alarms of that run are alarms by chance. The worker of the attacked run measures it, unless another scene
-that differs only in its attack has done so.
+run is measured anew. All levels are judged on the same results. Each attacked run is measured a second time without its
+attack; alarms of that run are alarms by chance. The worker of the attacked run also measures this second run, unless
+another scene that differs only in its attack has done so.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def _runs(
     All cases are measured with a group of seeds before the next group begins. The runs of a case begin before those of
     the previous case have ended, so that no worker waits.
     """
-    measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}  # call of each run, and its place in the call
+    measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}  # call of each run, and its position in the call
 
     def submitted() -> Iterator[tuple[int, bool, tuple[RunKey, ...], str]]:
         together = [seeds[first : first + _SEEDS_TOGETHER] for first in range(0, len(seeds), _SEEDS_TOGETHER)]

@@ -1,12 +1,14 @@
 """Outcome of an attack in a recording that a receiver has processed, in the words of the threat table.
 
-`campaign/run_outcome.py` defines the words. They need two things, which are taken from the recording:
+`campaign/run_outcome.py` defines the words. The words need the errors of the ranges and the epochs, which are taken
+from the recording:
 
 **Error of a range.** The error is the tracked pseudorange minus the pseudorange of the same receiver without the
-attack. The second is computed from the scenario without samples; both have the same clock, orbits and atmosphere.
+attack. The pseudorange without the attack is computed from the scenario, without samples. Both pseudoranges have the
+same clock, orbits and atmosphere.
 
-**Epochs.** An epoch is each RECS, and each second between two RECS if the level tests E1 there. A satellite of the
-scenario that tracking lost has no verdict.
+**Epochs.** Each RECS is an epoch, and so is each second between two RECS if the level tests E1 between RECS. A
+satellite of the scenario that tracking lost has no verdict.
 
 The error of the position is not computed, because it follows from the errors of the ranges.
 """

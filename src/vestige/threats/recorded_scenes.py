@@ -1,13 +1,13 @@
 """Scenes of the threat table as recordings of some seconds, for a receiver that tracks their samples.
 
-A scene lasts 15 minutes. Its samples would fill 56 GB, and tracking would take as long. So a recording is a part of the
-scene and differs from it only in these points:
+A scene lasts 15 minutes. The samples of a scene would fill 56 GB, and tracking them would take as long as the scene. So
+a recording is a part of the scene and differs from it only in these points:
 
-* A slow attack is accelerated by the factor `faster`. Every time in its tables, counted from its start, and every
-  duration is divided by the factor. Powers, delays and the values that the seed draws are those of the scene.
+* A slow attack is accelerated by the factor `faster`. Every time in the tables of the attack, counted from its start,
+  and every duration is divided by the factor. Powers, delays and the values that the seed draws are those of the scene.
 * RECS come more often, and some satellites are left out.
-* If the recording begins before the attack, the receiver is locked when the attack begins. If it begins later, the
-  receiver is switched on under the attack, as in the scene (`acquired`).
+* If the recording begins before the attack, the receiver is locked when the attack begins. If the recording begins
+  later, the receiver is switched on under the attack, as in the scene (`acquired`).
 * The sampling rate is the lowest that E6 allows. The receiver trusts its clock to 10 ms. So the search for
   E6 signals at other times than E1 predicts covers 10 ms on both sides, not 1 s.
 

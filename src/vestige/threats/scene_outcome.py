@@ -1,8 +1,8 @@
 """Outcome of an attack in many runs at one mitigation level, and its agreement with the expectation.
 
-A statement about an attack is tested in many runs with different seeds. It is true if the exact interval of its
-probability lies above one half. If the interval contains one half, the runs do not decide. An expectation is a
-statement of this kind:
+A statement about an attack is tested in many runs with different seeds. The statement is true if the exact interval of
+its probability lies above ½. If the interval contains ½, the runs are not conclusive. An expectation is a statement of
+this kind:
 
     pass         without an attack neither alarms nor failures of single tests are more frequent than their budget,
                  nor failures of any check more frequent than the budget of that check, nor less frequent where the
@@ -13,9 +13,9 @@ statement of this kind:
     deny         denied, and not missed
     partial      detected in about half of the runs: the interval contains one half
 
-No check may use the budget of another check. A check exceeds its budget if that many failures, or more, have a Poisson
-probability below `ERROR` over the number of the level's checks. So a level whose checks all keep their budgets is
-reported to exceed a budget in at most 5 % of all measurements.
+No check may use the budget of another check. A check exceeds its budget if the measured number of failures, or more,
+has a Poisson probability below `ERROR` over the number of the level's checks. So a level whose checks all keep their
+budgets is reported to exceed a budget in at most 5 % of all measurements.
 
 The outcome of a single run is defined in `campaign/run_outcome.py`. Neighbouring epochs share the noise of some
 seconds, so failures of single tests come in groups of up to `_GROUP`. All functions are pure.
@@ -101,7 +101,7 @@ class SceneOutcome(OutcomeCounts):
     worst_position_m: float
 
     def a_day(self, name: str) -> tuple[float, float, float]:
-        """Return the rate a day of a count, and the ends of the exact interval of its mean."""
+        """Return the daily rate of a count, and the ends of the exact interval of its mean."""
         return tuple(one * DAY_S / self.duration_s for one in count_interval(getattr(self, name)))  # type: ignore[return-value]
 
     @property

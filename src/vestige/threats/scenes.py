@@ -1,7 +1,7 @@
 """The threat table: attacks A0 to A21, the expected outcome at each mitigation level, and the scenes to measure it.
 
-The file `threats.toml` beside this module has the table as data and explains it. The rows are the attacks against
-which the levels of [WFO, Sec. IV] defend. Parameters come from recorded attacks [TEXBAT] where there are such.
+The file `threats.toml` beside this module has the table as data and explains it. The rows are the attacks against which
+the levels of [WFO, Sec. IV] defend. Parameters come from recorded attacks [TEXBAT] if such recordings exist.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Draw(Section):
         return self
 
     def value(self, share: float) -> float:
-        """Return the value a share 0 … 1 of the way from low to high."""
+        """Return the value at a share 0 … 1 of the way from low to high."""
         if self.log:
             return math.exp(math.log(self.low) + share * math.log(self.high / self.low))
         return self.low + share * (self.high - self.low)

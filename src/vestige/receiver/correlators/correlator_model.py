@@ -66,7 +66,7 @@ class CorrelatorModel:
         return None if self.front_end is None or self.front_end.transparent else self.front_end
 
     def noise_factor(self) -> Float[np.ndarray, "n_taps n_taps"]:
-        """Return L for σ = 1.
+        """Return L, a root of the covariance of the noise over the taps, for σ = 1.
 
         Raises `ValueError` if two taps coincide.
         """
@@ -105,7 +105,7 @@ class CorrelatorModel:
         """Return taps and measured noise power of a block of epochs.
 
         C/N0 is that of E6-C's line of sight; −∞ means no signal and noise of variance 1. The first path is the line of
-        sight. Delays of paths count from the hand-over's prediction; amplitudes are relative to the line of sight;
+        sight. Delays of paths count from the hand-over's prediction. Amplitudes are relative to the line of sight, and
         Dopplers are residual. `other_signals` is the density over N0 of all other signals on air (module
         `other_signals`).
         """

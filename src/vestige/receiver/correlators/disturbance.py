@@ -36,7 +36,7 @@ class Disturbance:
     """The part of an attack on E6 that is not a path with a delay, over epochs."""
 
     white: Float[np.ndarray, " n"]  # density of white noise over N0
-    # jamming waveforms as they appear in the taps, for noise of σ = 1 there
+    # jamming waveforms as they appear in the taps, for noise of σ = 1 in the taps
     waveforms: Complex128[np.ndarray, "n n_taps"]
     rise: Float[np.ndarray, " n"]  # rise of the noise power by these waveforms, in the same unit
     unrelated: Float[np.ndarray, "n n_rays n_lags"]  # B of every path, of variance 1

@@ -12,14 +12,14 @@ add with their phases; signals that slip fast add their powers. The loop settles
 d/2). When the signals change, the loop moves to the nearest zero in the direction of its discriminator. So the loop has
 a memory: it stays on one of two peaks. Steps of 0.1 s are small enough for all pull-off rates up to 100 m/s.
 
-**Capture.** A spoofing signal may start aligned with the true signal and then leave. With more power it takes the loop
-along at any phase; with equal or less power it never does [JWCN18, Eq. 4-6]. A spoofing signal that starts more than a
-chip away never captures a locked loop.
+**Capture.** A spoofing signal may start aligned with the true signal and then leave. If the spoofing signal has more
+power than the true signal, the loop follows it at any phase. With equal or less power the spoofing signal never
+captures the loop [JWCN18, Eq. 4-6]. A spoofing signal that starts more than a chip away never captures a locked loop.
 
 **Lock.** A receiver acquires the strongest signal if its prompt correlator falls below 20 dBHz, or if an attack
-restarts it (`acquired`). Acquisition takes `reacquisition_s`, during which a signal above 20 dBHz must be present;
-until its end E1 has no measurements. So the receiver returns to the true signal when a spoofing signal ends. Before its
-first epoch the receiver has acquired the strongest signal on air.
+restarts it (`acquired`). Acquisition takes `reacquisition_s`, during which a signal above 20 dBHz must be present. E1
+has no measurements until the end of the acquisition. So the receiver returns to the true signal when a spoofing signal
+ends. Before its first epoch the receiver has acquired the strongest signal on air.
 
 `REACQUISITION_S` is that of the tracking receiver on samples (`sample_processor.tracking`). The tracking receiver looks
 for a lost satellite every second. The search takes 0.1 s of samples and the pull-in of the carrier 0.2 s; C/N0 and
@@ -27,8 +27,9 @@ phase lock are good after 0.2 s more. So observations come 0.5 to 1.5 s after th
 
 **Side peaks.** R² of BOC(1,1) has peaks half a chip from the main peak, 6 dB lower. A loop stays on the nearest peak:
 if the true signal vanishes and a signal 170 m later stays, the loop settles 16 m later, not 170 m. The tracking loops
-on samples do the same, since they do not look for side peaks either. Both settle a quarter of their early-late spacing
-before the side peak: 16 m here, where d is 0.1 chip, and 11 m on samples of 12.3 MHz, where d is 0.166 chip.
+on samples also stay on the nearest peak, since they do not look for side peaks. Loops of the model and on samples
+settle a quarter of their early-late spacing before the side peak: 16 m here, where d is 0.1 chip, and 11 m on samples
+of 12.3 MHz, where d is 0.166 chip.
 
 The model leaves out the carrier loop, the loop's own dynamics, and reflections. The Doppler of the model is that of the
 strongest signal in the prompt correlator; the error of reflections is added separately (`e1_multipath`). The tracking

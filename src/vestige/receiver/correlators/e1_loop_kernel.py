@@ -41,7 +41,7 @@ def power(levels, x, delay, product):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _early_side(levels, x, delay, product, half_spacing):
-    """Return whether the loop at x moves earlier; it also does if nothing moves it later."""
+    """Return whether the loop at x moves earlier; the loop also moves earlier if both powers are equal."""
     early = power(levels, x - half_spacing, delay, product)
     late = power(levels, x + half_spacing, delay, product)
     return early - late > -_TIE * (early + late)
@@ -65,7 +65,8 @@ def _next(n_levels, x, delay, half_spacing, direction):
 def settle(levels, x, delay, product, half_spacing):
     """Return the stable zero of D = early − late that a loop at x reaches; x if there is none within reach.
 
-    D > 0 moves the loop earlier. With D = 0 the loop also moves earlier, so of two equal signals it keeps the first.
+    D > 0 moves the loop earlier. With D = 0 the loop also moves earlier, so the loop keeps the first of two equal
+    signals.
     """
     after = _early_side(levels, x + _NEAR, delay, product, half_spacing)
     before = _early_side(levels, x - _NEAR, delay, product, half_spacing)
@@ -89,7 +90,7 @@ def settle(levels, x, delay, product, half_spacing):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def strongest(levels, delay, product):
-    """Return the delay of the signal at which the power is largest; of equal signals the first."""
+    """Return the delay of the signal at which the power is largest, the first if several powers are equal."""
     best, at = -1.0, 0.0
     for i in range(delay.size):
         here = power(levels, delay[i], delay, product)

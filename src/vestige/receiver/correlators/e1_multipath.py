@@ -61,7 +61,7 @@ def e1_multipath_error_m(
 def _kept_m(
     delay_m: bytes, amplitude: bytes, shape: tuple[int, ...], spacing_chips: float, pulse: Pulse, chip_rate_hz: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the error of the reflections that scenes with the same seed have in common, as bytes in C order."""
+    """Return the error from a cache, because scenes with the same seed have the same reflections; arrays are bytes."""
     delays_m, amplitudes = np.frombuffer(delay_m).reshape(shape), np.frombuffer(amplitude, complex).reshape(shape)
     return _settled_m(delays_m, amplitudes, spacing_chips, pulse, chip_rate_hz)
 
@@ -73,7 +73,7 @@ def _settled_m(
     pulse: Pulse,
     chip_rate_hz: float,
 ) -> Float[np.ndarray, " n"]:
-    """Return where the loop settles in m."""
+    """Return the delay at which the loop settles in m."""
     rays = _Rays(delay_m.T * (chip_rate_hz / SPEED_OF_LIGHT_MPS), amplitude.T, spacing_chips / 2, pulse)
     error = np.zeros(delay_m.shape[0])
     at_zero = rays.discriminator(error)

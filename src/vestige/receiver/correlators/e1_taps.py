@@ -19,8 +19,9 @@ A spoofing signal beats with the true signal while they overlap. The power is av
 noise, 4.343 dB/√(W T_P). The model has no drift of the front end.
 
 The model is the limit of continuous time without a front end. On a single line of sight the signal is BOC(1,1), as it
-is in `e1_samples`. Under a sky it is CBOC(6,1,1/11), as on air. The correlation of CBOC with BOC(1,1) replaces R in ξ,
-0.4 dB less at the peak. All other signals add noise and power (`sky_e1_model`), as in `snapshots.sky_e1`.
+is in `e1_samples`. Under a sky the signal is CBOC(6,1,1/11), as on air. The correlation of CBOC with BOC(1,1) then
+replaces R in ξ; its peak is 0.4 dB lower. All other signals add noise and power (`sky_e1_model`), as in
+`snapshots.sky_e1`.
 """
 
 from __future__ import annotations

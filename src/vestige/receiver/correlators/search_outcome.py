@@ -7,8 +7,8 @@ Doppler of signal i, a correlator over T receives the sum of all signals,
 
     h_i = Σ_j a_j R(τ_i − τ_j) sinc((f_j − f_i) T),      s_i² = 2 (C/N0) T |h_i|² L_i / (1 + ρ)
 
-So a nulled signal counts only with its remainder. ρ is the noise that an attack adds. L_i is the loss to the nearest
-cell of the grid, drawn for every signal: uniform over a step of code and of Doppler. The strongest cell is tested,
+So only the remainder of a nulled signal counts. ρ is the noise that an attack adds. L_i is the loss to the nearest cell
+of the grid, drawn for every signal: uniform over a step of code and of Doppler. The strongest cell is tested,
 
     E1          K = 48 squared magnitudes (24 periods, two components), χ²(2K) about the mean Σ s² + 2K
     hand-over   |s + z|,  z ~ CN(0, 2), at the nearest tap; only at the delays of signals found on E1
@@ -18,19 +18,20 @@ against the threshold of all cells at `p_fa`. The model leaves out that neighbou
 some 0.02 near P_d = ½ (docs/vestigial_search.md).
 
 Signals closer than the separation rule count as a single signal, the stronger. On E1 the rule is two chips modulo 4 ms.
-In E6 the rule is one chip, or 2¼ − s/s' chips if the fine search of the weaker signal, within 1¼ chips of its cell,
-can end on the flank of the stronger. On E1 a signal that is 16 dB below the strongest does not count. On E1 every found
-signal counts as an additional signal; in E6 only a signal with the chips of the RECS counts. A false alarm has
-probability p_fa and lies anywhere in the window.
+In E6 the rule is one chip. The rule is 2¼ − s/s' chips if the fine search of the weaker signal can end on the flank of
+the stronger signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a signal that is 16 dB below the
+strongest does not count. On E1 every found signal counts as an additional signal; in E6 only a signal with the chips of
+the RECS counts. A false alarm has probability p_fa and lies anywhere in the window.
 
 The earliest signal in E6 is the true signal. A receiver then uses the delay of this signal less the predicted E6 − E1
-delay as a range. The errors of this range are its delay, ionosphere and group delay as in every hand-over, and the
-noise of one snapshot. After a hand-over search the range is used if every signal of E1 was found in E6 or could not
-have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip off. After an exhaustive search the range is used if there
-are two signals. A single signal may be the spoofing signal, with the true signal lost in noise.
+delay as a range. The errors of this range are the delay of the signal, ionosphere and group delay as in every
+hand-over, and the noise of one snapshot. After a hand-over search the range is used if every signal of E1 was found in
+E6, or if none of these signals could have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip off. After an
+exhaustive search the range is used if there are two signals. A single signal may be the spoofing signal, with the true
+signal lost in noise.
 
-In this model multipath components do not count as signals of their own. A satellite 16 dB below the strongest of the
-others is not left out.
+In this model multipath components do not count as signals of their own. The model keeps a satellite that is 16 dB
+weaker than the strongest other satellite.
 """
 
 from __future__ import annotations
@@ -152,8 +153,8 @@ def search_outcome(
 ) -> SearchOutcome:
     """Return the results of the searches in the epochs from `first` on; the cut into blocks does not change them.
 
-    C/N0 are those of undisturbed pilots at nominal strength, before the effect of elevation. `p_fa` holds for each
-    search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
+    The two C/N0 are those of undisturbed pilots at nominal strength, before the effect of elevation. `p_fa` holds for
+    each search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
     """
     seen_db = np.where(truth.geometry.in_view, 20 * np.log10(truth.geometry.amplitude), -np.inf)
     e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)

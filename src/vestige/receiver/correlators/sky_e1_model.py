@@ -2,12 +2,14 @@
 
 Theory of operation
 -------------------
-Each satellite sends E1-B and E1-C, of C/N0 c_j each, CBOC(6,1,1/11) with + and −. A correlator takes E1-C as BOC(1,1).
+Each satellite sends E1-B and E1-C, of C/N0 c_j each, as CBOC(6,1,1/11) with the signs + and −. A correlator takes E1-C
+as BOC(1,1).
 
-**Strangers** are all signals that are not aligned with the replica: those of other satellites, and the satellite's own
-that are a chip or more away. The power u = Σ c_j p_j of the strangers is that of one component over N0, in Hz; p is the
-power of a satellite's signals over that of its line of sight. Sampled at f_s, their noise in two correlators δ apart
-has the covariance u A(δ) in each dimension. The receiver's own noise has the covariance of the replicas instead.
+**Strangers** are all signals that are not aligned with the replica: signals of other satellites, and the satellite's
+own signals a chip or more away. The power u = Σ c_j p_j of the strangers is that of one component over N0, in Hz. The
+factor p is the power of a satellite's signals over that of its line of sight. Sampled at f_s, the noise of the
+strangers in two correlators δ apart has the covariance u A(δ) in each dimension. The receiver's own noise has the
+covariance of the replicas instead.
 
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 
@@ -15,12 +17,13 @@ R_B and R_C are the autocorrelations of the two components, and R is that of BOC
 µs; at 6.2 MHz it is 18 % more, as sampling folds BOC(6,1) into the band. Seven other satellites of 45 dBHz raise the
 noise by 13 %.
 
-**The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips it gives the output of
+**The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips E1-B gives the output of
 E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are random.
-So over T E1-B is noise with the shape and the phase of the signals and the variance X²/(N T R_c) times theirs.
+So over T E1-B is noise with the shape and the phase of the signals. The variance of this noise is X²/(N T R_c) times
+the power of the signals.
 
-**Power** is that within W about the carrier. Two signals of delay difference τ have the common power P(τ) of both
-components,
+**Power** is the power within W about the carrier. The common power of two signals with the delay difference τ is, over
+both components,
 
     P(τ) = W/f_s Σ_m [R_B(m/f_s − τ) + R_C(m/f_s − τ)] sinc(W m/f_s)
 

@@ -3,8 +3,8 @@
     b(t) = b_BGD + b_HW + r_HW t
 
 b_BGD belongs to the satellite: it is the residual of the broadcast group delay times γ − 1, constant over the run. b_HW
-and its drift r_HW, from the temperature of the front ends, belong to the receiver and are common to all satellites. All
-three are drawn once and are Gaussian.
+and its drift r_HW, from the temperature of the front ends, belong to the receiver and are common to all satellites.
+b_BGD, b_HW and r_HW are drawn once and are Gaussian.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from vestige.receiver.errors.error_process import Streams
 class BiasResiduals:
     """Gaussian residuals of group delay and hardware; the default is none, as after calibration.
 
-    Without calibration the hardware has about 3 m [WFO, Sec. II-B]. Without a group delay file, BGD has 1.5 m [SASLIB].
+    Without calibration the standard deviation of the hardware delay is about 3 m [WFO, Sec. II-B]. Without a group
+    delay file, that of BGD is 1.5 m [SASLIB].
 
     Attributes
     ----------

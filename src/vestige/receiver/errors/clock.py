@@ -14,7 +14,7 @@ The noises of both states are correlated. With u, w ~ N(0, 1) and the frequency 
     n_frequency = √(Sg T) u,    n_bias = (T/2) n_frequency + √(Sf T + Sg T³/12) w
 
 The factor needs no division and is 0 for T = 0. The composition of steps is exact: the distribution at a time does not
-depend on the epochs before.
+depend on earlier epochs.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Common base of the receiver's error models: named streams of random numbers, and times that only increase.
 
 A model is a frozen record of parameters. `model.process(streams)` starts a realisation of the model. `advance(times_s)`
-continues that realisation to later times, with one value per epoch. All models obey one law: the values do not depend
-on how the epochs are cut into calls, to the last bit. So a model asks for one stream per variable and draws the same
-number of values for every epoch.
+continues that realisation to later times, with one value per epoch. The values of every model do not depend, to the
+last bit, on the cut of the epochs into calls. So a model asks for one stream per variable and draws the same number of
+values for every epoch.
 
-Each stream belongs to the thing that it describes: clock and front ends to the receiver, all others to a satellite,
+The streams of clock and front ends belong to the receiver. All other streams belong to a satellite,
 `named_streams(seed, svid)`.
 """
 
@@ -90,10 +90,10 @@ class MultipathModel(Protocol):
 
 @runtime_checkable
 class TrackingModel(Protocol):
-    """Noise of E1 observations, with its standard deviations, because a receiver knows its own loops."""
+    """Model of the noise of E1 observations, with the standard deviations that a receiver knows from its loops."""
 
     def __hash__(self) -> int:
-        """Return a number that equal models share."""
+        """Return a number that is the same for equal models."""
         ...
 
     @property

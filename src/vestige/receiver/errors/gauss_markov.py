@@ -7,7 +7,7 @@ First order:
 The process is stationary, and exact for any sequence of steps: E[z(t) z(t + s)] = e^{−s/τ}. The process is not smooth:
 the change over a short step h has the standard deviation √(2h/τ).
 
-Second order, critically damped, with the rate v of z as a second state:
+The process of second order is critically damped and has the rate v of z as a second state:
 
     z'' + 2 z'/a + z/a² = white noise,    E[z(t) z(t + s)] = (1 + s/a) e^{−s/a},    E[v²] = 1/a²
 

@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-The residual e is a mixture. With probability 1 − p it comes from N(0, σ). With ps it comes from the late tail u +
-Exp(β), where E6 arrives later than the model predicts, and with p(1 − s) from the early tail −(u + Exp(β)). Far out on
-the late side
+The residual e is a mixture. With probability 1 − p the residual e comes from N(0, σ). With probability ps e comes from
+the late tail u + Exp(β), where E6 arrives later than the model predicts. With probability p(1 − s) e comes from the
+early tail −(u + Exp(β)). Far out on the late side
 
     P(e > x) = ps · e^{−(x−u)/β}
 
@@ -12,7 +12,7 @@ The tail is a straight line in a logarithmic histogram, as the right flank in [W
 gives the value through the inverse distribution function, e = F⁻¹(Φ(z)). So e has the distribution F for any memory of
 z.
 
-* `iid`: every epoch independent, for histograms.
+* `iid`: all epochs are independent, for histograms.
 * `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation along a Galileo pass. A run of 100,000 s
   then has only about 14 independent values. In a second the residual changes by 1.7 % of its spread, or 2 cm: half a
   radian of the E6 carrier. So carrier phases need `smooth`.
@@ -20,9 +20,10 @@ z.
   second, 0.4 mm. E6 carrier phases can be compared with those of E1.
 
 A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are the difference between two such models,
-NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Both tails of that difference have 5 %. In a
-strong ionosphere a broadcast model usually underestimates the delay, as the paper's histogram shows. So the preset
-2014-late keeps the late tail and gives the 5 % of the early tail to the core. 1 TECU is 0.0841 m of E6 − E1.
+NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Each tail of this difference has a
+probability of 5 %. In a strong ionosphere a broadcast model usually underestimates the delay, as the paper's histogram
+shows. So the preset 2014-late keeps the late tail and gives the 5 % of the early tail to the core. 1 TECU is 0.0841 m
+of E6 − E1.
 """
 
 from __future__ import annotations
@@ -175,7 +176,7 @@ class HeavyTailedIonosphere:
         return np.maximum(-self.core_sigma_m * ndtri(np.minimum(upper, 0.5)), 0.0)
 
     def _tail_quantile(self, upper: Float[np.ndarray, " n"], tail: float) -> Float[np.ndarray, " n"]:
-        """Return the x ≥ u exceeded with `upper`: in closed form, or by bisection if the core reaches beyond u."""
+        """Return the x ≥ u that is exceeded with `upper`, in closed form, or by bisection if the core goes beyond u."""
         p, u, beta, sigma = self.tail_probability, self.tail_start_m, self.tail_scale_m, self.core_sigma_m
         if self.truncated or sigma == 0 or p == 1:
             return u + beta * np.log(np.maximum(tail / upper, 1.0))

@@ -8,15 +8,15 @@ Theory of operation
 * Strength: Rayleigh, mean square 10^(G/10)/N with G = G0 − s τ in dB, for N reflections. So G0 is the mean power of all
   reflections together relative to the line of sight.
 * Phase: uniform at first, then changing with the Doppler f_i = (v/λ) cos ψ_i, ψ uniform, v the receiver's speed.
-* Life: exponential, so a reflection dies in a step dt with probability 1 − e^{−r dt}, whatever its age; r = v/L + 1/T
-  for a mean life of L metres of travel or T seconds. Another, independent reflection follows.
+* Life: exponential, so a reflection dies in a step dt with probability 1 − e^{−r dt}, whatever its age. The rate is r =
+  v/L + 1/T for a mean life of L metres of travel or T seconds. Another, independent reflection follows.
 * Number: fixed, or Poisson with a maximum; the number is drawn anew at the same rate as the reflections.
 
 A reflection has the same coefficient on E1, but the phase of the E1 carrier. The phase differs by (f1 − f6) τ cycles,
-one cycle for each metre of excess delay, so that the errors of E1 and E6 are practically independent.
+one cycle for each metre of excess delay. So the errors of E1 and E6 are practically independent.
 
-These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681], without its
-scenery. The power of the presets is calibrated to the only result in [WFO]: 52 misses in 100,000.
+These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681], without the
+channel's houses and trees. The power of the presets is calibrated to the only result in [WFO]: 52 misses in 100,000.
 """
 
 from __future__ import annotations
@@ -118,12 +118,12 @@ class LmsLiteMultipath:
 
     @classmethod
     def elevation_5_30(cls) -> LmsLiteMultipath:
-        """Return low satellites as in [WFO, Sec. VI-A]: each epoch has a new reflection."""
+        """Return the multipath of low satellites as in [WFO, Sec. VI-A]: each epoch has a new reflection."""
         return cls(power_db=REFERENCE_MULTIPATH_DB, mean_excess_m=40.0, mean_life_m=0.0)
 
     @classmethod
     def open_sky(cls) -> LmsLiteMultipath:
-        """Return a satellite above 30°: weaker and shorter reflections."""
+        """Return the multipath of a satellite above 30°: weaker and shorter reflections."""
         return cls(power_db=OPEN_SKY_DB, mean_excess_m=20.0, mean_life_m=0.0)
 
     @classmethod
@@ -162,7 +162,7 @@ class _Renewal:
     def advance(
         self, steps: Float[np.ndarray, " n"], candidates: Float[np.ndarray, "n_values n width"]
     ) -> Float[np.ndarray, "n_values n width"]:
-        """Return for each epoch the candidates of the last epoch with a change.
+        """Return the values at each epoch: the candidates of the last epoch with a change.
 
         Parameters
         ----------

@@ -8,9 +8,9 @@ Standard deviations, with B the one-sided noise bandwidth of the loop concerned,
     carrier   phase lock loop        σ_φ = √(B/C · (1 + 1/(2TC))) rad                 [KAPLAN06, 5.6.1]
     Doppler   frequency lock loop    σ_f = 1/(2πT) √(4FB/C · (1 + 1/(TC))) Hz, F = 1   [KAPLAN06, 5.6.2]
 
-A loop forgets. A first-order loop of noise bandwidth B has the impulse response 4B e^{−4Bt}, so its error is a
-Gauss-Markov process with τ = 1/(4B). For 1 Hz, observations 1 s apart have a correlation of 1.8 %, 20 ms apart of 92 %.
-The model treats higher orders as first order.
+The error of a loop is correlated in time. A first-order loop of noise bandwidth B has the impulse response 4B e^{−4Bt},
+so its error is a Gauss-Markov process with τ = 1/(4B). At 1 Hz, the correlation is 1.8 % for observations 1 s apart,
+and 92 % for observations 20 ms apart. The model treats higher orders as first order.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ _RANGES = {
 class BetzTrackingNoise:
     """Noise of a delay lock loop with a phase and a frequency lock loop.
 
-    The default loop has 0.56 m at 35 dBHz; with a loop bandwidth of 2 Hz it has 0.79 m. [WFO, Sec. II-B] gives 0.5 to 1
-    m. With an early-late spacing above 0.1 chip, almost no slope is left for MBOC.
+    The code noise of the default loop is 0.56 m at 35 dBHz, and 0.79 m with a loop bandwidth of 2 Hz. [WFO, Sec. II-B]
+    gives 0.5 to 1 m. With an early-late spacing above 0.1 chip, almost no slope is left for MBOC.
 
     Attributes
     ----------

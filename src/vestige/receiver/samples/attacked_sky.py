@@ -1,14 +1,14 @@
 """An attack in a recording: each spoofing signal is an additional satellite in the sky, with its own path.
 
-A spoofing signal has the delay τ at the receiver. The signal left the satellite together with the true signal that
-arrived τ earlier, and the receiver's clock is that of its arrival:
+A spoofing signal has the delay τ at the receiver. The spoofing signal left the satellite together with the true signal
+that arrived τ earlier. The receiver's clock is that at the arrival of the spoofing signal:
 
     P'(t) = s(t − τ) + clock(t) + c τ
 
-The additional phase of its carrier is in the phasor of its propagation: zero for a delay line (`Coherent`), while a
-locked or slipping carrier diverges from its code. Power and phase follow the attack's profiles in steps of a stretch,
-10 ms. The time of the profiles is that of transmission, as in a run. Signals sent before the scenario's start have the
-profile values of the start.
+The additional phase of the spoofing signal's carrier is in the phasor of its propagation. This phase is zero for a
+delay line (`Coherent`), while a locked or slipping carrier diverges from its code. Power and phase follow the attack's
+profiles in steps of a stretch, 10 ms. The time of the profiles is that of transmission, as in a run. Signals sent
+before the scenario's start have the profile values of the start.
 """
 
 from __future__ import annotations

@@ -9,11 +9,11 @@ recording goes through all epochs in one piece:
     E6:  code later by γ I + bias + (γ − 1) c BGD, carrier earlier by γ I
          reflections
 
-In the middle of the reception of an epoch's chips, all errors have the values of the epoch, and change slowly. From
-there the errors change to the values of the next epoch without a step. Delays and strengths follow half a cosine. The
-phase of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the recording is
-therefore that of `Simulation.snapshot`, except for carrier phase and micrometres. Tracking loops see a channel without
-jumps.
+In the middle of the reception of an epoch's chips, all errors have the values of the epoch, and change slowly. Between
+two such moments the errors change to the values of the next epoch without a step. Delays and strengths follow half a
+cosine. The phase of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the
+recording is therefore that of `Simulation.snapshot`, except for the carrier phase and for micrometres of range.
+Tracking loops see a channel without jumps.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class ContinuousTruth:
     """A truth at any time."""
 
     line_of_sight: RangeHistory
-    truth: TruthBlock  # truth at the epochs: at least two, which enclose all times that are asked for
+    truth: TruthBlock  # truth at the epochs: at least two, which enclose all requested times
     e1_multipath: bool  # whether the reflections are in E1 too
     # delay of E6 relative to E1 that the receiver is told, in addition to the truth's residuals, in m
     group_delay_m: float = 0.0
@@ -109,7 +109,7 @@ class ContinuousTruth:
         return t_s
 
     def propagation(self, band: Band, duration_s: float) -> ContinuousPropagation:
-        """Return the propagation in a band; while the RECS of an epoch (`duration_s`) arrives, it is that epoch's."""
+        """Return the propagation in a band; while an epoch's RECS (`duration_s`) arrives, it is that of the epoch."""
         return ContinuousPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
 
     def _clock(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], ...]:

@@ -5,10 +5,11 @@ Under a sky the correlators come from samples that all satellites share (`snapsh
 Theory of operation
 -------------------
 For each epoch and satellite T = 0.1 s of E1-C is synthesised: line of sight, multipath, spoofing signals, noise and
-jamming. The processor's own correlator processes the samples with BOC(1,1) as a code of twice the chip rate, in which
+jamming. The processor's own correlator processes the samples. BOC(1,1) is then a code of twice the chip rate, in which
 each chip is followed by its opposite. Epochs are sent at whole tenths of a second, where the secondary code begins.
-Time zero is where the loop has settled, so a signal of delay τ lies at τ − x₀. Sample phase and Doppler, on code and
-carrier, are those of the pseudorange. With M = f_s T samples of noise 1, the mean over them times √(2M) is ξ.
+Time zero is the delay at which the loop has settled, so a signal of delay τ lies at τ − x₀. Sample phase and Doppler,
+on code and carrier, are those of the pseudorange. With M = f_s T samples of noise 1, the mean over them times √(2M) is
+ξ.
 
 The samples of each satellite have their own noise, which differs from that of a recording. The power of the band comes
 from further samples with all satellites, W of them per second. The mean square of these samples is 1 + Σ r_i without an
@@ -158,7 +159,7 @@ def _signals(
     amplitude: Complex128[np.ndarray, " k"],
     ray_doppler_hz: Float[np.ndarray, " k"],
 ) -> tuple[ReceivedSignal, ...]:
-    """Return all signals of a satellite on air: those close together, and those far off with chips of their own."""
+    """Return all signals of a satellite on air; signals that are far from the line of sight have chips of their own."""
     present = np.abs(amplitude) > 0
     delay_chips = delay_m / SPEED_OF_LIGHT_MPS * _CHIP_RATE_HZ
     shift = np.where(np.abs(delay_chips) < _SPARE_CHIPS - 2, 0, np.floor(delay_chips)).astype(np.int64)

@@ -1,4 +1,4 @@
-"""From the antenna to the samples of one band: filter, gain control, quantisation.
+"""Front end of one band, from the antenna to the samples: filter, gain control, quantisation.
 
 Theory of operation
 -------------------
@@ -6,11 +6,11 @@ Theory of operation
 amplitude √(C/N0 / f_s).
 
 **Filter.** A band limit of two-sided width B is a windowed sinc of odd length. The sinc is even, so its group delay is
-a whole number of samples and is removed. The taps of the sinc have Σh² = 1: the noise keeps variance 1 in a narrower
-band, and signals in the pass band grow by √(f/B), with f the filter's own rate. The C/N0 does not change. A filter
-*behind* the sampler cannot undo the effects of sampling: sidelobes fold back before it, and a staircase
-(`staircase.py`) stays. So the samples may be made at a multiple of the front end's rate; they are filtered at that rate
-and then thinned out.
+a whole number of samples and is removed. The taps of the sinc have Σh² = 1, so the noise keeps variance 1 in a narrower
+band. Signals in the pass band grow by √(f/B), with f the filter's own rate. The C/N0 does not change. A filter *behind*
+the sampler cannot undo the effects of sampling: sidelobes fold back before the filter, and a staircase (`staircase.py`)
+stays. So the samples may be made at a multiple of the front end's rate; they are filtered at that rate and then thinned
+out.
 
 **Gain and quantiser.** The gain control brings the rms of its input over the snapshot to the level where the quantiser
 loses least (`quantiser.py`). Without gain control the gain is right for noise alone, and a jammer saturates the
@@ -121,7 +121,7 @@ class FrontEnd:
         ----------
         samples
             Samples at `input_rate_hz` whose noise has variance 1, with `margin_samples` more at both ends. Powers are
-            relative to that noise.
+            relative to the noise.
         """
         if self.bandwidth_hz is not None:
             samples = np.ascontiguousarray(_convolve(samples, self.filter_taps())[:: self.oversampling])

@@ -8,7 +8,7 @@ at distance x from a path of unit amplitude. R_n is the covariance of the noise 
     R_h(x) = Σ_k h_k Λ(k/f_i − x) / Σ h
     R_n(δ) = (f_i/f_s) Σ_m r[m] Λ(m/f_s − δ) / (Σ h)²,     r[m] = Σ_k h_k h_{k + m f_i/f_s}
 
-Both are in units of the variance 1/(C/N0 · T) without a front end. The replica is not filtered. f_s must not be
+R_h and R_n are in units of the variance 1/(C/N0 · T) without a front end. The replica is not filtered. f_s must not be
 commensurate with the chip rate; otherwise the samples are not spread over the chip. For a filter with steep edges both
 functions approach the band-limited autocorrelation R_B. A quantiser replaces ρ = r by Σ_k (c_k/c_1)² ρ^k
 (`quantiser.py`). The formula is valid if the signals are weak against the noise in a sample.
@@ -88,7 +88,7 @@ def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
 
 @lru_cache(maxsize=4)
 def spread(front_end: FrontEnd, n_lags: int, steps_per_chip: int) -> Float[np.ndarray, "n_lags n_grid"]:
-    """Return the share of each lag of a code's even autocorrelation, given at whole chips, at |x| on a fine grid."""
+    """Return the share of each whole-chip lag of a code's even autocorrelation in the output at |x|, on a fine grid."""
     last = (n_lags - 1) * steps_per_chip
     table = signal_correlation(front_end, np.arange(-last, 2 * last + 1) / steps_per_chip)
     rows = [table[last - lag * steps_per_chip :][: last + 1] for lag in range(n_lags)]  # R_h(x − lag)

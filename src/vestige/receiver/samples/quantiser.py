@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-q(x) is the output for a Gaussian input x of unit variance. c_k = E q(x) he_k(x) are its coefficients in normalised
+q(x) is the output for a Gaussian input x of unit variance. c_k = E q(x) he_k(x) are the coefficients of q in normalised
 Hermite polynomials. A quantiser that jumps by Δ_j at the input t_j has
 
     c_k = Σ_j Δ_j φ(t_j) he_{k−1}(t_j) / √k,     E q² = Σ_k c_k²

@@ -9,8 +9,8 @@ Galileo second in integers, and the chip arrives x after t_m. Stretches are cut 
 of the same scenario have the same bits where they overlap.
 
 **Propagation.** All effects in addition to the pseudorange are computed once per stretch. A group delay moves the code
-of the line of sight and not its carrier; an ionosphere moves the carrier the other way. Both change over a stretch with
-their rates at its middle, so that a tracking loop meets no step.
+of the line of sight and not its carrier; an ionosphere moves the carrier the other way. Both delays change over a
+stretch with their rates at its middle, so that a tracking loop meets no step.
 """
 
 from __future__ import annotations
@@ -227,7 +227,7 @@ def band_noise_key(seed: int, band: Band) -> np.uint64:
 
 
 class _Middles:
-    """Middles of the stretches and motion of satellites there, computed for twenty stretches at a time."""
+    """Middles of the stretches and motion of satellites at these times, computed for twenty stretches at once."""
 
     def __init__(self, *, length: int, sample_rate_hz: float) -> None:
         self._length, self._rate_hz = length, sample_rate_hz

@@ -2,8 +2,8 @@
 
 A spoofing signal of the encrypted signal repeats the line of sight with a delay. At the receiver, chip i arrives τ + τ̇
 i T_c later than chip i of the true signal. So the chips that are on air in a window were sent τ earlier. For a meaconer
-of seconds they come from the keystream of that time, and their arrival follows the line of sight of that time. The
-chips fill the window, margins included.
+of seconds the chips come from the keystream of that earlier time, and their arrival follows the line of sight of that
+time. The chips fill the window, margins included.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from vestige.spoofer.jammers import power_in_samples
 from vestige.time import GalileoTime
 
 _SPARE_CHIPS = 16  # on either side, because the chips on air are known to less than a chip
-_FAR_M = 1e3  # a window at this distance from the line of sight is filled with the chips on air there
+_FAR_M = 1e3  # a window at this distance from the line of sight is filled with the chips on air at this distance
 _SAME_ARRIVAL_S = 5e-3  # time in which the line of sight moves by less than a chip at 10 km/s
 _JAMMER = 16  # first stream number of the jammers
 

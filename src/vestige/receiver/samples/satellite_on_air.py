@@ -22,7 +22,7 @@ _BGD_LSB = (6, 21)  # range in units of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m 
 
 
 def broadcast_group_delay_s(seed: int, svid: int) -> float:
-    """Return BGD(E1,E6) of a satellite in s: a value that its file can store, and large enough to have an effect.
+    """Return BGD(E1,E6) of a satellite in s, a multiple of its file's resolution that is large enough to matter.
 
     The bias of the truth is the part of the group delay that this value does not describe.
     """
@@ -38,7 +38,7 @@ def continuous_truth(simulation: Simulation, truth: TruthBlock) -> ContinuousTru
     simulation
         Simulation of the satellite.
     truth
-        Truth of the satellite at the epochs, which enclose all times that are asked for.
+        Truth of the satellite at the epochs, which enclose all requested times.
     """
     elevation = simulation.elevation
     bgd_s = broadcast_group_delay_s(simulation.seed, simulation.svid)
@@ -58,7 +58,7 @@ class SatelliteOnAir:
 
     simulation: Simulation
     path: ContinuousTruth
-    symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random ones
+    symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
         """Return the true signal in a band, and its spoofing signals."""

@@ -30,8 +30,8 @@ def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircas
     """Return the size in m of the steps that sampling gives the correlation function; None if there are none.
 
     f_s/R_c lies within 1e-3 of p/q, p ≤ 16: the step is 1/p chip. f_s is the rate of the samples that are correlated,
-    since the replica's chips fall on p phases of these samples. So a filter does not help. A higher rate before the
-    filter does not help either: it has as many phases or more.
+    since the replica's chips fall on p phases of these samples. So neither a filter nor a higher rate before the filter
+    removes the steps.
     """
     p = _phases(sample_rate_hz / chip_rate_hz)
     if p is None:

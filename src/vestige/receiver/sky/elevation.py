@@ -12,7 +12,7 @@ Gauss-Markov process, and ρ is the common share of the variance:
 
     eᵢ = M(e)/M(17.5°) · F⁻¹(Φ(√ρ z₀ + √(1 − ρ) zᵢ))
 
-The distribution F of each satellite's residual does not change by this.
+The common part does not change the distribution F of each satellite's residual.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class SatelliteRange:
 
 @lru_cache(maxsize=4096)
 def _kept_range_m(path: SatelliteRange, times: bytes) -> Float[np.ndarray, " n"]:
-    """Return ranges that scenes with the same seed have in common; the times in s are bytes."""
+    """Return ranges from a cache, because scenes with the same seed have the same ranges; `times` are bytes."""
     t_s = np.frombuffer(times)
     return range_less_clock_m(path.ephemeris, path.start, t_s, path.trajectory.motion(t_s))
 

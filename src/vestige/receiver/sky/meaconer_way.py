@@ -1,12 +1,12 @@
 """The path over a meaconer's antenna: the delay of each satellite's signal relative to the direct signal.
 
-A meaconer at the position r_a retransmits the signals received there. So the signal of satellite s arrives at the
-victim, at r,
+A meaconer at the position r_a retransmits the signals received at this position. So the signal of satellite s arrives
+at the victim, at r,
 
     |s − r_a| + |r_a − r| − |s − r|
 
 later than the direct signal. The second term and the repeater's own delay are common to all satellites and move the
-victim's clock. The rest moves the victim's position to r_a.
+victim's clock. The other two terms move the victim's position to r_a.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _AROUND_S = 20.0  # before and after the run
 
 
 def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: float) -> tuple[Attack, ...]:
-    """Return attacks as one satellite meets them: a meaconer's antenna delays the signal by the path over it.
+    """Return the attacks for one satellite: a meaconer with an antenna delays the signal by the path over this antenna.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def _placed(attack: Meaconing, antenna: Place, path: SatelliteRange, duration_s:
 
 
 def _way_over(antenna: Place, path: SatelliteRange, duration_s: float, delay_s: float) -> Table:
-    """Return the excess length of the path over an antenna relative to the direct path, `delay_s` before, in m."""
+    """Return the excess of the path over an antenna relative to the direct path in m, `delay_s` before each time."""
     fixed = StaticTrajectory(
         latitude_deg=antenna.latitude_deg, longitude_deg=antenna.longitude_deg, height_m=antenna.height_m
     )

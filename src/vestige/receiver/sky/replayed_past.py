@@ -7,8 +7,8 @@ the line of sight. At t the spoofing signal has, relative to the direct signal, 
     rate     its derivative, and the carrier with it
 
 The receiver computes the satellite's position at t − τ − ρ/c, so all ranges are consistent, as in samples
-(`samples.attacked_sky`). For 5 s the difference is up to 4 km. Delays up to 10 µs are not changed: their difference is
-less than 1 cm. Strength, ionosphere and multipath stay those of t.
+(`samples.attacked_sky`). For a delay of 5 s the correction of the range is up to 4 km. Delays up to 10 µs are not
+changed, because their correction is less than 1 cm. Strength, ionosphere and multipath stay those of t.
 
 A single line of sight does not need this correction. The receiver has no other clock than the signal (`snapshots.e1`),
 so the receiver's time is that of the replay. At that time the range, too, is that of the replay.
@@ -109,7 +109,7 @@ class SpooferUnderSky(Spoofer):
 
 
 def _curve(path: SatelliteRange, first_s: float, last_s: float) -> CubicHermiteSpline:
-    """Return the range between two system times; its knots do not depend on them, so a cut changes no bit."""
+    """Return the range between two system times; its knots do not depend on these times, so a cut changes no bit."""
     from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415  (loads slowly, and few runs replay the past)
 
     step_s = _STANDING_STEP_S if isinstance(path.trajectory, StaticTrajectory) else _MOVING_STEP_S

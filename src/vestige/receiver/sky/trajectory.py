@@ -1,8 +1,8 @@
 """Trajectories of the receiver: static, on a circle, or through waypoints.
 
-Every trajectory gives position, velocity and acceleration at any time. The three are consistent with each other, and so
-are range, range rate and range acceleration. A natural cubic spline joins the waypoints without a jump in the
-acceleration. Two waypoints give uniform motion along a straight line.
+Every trajectory gives consistent position, velocity and acceleration at any time. So range, range rate and range
+acceleration are consistent, too. A natural cubic spline joins the waypoints without a jump in the acceleration. Two
+waypoints give uniform motion along a straight line.
 """
 
 from __future__ import annotations

@@ -9,8 +9,9 @@ The estimate
 has no bias, and a relative variance of (2 C T + 1)/(K C² T²): 0.11 dB at 35 dBHz, 0.7 dB at 20 dBHz. A non-central χ²
 is (z + √λ)² + χ²(2K − 1), so each estimate needs two draws.
 
-The tracking receiver estimates the noise from its own prompts (`sample_processor.tracking`). So it loses 0.9 dB to its
-replica and to other codes, and it counts a beat of two signals as noise. This estimate does not: it is higher.
+The tracking receiver estimates the noise from its own prompts (`sample_processor.tracking`). So the tracking receiver
+loses 0.9 dB to its replica and to other codes, and counts a beat of two signals as noise. The estimate of this model
+has neither loss, so it is higher.
 """
 
 from __future__ import annotations

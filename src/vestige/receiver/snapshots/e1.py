@@ -1,17 +1,17 @@
 """E1 measurements of all satellites, epoch by epoch.
 
 A pseudorange contains geometry and receiver clock, noise, multipath and the error of the loop under attack. Under a sky
-it also contains the atmosphere of the scenario and the ionosphere's residual e/(γ − 1), which belongs to the e of E6 −
-E1. This residual is common to both bands and no part of the range check.
+the pseudorange also contains the atmosphere of the scenario and the ionosphere's residual e/(γ − 1), which belongs to
+the e of E6 − E1. This residual is common to both bands and is no part of the range check.
 
 The C/N0 is an estimate over a second and fades with the reflections of that second (`cn0_estimate`). C/N0, correlators
 and power are in single precision, as in results.
 
 A satellite has no measurement if it is out of view, too weak for the loop, or being acquired.
 
-Under a sky a pseudorange that is wrong by 0.6 million kilometres is usable: the fix finds a clock error of 2 s, which
-the clock monitor reports. A single line of sight has no other clock. If its pseudorange is wrong by more than any
-travel time can explain, the receiver's clock follows the pseudorange.
+Under a sky even a pseudorange that is wrong by 0.6 million kilometres is usable. The fix then finds a clock error of 2
+s, which the clock monitor reports. On a single line of sight the signal is the only clock. If the error of the
+pseudorange is longer than any travel time, the receiver's clock follows the pseudorange.
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ class DrawnE6:
         return other_signals_density(np.stack(cn0_dbhz, axis=1), np.stack(power, axis=1), of.simulations[0].front_end)
 
     def front_end(self) -> FrontEndBlock:
-        """Return the state of the front end: the power of the band; the banks are those before its gain."""
+        """Return the state of the front end: the power of the band; the banks are those before the gain."""
         of, simulation = self.of, self.of.simulations[0]
         power_db, gain_db = np.full((2, of.n), np.nan)
         if of.recs_rows.size:
@@ -103,7 +103,7 @@ class SimulatedE6Samples:
     """E6 of the fidelity `samples`, made on request.
 
     The satellites of a sky share the samples of one recording (`sky_samples`). A single line of sight has separate
-    samples for each epoch. The status of the front end is stored for both.
+    samples for each epoch. The status of the front end is stored in both cases.
     """
 
     of: ReceiverTruth
@@ -155,7 +155,7 @@ class SimulatedE6Samples:
         return float(truth.time_s[row] + arrived.dt_s[row] + self._repeated_later_m[column][row] / SPEED_OF_LIGHT_MPS)
 
     def _time_off_s(self, expected_s: float, epoch: int, column: int) -> float:
-        """Return the correction of sample times to which a hand-over without a meaconer's seconds belongs.
+        """Return the correction of the sample times in s, which subtracts a meaconer's delay like `_without_delay`.
 
         During these seconds the receiver's clock drifts, while the hand-over has the clock of the epoch.
         """
@@ -170,10 +170,10 @@ class SimulatedE6Samples:
         """Return a hand-over as it would be without a meaconer's delay of seconds.
 
         A hand-over extrapolates the observation of the epoch to the reception of the RECS. For a meaconer the reception
-        is seconds later, and the clock drifts in these seconds; a real receiver uses the observation of that later
-        time. At that time satellite and clock agree with the RECS, so the hand-over is that of the true signal, and the
-        seconds are subtracted from the time tags of the samples. On a single line of sight the clock follows the
-        attacker, which has the same effect.
+        is seconds later, and the clock drifts in these seconds. A real receiver uses the observation of that later
+        time, when satellite and clock agree with the RECS. So the hand-over is that of the true signal, and the seconds
+        are subtracted from the time tags of the samples. On a single line of sight the clock follows the attacker,
+        which has the same effect.
         """
         simulation, late_m = self.of.simulations[column], float(self._seconds_late_m[column][epoch])
         if simulation.elevation is None or not late_m:
@@ -205,12 +205,12 @@ class SimulatedE6Samples:
 
     @cached_property
     def _seconds_late_m(self) -> tuple[Float[np.ndarray, " n"], ...]:
-        """Delay of each satellite, times c, if it is seconds; otherwise 0."""
+        """Delay of each satellite, times c, if the delay amounts to seconds; otherwise 0."""
         return tuple(one.seconds_late_m(truth) for one, truth in zip(self.of.simulations, self.of.truth, strict=True))
 
     @cached_property
     def _repeated_later_m(self) -> tuple[Float[np.ndarray, " k"], ...]:
-        """Delay, times c, relative to the true RECS, of the RECS of each satellite to which E1 leads."""
+        """Delay of each satellite's RECS to which E1 leads, relative to the true RECS, times c."""
         of = self.of
         return tuple(one.repeated_later_m(truth) for one, truth in zip(of.simulations, of.of_recs, strict=True))
 

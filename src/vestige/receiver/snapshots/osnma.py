@@ -1,17 +1,17 @@
 """OSNMA under a sky: which pages of each satellite are received, and whether the key of a RECS is received.
 
-A page is lost with the probability that belongs to the C/N0 of the signal that E1 tracks at the epoch. This C/N0 is
-corrected for the noise of an attack at the time of the page, because the key of a RECS comes up to a minute later. An
-attack that withholds OSNMA destroys every page that is on air at the same time.
+A page is lost with the probability that belongs to the C/N0 of the signal that E1 tracks at the epoch. The key of a
+RECS comes up to a minute later, so this C/N0 is corrected for the noise of an attack at the time of the page. An attack
+that withholds OSNMA destroys every page that is on air at the same time.
 
 An E1 loop on a spoofing signal with the attacker's own navigation data demodulates these data, with good checksums. No
-key in them validates, and no tag covers them. A spoofing signal that repeats the satellite's data has the true data. A
-key that comes later is received if the loop of the epoch received it, as for the C/N0.
+key in these data validates, and no tag covers these data. A spoofing signal that repeats the satellite's data has the
+true data. Whether a later key is received depends on the signal that the loop follows at the epoch, as for the C/N0.
 
 If E1 acquires a satellite at an epoch, the page that has just ended is lost.
 
 Data count as authenticated by the key that opens the RECS. A receiver may still have authenticated data of half an hour
-ago, but the model neglects these: a satellite whose pages are lost is left out of the authenticated fix.
+ago, but the model neglects these data. So a satellite whose pages are lost is left out of the authenticated fix.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class OsnmaReception:
 
     @property
     def data_authenticated(self) -> Bool[np.ndarray, "n m"]:
-        """Whether each satellite's data and tag are received that the key of a RECS of the epoch authenticates."""
+        """Whether each satellite's data and tag are received; the key of the epoch's RECS authenticates these."""
         pages = data_pages(self.week_s, self.of.simulations[0].key_delay)
         return np.stack(self._whole(pages), axis=1) & ~self._withheld_by_operator[:, None]
 
@@ -148,7 +148,7 @@ class PagesReceived:
 def _ends(
     page: Int64[np.ndarray, "k 15"], subframe: Int64[np.ndarray, " k"], *, begun_s: float, interval_s: float
 ) -> Bool[np.ndarray, " k"]:
-    """Return which pieces have the end of a subframe that the run contains from its first page on.
+    """Return which pieces contain the end of a subframe whose first page lies in the run.
 
     The first epoch starts to receive at `begun_s` after the start of the week; each epoch receives for `interval_s`.
     """
@@ -169,11 +169,11 @@ def _page_loss(
     Parameters
     ----------
     simulation, truth
-        The satellite; out of view every page is lost.
+        Simulation and truth of the satellite; every page is lost while the satellite is out of view.
     row
         Epoch of each page.
     middle_s, place
-        Middle of q different pages in s after the start, and the number among these of each page.
+        Middle of q different pages in s after the start, and the index of each of the p pages among them.
     """
     at_epoch = tracked_cn0_dbhz(simulation, truth) + 10 * np.log10(1 + truth.e1_attack.rise(Band.E1))
     seen, tracking = np.where(truth.geometry.in_view, at_epoch, -np.inf), simulation.models.e1_tracking

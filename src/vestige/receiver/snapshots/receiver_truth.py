@@ -89,7 +89,7 @@ class ReceiverTruth:
 
     @cached_property
     def received_s(self) -> Float[np.ndarray, "n m"]:
-        """When each RECS is received to its last sample, in s after the start; the epoch itself without a RECS."""
+        """Reception of the last sample of each RECS, in s after the start; the epoch itself without a RECS."""
         elapsed_s = np.repeat(self.truth[0].time_s[:, None], self.shape[1], axis=1)
         for column, (simulation, truth) in enumerate(zip(self.simulations, self.of_recs, strict=True)):
             if self.recs_rows.size:

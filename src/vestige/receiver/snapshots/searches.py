@@ -1,9 +1,9 @@
 """The vestigial searches of a block, drawn from the model in `receiver/correlators/search_outcome.py`.
 
 The results are drawn at both fidelities: in samples an exhaustive search of 30 s takes minutes. E6 has a result only if
-the receiver has the key, and if the earliest signal provably arrived before the key was disclosed. E1 has a result
-anyway. The finds of each epoch are drawn for `SEARCH_P_FA`, or come from stored results. This module decides which
-finds may be reported.
+the receiver has the key, and if the earliest signal provably arrived before the key was disclosed. E1 has a result also
+without the key. The finds of each epoch are drawn for `SEARCH_P_FA`, or come from stored results. This module decides
+which finds may be reported.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class KnownSearches:
         )
 
     def _provable(self, request: SearchRequest) -> Bool[np.ndarray, "k m"]:
-        """Return where there is a key, and the true signal was provably received before the key was on air."""
+        """Return which RECS have a key, and a true signal that was provably received before the key was on air."""
         earliest_at = GalileoTimes.after(self.start, np.nan_to_num(self.finds.earliest_s[request.epoch]))
         uncertainty_s = [limit.over(earliest_at[row : row + 1])[0] for row, limit in enumerate(request.uncertainty)]
         lead_s = self.recs.disclosed[request.epoch] - earliest_at
@@ -145,7 +145,7 @@ class DrawnSearches:
                 values[of.rows, column] = getattr(one, name)
             return np.where(of.in_view & ~of.acquiring, single(values), np.nan)
 
-        # beyond the window this receiver finds no true signal: the earliest signal is the one that E1 follows
+        # beyond the window this receiver finds no true signal: the earliest signal is the signal that E1 follows
         window_m = WINDOW_S * SPEED_OF_LIGHT_MPS
         late_m = np.stack(
             [

@@ -1,7 +1,7 @@
 """The simulated receiver: from the truth of a block of epochs to the input of the processor.
 
-A block is a pure function of the truth, of the number of its first epoch and of the seed. So any worker can make it,
-and the cut of the epochs into blocks changes no bit.
+A block is a pure function of the truth, of the number of its first epoch and of the seed. So any worker can make a
+block, and the cut of the epochs into blocks changes no bit.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class SimulatedReceiver:
         )
 
     def snapshots_of(self, of: ReceiverTruth, pages: PagesReceived | None = None) -> SnapshotBlock:
-        """Return the output for a truth that the caller also needs; under a sky, its `pages` may be given."""
+        """Return the output for a given truth; under a sky, the `pages` of that truth may be given."""
         e1, power = e1_block(of, fidelity=self.fidelity, with_taps=self.with_taps)
         e6 = DrawnE6(of) if self.fidelity == "correlators" else SimulatedE6Samples(of)
         time, elevation = self._times(of), self.simulations[0].elevation
@@ -112,7 +112,7 @@ class SimulatedReceiver:
     def _increments(
         self, of: ReceiverTruth, time: GalileoTimes, elevation: ElevationEffects | None
     ) -> VelocityIncrements | None:
-        """Return the gain of velocity since the previous epoch from accelerometers; nothing at the first epoch."""
+        """Return the gain of velocity since the previous epoch from accelerometers; the first epoch has none."""
         if self.accelerometers is None or elevation is None:
             return None
         delta_velocity_mps = self.accelerometers.delta_velocity_mps(

@@ -4,16 +4,16 @@ Theory of operation
 -------------------
 **Correlators.** The recorder makes the samples around each epoch (`sky_samples`): E1-B and E1-C of all satellites,
 multipath, spoofing signals, jammers and noise, behind one front end. The correlator of the processor correlates 0.1 s
-of samples with the E1-C code as BOC(1,1), as most receivers do. The replica begins where the code loop has settled: at
-the arrival of the chip that is sent at the epoch, plus the loop's error by noise, multipath and an attack. So ξ has the
-same meaning as in `e1_taps`. The noise of the receiver has σ = 1 per dimension, and phases are relative to the line of
-sight at the arrival of that chip.
+of samples with the E1-C code as BOC(1,1), as most receivers do. The replica begins at the time at which the code loop
+has settled. This time is the arrival of the chip that is sent at the epoch, plus the loop's error by noise, multipath
+and an attack. So ξ has the same meaning as in `e1_taps`. The noise of the receiver has σ = 1 per dimension, and phases
+are relative to the line of sight at the arrival of that chip.
 
-A signal on air is CBOC(6,1,1/11). A BOC(1,1) replica correlates √(10/11) of it, 0.4 dB less. All other components add
-their noise, as on E6. The model of the fidelity `correlators` is `sky_e1_model`.
+A signal on air is CBOC(6,1,1/11). A BOC(1,1) replica correlates √(10/11) of the signal's amplitude, 0.4 dB less. All
+other components add their noise, as on E6. The model of the fidelity `correlators` is `sky_e1_model`.
 
 **Power.** The power is measured in W = 2 MHz about the carrier over the 10 ms that contain the arrival at the epoch.
-Without an attack it is 1 + Σ P(0) C/N0_i / W times the noise, where P(0) of both components is within W.
+Without an attack this power is 1 + Σ P(0) C/N0_i / W times the noise, where P(0) counts both components within W.
 """
 
 from __future__ import annotations

@@ -182,8 +182,8 @@ def read_keys(path: Path, settings: Settings) -> Contents:
 def read_navigation_pages(path: Path, settings: Settings) -> Contents:
     """Return the keys that the OSNMA in recorded navigation pages proves, including the keys of lost subframes.
 
-    The demodulated keys are returned, too, because a forged key is among them. The root keys are returned because a
-    root key may withdraw keys of other files.
+    The demodulated keys are returned, too, because a forged key would be among them. The root keys are returned because
+    a root key may withdraw keys of other files.
     """
     return contents_of_pages(path, read_pages(path), settings)
 
@@ -199,7 +199,7 @@ def contents_of_pages(path: Path, pages: Iterable[InavPage], settings: Settings)
 
 
 def contents_of_receiver(receiver: OsnmaReceiver) -> Contents:
-    """Return the keys, the root keys and the demodulated data of the pages that an OSNMA receiver has had by now."""
+    """Return the keys, the root keys and the demodulated data of the pages that an OSNMA receiver has so far."""
     report, keys = receiver.report(), receiver.filled_keys()
     return Contents(
         summary=f"{report.n_pages} pages, {len(keys)} validated keys",

@@ -1,4 +1,4 @@
-"""Writing an assistance folder, for recordings that were made and for simulations."""
+"""Writer of assistance folders, for RECS that were made from a recording and for simulations."""
 
 from __future__ import annotations
 

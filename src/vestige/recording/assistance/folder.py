@@ -138,12 +138,13 @@ def read_assistance(
     folder
         Folder of RECS, group delays, OSNMA keys and corrections; its direct subfolders are read too.
     public_key, merkle_tree
-        Files of OSNMA's public key (XML or PEM) and Merkle tree (XML). If either is given, the keys and trees in the
-        folder are not used.
+        Files of OSNMA's public key (XML or PEM) and Merkle tree (XML). If such a file is given, the keys and trees in
+        the folder are not used.
     certificates
-        PEM public keys or X.509 certificates of the assistance server. If any is given, unsigned files are not used.
+        PEM public keys or X.509 certificates of the assistance server. If any key or certificate is given, unsigned
+        files are not used.
     reference
-        A time within 39 years, which resolves 12-bit weeks where a file's name does not.
+        Approximate time, at most 39 years off, which resolves 12-bit weeks if a file's name does not.
     window
         First and last time of transmission of the RECS to keep, because a week of RECS fills gigabytes.
     strict

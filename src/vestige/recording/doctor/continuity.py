@@ -5,7 +5,7 @@ Theory of operation
 The time of transmission of a signal grows by (1 + f_d/f_c) s in a second of the receiver's counter. E1-C shows the time
 of transmission modulo the 100 ms of its secondary code. The times at two positions of the file and the mean Doppler
 give the jump of the signal against the counter. Missing samples make the signals of all satellites jump ahead; repeated
-samples make them fall back. A loss of a multiple of 100 ms is not seen.
+samples make them fall back. The test does not find a loss of a multiple of 100 ms.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def examine_continuity(
     reader
         Reader of the E1 samples, with the description that shows the satellites.
     e6
-        Reader of the E6 samples, likewise.
+        Reader of the E6 samples, with the description that shows the satellites; None without E6.
     satellites
         Satellites at the beginning, the strongest first; the first three are followed.
     """

@@ -142,7 +142,7 @@ def _satellite(batch: SampleBatch, found: Acquisition) -> E1Satellite:
 
 
 def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading | None:
-    """Return the reading of complex samples as real ones, or the reverse, if it makes the strongest signal stronger."""
+    """Return the reading of complex samples as real, or the reverse, if it makes the strongest signal stronger."""
     best = max(found, key=lambda one: one.cn0_dbhz)
     least = best.cn0_dbhz + 1.0  # I and Q read as real samples at twice the rate lose half of the signal's power
     stronger = None
@@ -172,7 +172,7 @@ _Hit = tuple[Reading, tuple[Acquisition, ...]]
 def _first_that_fits(
     file: BandFile, other: BandFile | None, limit: TimeLimit, progress: Progress
 ) -> tuple[_Hit | None, list[str]]:
-    """Return the reading that shows signals, these signals, and the kinds of mistakes that were tried completely."""
+    """Return the reading that shows signals, these signals, and the kinds of mistakes whose readings were all tried."""
     tried: list[str] = []
     for name, hits in _groups(file, other):
         strongest: _Hit | None = None

@@ -1,9 +1,9 @@
 """Examination of a recording: its satellites, and the faults of its samples or of their description.
 
-The given description is tried first. If it shows no signal, descriptions that differ by one mistake are tried. This
-search takes at most `TRY_S` of processor time in each band, which is half as much time on two idle cores. The search
-uses the first 100 ms, and windows of 100 ms in the middle and at the end. All samples of float32 are read, for at most
-`READ_S` of processor time, because every other command stops at a sample that is not a number.
+The given description is tried first. If this description shows no signal, descriptions that differ by one mistake are
+tried. This search takes at most `TRY_S` of processor time in each band, which is half as much time on two idle cores.
+The search uses the first 100 ms, and windows of 100 ms in the middle and at the end. All samples of float32 are read,
+for at most `READ_S` of processor time. The reason is that every other command stops at a sample that is not a number.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Findings about the signals of a recording, one a line: the evidence, and the change to make."""
+"""Findings about the signals of a recording, one per line: the evidence, and the change to make."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ def remark(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> 
 class TimeLimit:
     """Limit of the processor time for the search of the right description, counted from the creation of the object.
 
-    Processor time, in contrast to the time of day, does not depend on the load of the machine, so neither do the
-    findings.
+    Processor time, in contrast to the time of day, does not depend on the load of the machine. So the findings do not
+    depend on the load either.
     """
 
     seconds: float

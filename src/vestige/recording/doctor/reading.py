@@ -24,7 +24,7 @@ _SIBLINGS: dict[SampleType, SampleType] = {"int8": "uint8", "uint8": "int8", "in
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """One way to read a band's samples."""
+    """A way to read a band's samples."""
 
     kind: FindingKind  # kind of the mistake in the given description
     file: BandFile
@@ -104,7 +104,7 @@ def _has_intermediate_frequency(file: BandFile) -> bool:
 
 
 def layout_readings(file: BandFile) -> Iterator[Reading]:
-    """Yield the readings of complex samples as real ones, or of real samples as complex ones."""
+    """Yield the readings of complex samples as real samples, or of real samples as complex samples."""
     form, rate_hz = file.form, file.sample_rate_hz
     if form.is_complex:
         if not _has_intermediate_frequency(file):

@@ -3,9 +3,9 @@
 `verdicts.jsonl` has one line for each verdict and each change of state. `state.json` contains the number of valid bytes
 in `verdicts.jsonl`, the SHA-256 of these bytes, the last epoch and the receiver's state. `state.json` is replaced as a
 whole after the lines were written. If a run is killed between the two writes, the newest lines are not valid yet. The
-next run cuts them off, processes the epoch again from the same state and writes the same lines. No line is lost, and no
-line appears twice. If the valid lines differ from the lines that were written, the journal raises an error and cuts
-nothing off.
+next run cuts these lines off, processes the epoch again from the same state and writes the same lines. No line is lost,
+and no line appears twice. If the valid lines differ from the lines that were written, the journal raises an error and
+cuts nothing off.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class FollowJournal:
 
     `settings` lists the settings on which the verdicts depend, in words; a folder with other settings is refused.
 
-    Raises `InputFileError` if the folder holds something else, was made with other settings, is damaged, or is in use.
+    Raises `InputFileError` if the folder contains other files, was made with other settings, is damaged, or is in use.
     """
 
     def __init__(self, folder: Path, settings: Mapping[str, str]) -> None:
@@ -115,7 +115,7 @@ class FollowJournal:
         return state
 
     def record(self, lines: Sequence[str], progress: FollowProgress) -> None:
-        """Keep the lines of an epoch and the progress: both or neither."""
+        """Store the lines of an epoch and the progress; after a kill either both are stored or neither is."""
         data = "".join(f"{line}\n" for line in lines).encode()
         with naming(self._folder / LINES):
             self._lines.write(data)

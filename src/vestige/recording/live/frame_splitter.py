@@ -17,7 +17,7 @@ _BLOCK_FRAMES = 1 << 15
 
 
 class FrameSplitter:
-    """Splits the frames of a pipe into channels.
+    """Splitter of the frames of a pipe into channels.
 
     An incomplete frame at the end is dropped.
 

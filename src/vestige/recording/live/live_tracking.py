@@ -1,6 +1,6 @@
 """Tracking of E1 while its samples arrive: observations, the message, and the error of the time tag.
 
-The tracking receiver takes `TRACKED_STRETCH_S` of samples at a time. The result is the same as of the finished
+The tracking receiver takes `TRACKED_STRETCH_S` of samples at a time. The result is the same as for the finished
 recording, because the stretches begin at the same samples. Pseudoranges are ambiguous by multiples of 100 ms until a
 message has told the time. Observations wait for that time, which resolves the ambiguity. Observations that no RECS
 needs any more are dropped.
@@ -182,7 +182,7 @@ class LiveTracking:
         return self._receiver.time_tag_error_s if self._receiver.time_is_told else None
 
     def place_by_time_tag(self) -> None:
-        """Place the observations by the time tag, which is known to be right to 40 ms, if no message tells the time."""
+        """Take the time from the time tag, which is known to be right to 40 ms, if no message tells the time."""
         self._epochs.place(self._receiver.time_tag_error_s)
 
     def release(self, before: GalileoTime) -> None:
@@ -203,7 +203,7 @@ class _KeptEpochs:
         self._unplaced.extend(epochs)
 
     def add(self, epochs: Sequence[ObservationEpoch]) -> None:
-        """Keep epochs that the receiver has placed, each satellite by its own message where that told the time."""
+        """Keep epochs with resolved times: a satellite whose own message told the time has the time of that message."""
         self._placed.extend(epochs)
 
     def place(self, time_tag_error_s: float) -> None:

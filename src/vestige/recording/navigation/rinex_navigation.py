@@ -217,7 +217,7 @@ def write_rinex_navigation(
     path
         The file.
     ephemerides
-        One or more.
+        Ephemerides to write, at least one.
     ionosphere
         Coefficients of the ionosphere for the header, which keeps five digits; None for a header without them.
     """

@@ -6,7 +6,7 @@ The first line names the columns; times are on the receiver's clock, as in its o
     1421,561616.00,0.013,-0.002,0.008
 
 The columns give the acceleration of the antenna relative to the Earth along local axes, without gravity. A strap-down
-system with known attitude measures this acceleration. There is at least a row a second.
+system with known attitude measures this acceleration. The file has at least one row per second.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """E1 observations at a moment between the epochs of a file.
 
 A snapshot begins with its RECS, at a time between two epochs of the E1 receiver. Between two epochs a and b, T apart,
-the carrier phase gives the motion to a fraction of a wavelength, so the interpolated pseudorange follows the phase.
+the carrier phase gives the motion to a fraction of a wavelength. So the interpolated pseudorange follows the phase.
 With u = (t - t_a)/T:
 
 * Doppler f and its rate are linear in u: exact for constant acceleration.
@@ -10,9 +10,10 @@ With u = (t - t_a)/T:
   acceleration. Then no phase is returned.
 * Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)): the mean of the two codes, carried along the phase.
 
-Missing values are computed first: a Doppler from the phases of the neighbouring epochs (the parabola through three, the
-line through two), a Doppler rate from their Dopplers. A Doppler rate that cannot be computed is set to zero. In half a
-snapshot of 16 ms even 50 Hz/s turn the carrier by less than 0.002 cycles.
+Missing values are computed first. A missing Doppler comes from the phases of the neighbouring epochs (the parabola
+through three, the line through two). A missing Doppler rate comes from the Dopplers of these epochs. A Doppler rate
+that cannot be computed is set to zero. In half a snapshot of 16 ms even 50 Hz/s turn the carrier by less than 0.002
+cycles.
 
 A satellite is left out if the epochs on both sides are missing, or further apart than the allowed gap. A satellite is
 also left out if there is no Doppler, or if code and carrier disagree because the receiver's clock was set in between.
@@ -66,7 +67,7 @@ def interpolate(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_ga
 
 
 def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> bool:
-    """Return whether further epochs, all later than these, would not change the result of `interpolate` at `time`."""
+    """Return whether epochs after the given epochs would not change the result of `interpolate` at `time`."""
     if not epochs or epochs[-1].time - time < -SAME_TIME_S:
         return False
     tracks: dict[int, list[tuple[float, E1Observation]]] = {}
@@ -77,7 +78,7 @@ def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s
 
 
 def _is_final(track: list[tuple[float, E1Observation]], last: float, max_gap_s: float) -> bool:
-    """Return the same for a satellite with its points; `last` is the t of the last epoch of any satellite."""
+    """Return whether further epochs change nothing for a satellite; `last` is the t of the last epoch."""
     here = next((index for index, (t, _) in enumerate(track) if t >= -SAME_TIME_S), None)
     if here is None:
         return last - track[-1][0] > max_gap_s

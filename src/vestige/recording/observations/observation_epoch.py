@@ -80,7 +80,7 @@ def checked_svid(path: Path, line: int, text: str) -> int:
 
 
 def check_order(path: Path, line: int, before: GalileoTime | None, time: GalileoTime) -> None:
-    """Check that an epoch is later than the epoch before.
+    """Check that an epoch is later than the previous epoch.
 
     Raises `InputFileError` if the epoch is not later.
     """

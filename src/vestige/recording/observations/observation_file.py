@@ -23,7 +23,7 @@ from vestige.records import E1Observation
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
-# kind: (does the first line say so, how to read it)
+# kind: (test of the first line, parser)
 OBSERVATION_READERS: dict[str, tuple[Callable[[str], bool], Callable[[Path], EpochParser]]] = {
     "RINEX": (lambda line: is_rinex_observations(line) or line[60:].startswith("CRINEX VERS"), RinexParser),
     "CSV": (is_csv_observations, CsvParser),
@@ -72,7 +72,7 @@ def open_observations(path: Path) -> ObservationFile:
 
 
 class ObservationTrack:
-    """E1 observations at any time from a file. Advancing times read the file once; an earlier time starts again.
+    """E1 observations at any time from a file. Advancing times need one pass; an earlier time starts another pass.
 
     Parameters
     ----------

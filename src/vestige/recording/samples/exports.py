@@ -10,7 +10,7 @@ The options avoid these faults. gnss-sdr acquires E6 only by E6-B, and tracks E6
 `bit_transition_flag` gnss-sdr mostly locks 500 Hz off on E6, because E6-B may change its sign every millisecond. With a
 Doppler step of 125 Hz on E1 gnss-sdr locks 125 Hz off. PocketSDR accepts no sample beyond ±7 and conjugates its input.
 The default phase loop of PocketSDR, 5 Hz wide, loses a line of sight whose range oscillates with 5 m/s², as in
-`scenarios/quick.toml`; a loop of 10 Hz keeps lock.
+`scenarios/quick.toml`. A loop of 10 Hz keeps lock.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ element                 what is read
 `band`                  `centerfreq` of the signal stands at `translatedfreq` in the samples; `inverted`, `bandwidth`
 ======================= ==========================================================================================
 
-The schema, the working group's library and the published files differ in the case of some names. They also differ in
-the attribute of a unit, `format` or `units`. The reader accepts both forms. The writer uses the library's form, because
+The schema, the working group's library and the published files differ in the case of some names. The attribute of a
+unit also differs: `format` or `units`. The reader accepts both forms. The writer uses the library's form, because
 programs use the library.
 
 The standard has no sample counter and no upper limit of the clock's error. Files of two bands must have the same time
@@ -228,7 +228,7 @@ def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
 def _band_file(
     document: _Document, element: Element, lane: Element, chunk: Element, stream: Element, place: tuple[int, int]
 ) -> BandFile | None:
-    """Return the band file of a stream, or None without a carrier; `place` is its number, and that of all."""
+    """Return the band file of a stream, None without a carrier; `place` has its number and the number of streams."""
     path = document.path
     form, q_negated = _form(document, chunk, stream, place)
     rate_hz = document.hertz(document.one(lane, "system"), "freqbase") * document.count(stream, "ratefactor")

@@ -41,7 +41,7 @@ NOT_READ = dict.fromkeys(("i32", "u32", "f64"), "float32 cannot hold its values 
 class SampleFormat:
     """Format of stored samples."""
 
-    component: SampleType  # number type of a real sample, or of each half of a complex one
+    component: SampleType  # number type of a real sample, or of each half of a complex sample
     layout: Layout  # `real`, or complex with the in-phase component first (`iq`) or second (`qi`)
     big_endian: bool = False  # byte order of components of more than one byte
     channels: int = 1  # number of channels in a frame, which has one sample of each channel

@@ -51,7 +51,7 @@ class SampleStream:
     The reading thread opens a named pipe, because opening waits for the writing program. A function gets the largest
     number of bytes to return, returns no bytes at the end, and may raise `OSError`. At most `capacity_bytes` are
     buffered. If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full. A stream has the
-    samples of a single channel; `recording.live.frame_splitter` splits several channels before.
+    samples of a single channel; `recording.live.frame_splitter` makes such streams from a pipe of several channels.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class SampleStream:
         Returns
         -------
         bool
-            Whether there is room for more samples. If there is not, only fewer windows make room.
+            Whether there is room for more samples. If there is no room, only a smaller number of windows makes room.
         """
         needed = sorted((max(self._byte(first), self.file.header_bytes), self._byte(end)) for first, end in windows)
         rest = self._byte(since)
@@ -140,7 +140,7 @@ class SampleStream:
             return not self._crowded
 
     def wait(self, timeout_s: float) -> None:
-        """Wait the given time, but not after the end of the stream, nor after a buffer that had room is full."""
+        """Wait the given time at most: the wait ends with the stream, or when a buffer that had room is full."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended or (self._full and not self._crowded), timeout_s)
 

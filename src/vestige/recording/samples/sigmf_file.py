@@ -17,8 +17,8 @@ capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digit
                                        sample in Galileo System Time. `core:datetime` gives it to a microsecond
 ======= ============================== =============================================================================
 
-The time tags of two bands must agree with the counter. A time tag that only `core:datetime` gives may be off by a
-millisecond if both files state a `core:global_index`, because many recorders write no more digits. Without
+The time tags of two bands must agree with the counter. Many recorders write `core:datetime` only to the millisecond. So
+a time tag that only this field gives may be off by a millisecond if both files state a `core:global_index`. Without
 `core:global_index` the time tags must be equal, because nothing else relates the bands in time.
 """
 

@@ -56,7 +56,7 @@ class SigmfWriter:
         Resume from the samples of a killed process: the first batch of the recording, made again, and the number of
         samples that are certainly in the file. Later samples in the file are cut off.
     counted
-        Function that takes stored components, including kept components, and returns the number of those to count.
+        Function that takes stored components, including kept components, and returns the number of components to count.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """Reader and writer of the CSV files with I/NAV pages of the official OSNMA test vectors.
 
-The first line is `SVID,NumNavBits,NavBitsHEX`. Then follows a line for each satellite with all its pages, 60
-hexadecimal digits each, a page every 2 s. All lines begin at the same time. The file does not state that time; words 0
-and 5 of the satellites tell it.
+The first line is `SVID,NumNavBits,NavBitsHEX`. Each further line has all pages of a satellite, 60 hexadecimal digits
+each, a page every 2 s. All lines begin at the same time. The file does not state that time; words 0 and 5 of the
+satellites tell the time.
 """
 
 from __future__ import annotations

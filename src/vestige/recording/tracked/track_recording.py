@@ -1,9 +1,9 @@
 """Tracking of E1 in a recording from the first sample to the last.
 
-The result is the same as from a receiver beside the recorder: observations and the navigation pages.
-The pages tell the time. Before that, pseudoranges refer to the time tag of the samples, modulo 100 ms. When the whole
+The result is the same as from a receiver beside the recorder: observations and the navigation pages. The pages tell the
+time. Before the first such page, pseudoranges refer to the time tag of the samples, modulo 100 ms. When the whole
 recording is tracked, the message corrects these pseudoranges. A satellite whose own message has told the time is never
-corrected by the messages of others, so a replay that is seconds late is seen.
+corrected by the messages of other satellites. So the observations show a replay that is seconds late.
 """
 
 from __future__ import annotations

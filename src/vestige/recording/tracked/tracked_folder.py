@@ -2,7 +2,7 @@
 
 | file | content |
 |---|---|
-| `observations.rnx` | RINEX 3.05 observations of E1-C, ten a second or as asked |
+| `observations.rnx` | RINEX 3.05 observations of E1-C, ten a second or the requested number |
 | `navigation.rnx` | RINEX navigation: the ephemerides in the message |
 | `inav_pages.csv` | I/NAV pages in the format of the official OSNMA test vectors; a missing page is zero |
 | `taps.csv` | correlators of E1-C over 100 ms: time, satellite, then in-phase and quadrature part of each |
@@ -34,7 +34,7 @@ _CLOCK_IS_SET_S = 1.0  # a clock with a larger error is set to the message's sec
 
 
 def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float) -> tuple[Path, ...]:
-    """Write those of the files above that have content, and return them.
+    """Write the files of the module's table that have content, and return them.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float
 
 
 def clock_set_s(tracked: TrackedRecording) -> int:
-    """Return the whole seconds by which the files' clock is earlier than the recording's; 0 if that is right."""
+    """Return the whole seconds by which the clock of the recording is late; 0 if this clock is right."""
     error_s = tracked.time_tag_error_s or 0.0
     return round(error_s) if abs(error_s) > _CLOCK_IS_SET_S else 0
 

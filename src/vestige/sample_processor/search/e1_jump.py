@@ -1,14 +1,14 @@
-"""Two signals at once, or one signal that jumps: a sum over code periods cannot tell these apart.
+"""Two signals at once, or one signal that jumps: a sum over code periods does not show the difference.
 
 Theory of operation
 -------------------
 If a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and sees two
 peaks, as under spoofing; but these peaks are never present at the same time. So for two peaks of a satellite the power
 of every single period is measured at both code phases. Against noise of variance 1 per dimension the power is
-chi-squared with ν = 2 · components degrees of freedom, non-central by λ while the signal is present. Each peak may be
-present all the time, only before, or only from some period k on, and λ follows from its mean power in that time. The
-most likely of these patterns decides. If one peak is present before k and the other from k on, both are one signal, and
-the stronger peak represents it.
+chi-squared with ν = 2 · components degrees of freedom. The distribution is non-central by λ while the signal is
+present. Each peak may be present all the time, only before some period k, or only from k on. λ follows from the mean
+power of the peak in that time. The most likely of these patterns decides. If one peak is present before k and the other
+from k on, both are one signal, and the stronger peak represents it.
 
 A second signal that appears or ends while the first stays is a signal of its own.
 """
@@ -80,7 +80,7 @@ def find_jump(
 
 
 def _patterns(n: int) -> Iterator[tuple[tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]], int, bool]]:
-    """Yield when both peaks may be present, with the period of the jump, or 0, and whether one peak is first."""
+    """Yield the periods with each of two peaks, the period of the jump or 0, and whether the first peak is earlier."""
     always = np.ones(n, bool)
     yield (always, always), 0, False
     for k in range(1, n):

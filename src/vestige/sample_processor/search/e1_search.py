@@ -10,16 +10,17 @@ The following parts of a taken signal do not count as a second signal:
   the code Doppler of a wrong bin (0.6 chip over 100 ms and 10 kHz): all cells within `BLIND_CHIPS`;
 * its Doppler side lobes (−13 dB, −18 dB, …), which lie at its code phase, so the same cells at *every* Doppler;
 * its code side lobes, at any code phase: at most −20 dB for one code period of a memory code at a wrong Doppler, or
-  with a symbol that changes. So a signal that is `CROSS_CORRELATION_DB` below it does not count.
+  with a symbol that changes. So a signal that is `CROSS_CORRELATION_DB` below the taken signal does not count.
 
 At most `MAX_SIGNALS` of a satellite are taken. More peaks are interference: a swept jammer correlates with the code at
 a thousand code phases.
 
 A peak may be present only while a stronger peak is absent. Such a peak is the same signal after a jump, because samples
-are missing (`e1_jump`). A jump makes one peak two, so it is not looked for among `MAX_SIGNALS` peaks.
+are missing (`e1_jump`). A jump turns one peak into two, but with `MAX_SIGNALS` peaks the search does not look for
+jumps.
 
-The search cannot separate a second signal within 2 chips (586 m) in code phase modulo 4 ms; there the correlator bank
-and the range checks detect it. A signal 16 dB below the strongest is not found either.
+The search cannot separate a second signal within 2 chips (586 m) in code phase modulo 4 ms. The correlator bank and the
+range checks detect such a signal. A signal 16 dB below the strongest is not found either.
 """
 
 from __future__ import annotations

@@ -58,8 +58,8 @@ class SearchState:
     block_start
         Time of the first code offset of the last block.
     block_magnitude
-        Magnitude of the strongest cell in that block, as computed by the engine, in standard deviations of the noise
-        per dimension; 0 if the engine left out all cells.
+        Magnitude of the strongest cell in that block, as computed by the engine; 0 if the engine left out all cells.
+        The unit is the standard deviation of the noise per dimension.
     blocks
         Number of searched blocks, counted from the first.
     """
@@ -83,8 +83,9 @@ class ExhaustiveSearch:
     doppler_span_hz
         Half width of the Doppler search, which goes from −span to +span.
     engine
-        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that runs here. With
-        every engine exact cells decide. `segment` leaves out a few of the weakest signals (`theory/screen_loss.py`).
+        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that this machine runs.
+        With every engine exact cells decide. `segment` leaves out a few of the weakest signals
+        (`theory/screen_loss.py`).
     workers
         Number of threads; None for all cores. The result does not depend on this number.
     """
@@ -313,7 +314,7 @@ class _Block:
 
 
 def _clusters(powers: Float32[np.ndarray, "grids offsets"], screen: float) -> list[list[float]]:
-    """Return the code offsets in chips whose power is above the screen, in clusters, the strongest of each first."""
+    """Return the code offsets in chips whose power is above `screen`, in clusters, the strongest of each first."""
     grid, offset = np.nonzero(powers > screen)
     place = offset + 0.5 * grid
     order = np.argsort(place)

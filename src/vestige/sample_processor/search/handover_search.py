@@ -2,16 +2,17 @@
 
 Theory of operation
 -------------------
-A signal on E1 gives code phase and Doppler. A multiple of its period remains unknown: 4 ms, or 100 ms if the phase of
-the secondary code is known. So the first chip of a RECS can arrive at τ_m after a known moment, where
+A signal on E1 gives code phase and Doppler. A multiple of the signal's period remains unknown: 4 ms, or 100 ms if the
+phase of the secondary code is known. So the first chip of a RECS can arrive at τ_m after a known moment, where
 
     u(τ) = R_c (1 + f_d/f_c) τ + ½ R_c (ḟ_d/f_c) τ²        u(τ_m) = m · period · R_c
 
 The grid is thus the *received* period: with Doppler a grid of nominal 4 ms would be 120 chips off after 30 s at 1 kHz.
 
-The samples are summed into chips along u, free of their carrier (`half_chip_kernel`), twice, half a chip apart: rows of
-4 ms. A RECS of 16 ms has four rows, and hypothesis m + 1 shares three of them with hypothesis m. So every row is
-multiplied only once with all quarters of the RECS at all taps (`row_kernel`), on one of the two grids of chips:
+The samples are summed into chips along u, free of their carrier (`half_chip_kernel`), on two grids half a chip apart. A
+row has 4 ms of chips. A RECS of 16 ms has four rows, and hypothesis m + 1 shares three of them with hypothesis m. So
+every row is multiplied only once with all quarters of the RECS at all taps (`row_kernel`), on one of the two grids of
+chips:
 
     Y[row, quarter, tap] = Σ_j row[j] · chip[quarter, j − tap]        S[m, tap] = Σ_q Y[m + q, q, tap]
 

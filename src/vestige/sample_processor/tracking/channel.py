@@ -37,7 +37,7 @@ from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11, CBOC_MINUS, Pulse, band_limited_correlation
 
-MAX_SPACING_CHIPS = 1 / 3  # largest distance of a correlator from the prompt: BOC(1,1)'s main peak ends there
+MAX_SPACING_CHIPS = 1 / 3  # largest distance of a correlator from the prompt: the end of BOC(1,1)'s main peak
 # at a lower rate, a correlator one sample away leaves the peak
 MIN_SAMPLE_RATE_HZ = E1C.chip_rate_hz / MAX_SPACING_CHIPS
 _SLOPE_STEP_CHIPS = 1e-4
@@ -125,7 +125,7 @@ class Channel:
     found
         Result of an acquisition; the channel starts at the first sample of that acquisition.
     batch
-        Samples of the acquisition. Only their rate, centre frequency and counter are used.
+        Samples of the acquisition. Only the rate, the centre frequency and the counter of these samples are used.
     settings
         Loops and correlators.
     bandwidth_hz
@@ -244,8 +244,8 @@ def track_together(
 ) -> list[TrackedPeriods]:
     """Track the same samples with some channels; return the code periods of each channel that end in the samples.
 
-    The result of a channel does not depend on the other channels. Together they are faster, because they share the
-    running sums of the samples.
+    The result of a channel does not depend on the other channels. Together the channels are faster, because they share
+    the running sums of the samples.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 The code oscillator cuts the samples into code periods. Period k begins with the first sample whose code phase is not
-negative. A period is correlated as its samples arrive, by `correlator_bank_kernel`, and gives the bank P_j of E1-C,
+negative. `correlator_bank_kernel` correlates a period as its samples arrive. The period gives the bank P_j of E1-C,
 with the secondary chip removed, and the prompt of E1-B. After every integration the discriminators give the errors,
 from the early (E), prompt (P) and late (L) correlator:
 
@@ -18,9 +18,9 @@ gains are those of `loop_gains`. The frequency of the carrier, from the loop's i
 aids the code.
 
 Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 and the phase lock. The phase lock (I² −
-Q²)/(I² + Q²) of their sum estimates cos 2φ [VAN-DIERENDONCK96]. C/N0 is S/(2 V T). S is the square of the mean in-phase
-part, less its noise, and V is the variance of the in-phase part; both are smoothed over 1 s. The quadrature part is not
-used, because it contains the loop's own phase noise, which would reduce the C/N0 by 0.3 dB.
+Q²)/(I² + Q²) of the sum of these prompts estimates cos 2φ [VAN-DIERENDONCK96]. C/N0 is S/(2 V T). S is the square of
+the mean in-phase part, less its noise, and V is the variance of the in-phase part. Both S and V are smoothed over 1 s.
+The quadrature part is not used, because it contains the loop's own phase noise, which would reduce the C/N0 by 0.3 dB.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -159,8 +159,8 @@ def track_channels(
     constants, states
         `CONSTANTS`[channel] and `CHANNEL_STATE`[channel]; the states are updated.
     pilots, totals
-        complex128[channel, k], the banks of the unfinished code periods, from which the secondary chip is not yet
-        removed, and the banks of the unfinished integrations; updated.
+        complex128[channel, k], updated: the banks of the unfinished code periods, which still contain the secondary
+        chip, and the banks of the unfinished integrations.
     periods, banks
         `PERIOD`[channel, m] and complex64[channel, m, k], filled; m is at least the number of periods that can end in
         the samples.

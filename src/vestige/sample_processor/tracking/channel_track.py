@@ -116,7 +116,7 @@ class ChannelTrack:
         page
             A page of this channel.
         week
-            Galileo week, within half of 4096 weeks; within half a week for words without a week number.
+            Galileo week, right to 2048 weeks, or to half a week for words without a week number.
         """
         unplaced = InavPage(svid=self.svid, time=GalileoTime(week, 0), data=page.data)
         time = None if unplaced.is_alert else time_in_word(unplaced.word)

@@ -7,16 +7,18 @@ every half chip, so a segment contains about six samples at 12.5 MHz. A correlat
 each segment, which is the difference of two running sums. The running sums are computed once for all satellites. The
 work for a satellite grows with the number of edges, and not with the sampling rate.
 
-**Correlators at whole samples.** An early or late correlator has the same replica, moved by some samples. So its
-segments begin and end a few places further in the same running sums, and one vector reads two correlators.
+**Correlators at whole samples.** An early or late correlator has the same replica, moved by some samples. So the
+segments of this replica begin and end some samples later in the same running sums, and one vector reads two
+correlators.
 
 **Carrier.** A segment has one carrier phase, that of its middle. With a residual frequency of 10 kHz the carrier turns
-by 0.005 cycles in half a chip. This reduces the amplitude by (0.005 π)² / 6 = 4·10⁻⁵, which is 0.0004 dB. A centre
-frequency other than that of E1 is removed from the samples before they are summed. The frequency that is removed is a
-multiple of the sampling rate over 2³², so that its phase at any sample is an exact integer.
+by 0.005 cycles in half a chip. This rotation reduces the amplitude by (0.005 π)² / 6 = 4·10⁻⁵, which is 0.0004 dB. A
+centre frequency other than that of E1 is removed from the samples before they are summed. The frequency that is removed
+is a multiple of the sampling rate over 2³², so that its phase at any sample is an exact integer.
 
-**Precision.** Running sums are float32 and start again after at most `PIECE` samples. At 12.5 MHz their rounding is 116
-dB below the noise of a code period. If the samples have a constant offset as strong as the noise, it is 81 dB below.
+**Precision.** Running sums are float32 and start again after at most `PIECE` samples. At 12.5 MHz the rounding of the
+sums is 116 dB below the noise of a code period. If the samples have a constant offset as strong as the noise, the
+rounding is 81 dB below.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"
@@ -61,7 +63,7 @@ def bank_replicas(
 
 
 def bank_vectors(lags: Int64[np.ndarray, " k"]) -> tuple[Int64[np.ndarray, " n"], Int64[np.ndarray, " k"]]:
-    """Return the first sample of each vector of the passes of `bank_sums`, and the place of each lag among the sums.
+    """Return the first sample of each vector of the passes of `bank_sums`, and the position of each lag in the sums.
 
     A vector contains two samples; consecutive correlators share a vector. The first pass contains the lag 0 in
     `DATA_VECTOR`.
@@ -223,7 +225,7 @@ def add_to_bank(work, begin, count, replicas, phase, step, cycles, cycles_per_sa
 
 @njit(cache=True, nogil=True)
 def _sum_at(sums, slot):
-    """Return a sum of `bank_sums`, turned back by the carrier."""
+    """Return a sum of `bank_sums`, rotated back by the carrier."""
     with_cos, with_sin = 2 * slot, SUMS // 2 + 2 * slot
     return complex(sums[with_cos] + sums[with_sin + 1], sums[with_cos + 1] - sums[with_sin])
 
@@ -245,7 +247,7 @@ def _segment(running, edge, next_edge, zero, count, lag):
 
 @njit(cache=True, nogil=True)
 def correlate_part(x, replicas, phase, step, cycles, cycles_per_sample, lags, starts, slots, bank):
-    """Fill the bank of E1-C with the correlations of a part of a code period; return that with E1-B at lag 0.
+    """Fill the bank of E1-C from a part of a code period; return the correlation with E1-B at lag 0.
 
     Parameters
     ----------

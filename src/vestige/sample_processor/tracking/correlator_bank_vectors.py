@@ -29,9 +29,9 @@ def bank_sums(typing_context, running, edges, replicas, replica_at, carrier, fir
 
     Segment j has D(l) = running[edges[j + 1] + l] − running[edges[j] + l], where `running` contains pairs of a real and
     an imaginary part. Vector v contains D at l = starts[starts_at + v] and at l + 1. The replicas have the values
-    replicas[0, replica_at + j] (pilot) and replicas[1, replica_at + j] (data signal); the carrier has the cosine
+    replicas[0, replica_at + j] (pilot) and replicas[1, replica_at + j] (data signal). The carrier has the cosine
     carrier[0, j] and the sine carrier[1, j]. `out` gets four numbers for each vector of the pilot and for `DATA_VECTOR`
-    of the data signal: first all sums with the cosine, then all sums with the sine.
+    of the data signal. All sums with the cosine come first, then all sums with the sine.
     """
 
     def codegen(context, builder, signature, arguments):

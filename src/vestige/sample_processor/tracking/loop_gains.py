@@ -11,7 +11,7 @@ its oscillator for the next integration:
 
 The correlator measures the oscillator's phase at the middle of an integration: φ_{k+1} = φ_k + T (r_k + r_{k+1})/2. The
 noise n_k is white from one integration to the next. With φ = Σ h_j n_{k−j}, the one-sided noise bandwidth is B = Σ h_j²
-/ (2T): then σ_φ² = 2 B T σ_n² is exact.
+/ (2T), so that σ_φ² = 2 B T σ_n² is exact.
 
 The gains are γ₁ = b₁ x, γ₂ = b₂ x², γ₃ = x³ with x = ω T: damping 1/√2 for order 2, and (b₁, b₂) = (2.4, 1.1) for order
 3 [KAPLAN06, Table 5.6]. The textbook gives B as a function of ω for T → 0. Here ω is chosen so that the digital loop

@@ -2,11 +2,11 @@
 
 Every satellite sends the almanac of all satellites in words 7 to 10, three satellites a minute [OS-ICD, 5.1.10]. With
 the ranges of four satellites, coarse orbits give the position to some kilometres, and elevations to a tenth of a
-degree. So the receiver finds a satellite that has risen within seconds; a search of all satellites in turn may take
+degree. So within seconds the receiver finds a satellite that has risen. A search of all satellites in turn may take
 minutes.
 
 The almanac only decides which satellites are tried first. A message may be forged, and an almanac may be old, so every
-fourth search is of another satellite. No verdict depends on the almanac.
+fourth search is for another satellite. No verdict depends on the almanac.
 """
 
 from __future__ import annotations
@@ -95,9 +95,9 @@ class Outlook:
         return float(np.degrees(seen.elevation_rad[0]))
 
     def next_search(self, unseen: Collection[int], time: GalileoTime) -> int | None:
-        """Return the satellite to look for next; None if there is none to look for.
+        """Return the satellite to look for next; None if all satellites are tracked.
 
-        Three of four searches are of satellites above `HORIZON_DEG`, as long as there are any. The satellite with the
+        Three of four searches are for satellites above `HORIZON_DEG`, as long as there are any. The satellite with the
         oldest search comes first.
 
         Parameters
@@ -118,7 +118,7 @@ class Outlook:
         return found
 
     def _look_up(self, time: GalileoTime) -> None:
-        """Determine the satellites above the horizon, once a minute; in a minute none moves by half a degree."""
+        """Determine the satellites above the horizon once a minute, in which no satellite moves by half a degree."""
         if self._looked_at is None or abs(time - self._looked_at) >= _LOOK_S:
             self._above = {svid for svid in self._orbits if self.elevation_deg(svid, time) >= HORIZON_DEG}
             self._looked_at = time if self._above else None

@@ -1,8 +1,8 @@
-"""From the E1-B prompts of a tracking channel to I/NAV pages.
+"""Decoder from the E1-B prompts of a tracking channel to I/NAV pages.
 
 A code period of E1-B is a symbol, so the symbols need no clock of their own. A half-page begins with a period of the
 secondary code of E1-C, because both begin with the Galileo second. So of the 500 positions at which a page may begin,
-20 remain. At each position, the sign of the symbols follows from the synchronisation pattern, and the checksum tells
+20 remain. At each position, the sign of the symbols follows from the synchronisation pattern. The checksum tells
 whether the position is right [OS-ICD, 4.3.2]. After that, pages are read every 500 symbols, until `LOST_PAGES` in a row
 have a bad checksum.
 """

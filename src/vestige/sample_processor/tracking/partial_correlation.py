@@ -11,19 +11,20 @@ carrier in phase, the test uses
     d_k = b_k Re(later_k − first_k)        T = √n mean(d) / std(d)
 
 Without an attack d_k is Gaussian of mean 0. So T has Student's distribution with n − 1 degrees of freedom, for any C/N0
-and signal strength. The alarm is T > t, P(T > t) = P_fa. A narrow filter of the front end violates this assumption: its
-effect on the first chips of a symbol differs from that on the average chip, so the mean of d_k is not 0.
+and signal strength. The test raises an alarm if T > t, where P(T > t) = P_fa. A narrow filter of the front end violates
+this assumption. The effect of the filter on the first chips of a symbol differs from that on the average chip, so the
+mean of d_k is not 0.
 
 **The beginnings of predictable symbols** (`predictable_reference_test`). The attacker knows these symbols in time. The
-filter has the same effect on them, so it cancels. `vestige.theory.scer.partial_correlations` has the metrics of this
-test, the thresholds, and the detection probabilities of both tests.
+filter has the same effect on predictable symbols, so this effect cancels. `vestige.theory.scer.partial_correlations`
+has the metrics of this test, the thresholds, and the detection probabilities of both tests.
 
 **Unpredictable symbols** are those that nobody can predict; an attacker knows all others. `unpredictable_symbols`
-returns them for an I/NAV page: 32 of 500 in a page, or 480 in an OSNMA subframe of 30 s.
+returns the unpredictable symbols of an I/NAV page: 32 of 500 in a page, or 480 in an OSNMA subframe of 30 s.
 
 **Limit of these tests**: they cannot detect a spoofing signal whose delay is longer than an attacker needs to learn a
 symbol. The same test on chips of E6-C is not possible. The attacker estimates a whole chip of 195 ns and transmits the
-estimate when the chip is over, so all parts of a transmitted chip are equally good.
+estimate when the chip is over. So all parts of a transmitted chip are equally good.
 """
 
 from __future__ import annotations
@@ -252,9 +253,9 @@ def unpredictable_symbols() -> Bool[np.ndarray, " 500"]:
 
     The 32 bits of a page's MACK message are taken as unknown, all others as known. Every symbol that depends on unknown
     bits is a sum of some of them, because the code and the checksum are linear. A symbol may follow from sums of
-    earlier symbols. An attacker who has received these then knows it, so there are as many unpredictable symbols as
-    unknown bits. Some bits of the MACK message do not change between subframes (the header of each tag), so fewer
-    symbols are really unpredictable.
+    earlier symbols. An attacker who has received the earlier symbols then knows this symbol, so there are as many
+    unpredictable symbols as unknown bits. Some bits of the MACK message do not change between subframes (the header of
+    each tag), so fewer symbols are really unpredictable.
 
     Examples
     --------

@@ -43,13 +43,13 @@ class TrackingSettings:
         prompt, so the nearest possible distance is used.
     n_correlators
         Number of correlators in the bank, 5 to 11 and odd. The correlators are spaced around the prompt by half of the
-        distance above.
+        early-late distance.
     replica
         `BOC(1,1)`, for narrow front ends, or `CBOC`, with the BOC(6,1) part, for bands wider than 14 MHz.
     pull_in_s
         Time for which the FLL runs before the PLL takes over.
     min_cn0_dbhz, min_phase_lock
-        Lower limits of C/N0 and phase lock (mean of cos 2φ, over about 0.3 s). A channel that stays below for
+        Lower limits of C/N0 and phase lock (mean of cos 2φ, over about 0.3 s). A channel that stays below a limit for
         `patience_s` is lost.
     slip_phase_lock
         Lower limit of the phase lock of 100 ms for observations; the first phase after a lower value is flagged as

@@ -1,14 +1,15 @@
 """A receiver of E1: it acquires satellites in a stream of samples, tracks them, and reads their message.
 
 Samples are given in consecutive stretches; the result does not depend on how they are cut. The receiver looks for all
-satellites at the beginning. Then it looks for an untracked satellite every 5 s, first for those above the horizon by
-the almanac of the message (`outlook.py`). Lost satellites are searched every second for two minutes, around their last
-Doppler. Observables are computed `epochs_per_s` times a second at whole fractions of a second of the receiver's clock.
+satellites at the beginning. Then the receiver looks for an untracked satellite every 5 s, first for those above the
+horizon by the almanac of the message (`outlook.py`). Lost satellites are searched every second for two minutes, around
+their last Doppler. Observables are computed `epochs_per_s` times a second at whole fractions of a second of the
+receiver's clock.
 
-The time of transmission becomes known in steps. The secondary code gives it modulo 100 ms; the message gives it
-completely, after up to 30 s. Until a message of some satellite has given the time, the receiver's clock resolves it
-(`time_tag_error_s`). After that the median of the satellites with a known time resolves all others, whose travel times
-differ by less than 25 ms.
+The time of transmission becomes known in steps. The secondary code gives this time modulo 100 ms; the message gives it
+completely, after up to 30 s. Until a message of some satellite has given the time, the receiver's clock resolves the
+ambiguity (`time_tag_error_s`). After that the median of the satellites with a known time resolves all other satellites,
+whose travel times differ by less than 25 ms.
 """
 
 from __future__ import annotations
@@ -335,7 +336,8 @@ def recut(batches: Iterable[SampleBatch], duration_s: float) -> Iterator[SampleB
     Parameters
     ----------
     batches
-        Samples in their original order. There is a gap if the number of a first sample does not follow.
+        Samples in their original order. There is a gap if the first number of a piece does not follow the previous
+        piece.
     duration_s
         Length of a piece in s.
     """

@@ -120,8 +120,8 @@ def _copy(value: Any) -> Any:
 def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> Any:
     """Return the object that the tables describe, or raise the first error with its position.
 
-    A number must be a number; text and truth values are not converted. TOML has lists and tables where the models have
-    tuples and objects, as JSON has, so the tables are validated as JSON.
+    Text and truth values are not converted to numbers. TOML has lists and tables where the models have tuples and
+    objects, as JSON has, so the tables are validated as JSON.
 
     Raises `InputFileError` for an unknown key, a missing key, or a value of another type or outside its range.
     """

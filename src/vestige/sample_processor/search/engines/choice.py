@@ -62,7 +62,7 @@ def choose_engine(name: EngineName) -> EngineChoice:
 
 
 def make_engine(name: EngineName, codes: Int8[np.ndarray, "codes chips"]) -> Engine:
-    """Return the engine of a name for codes of equal length, ±1; `auto` takes the fastest that runs here.
+    """Return the engine of a name for codes of equal length, ±1; `auto` takes the fastest that this machine runs.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """GPU functions of the CUDA engine: FFTs by cuFFT and two kernels. Only this module imports CuPy.
 
 The speed of the GPU's memory sets the time. The product is written once and read once by the inverse FFT, and the
-maximum reads the result once. These are 4 to 6 passes over the 8 bytes of each number.
+maximum reads the result once. FFT, product and maximum make 4 to 6 passes over the 8 bytes of each number.
 """
 
 from __future__ import annotations
@@ -136,6 +136,6 @@ def cuda_device() -> CudaDevice:
 
 
 def first_line(error: BaseException) -> str:
-    """Return the first line of an error's message that is not empty; the name of its class if all are."""
+    """Return the first line of an error's message that is not empty; the name of its class if all lines are empty."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__

@@ -2,7 +2,7 @@
 
 An engine gets chips of a stretch of samples and returns, for every code offset, the largest power over the Doppler
 bins. The power may be too low by a stated part of a decibel. Offsets near the threshold are computed again exactly
-(`exact_cell`), and only the exact value counts. So the precision of an engine does not enter a published number.
+(`exact_cell`), and only the exact value counts. So the precision of an engine does not affect published numbers.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Grid:
     reach
         Number of bins on each side of the middle.
     half_width_hz
-        Largest distance from the middle. A replica with the code Doppler of the middle loses at most 0.24 dB there. A
-        wider span needs several passes, each with its own middle.
+        Largest distance from the middle. At this distance a replica with the code Doppler of the middle loses at most
+        0.24 dB. A wider span needs several passes, each with its own middle.
     """
 
     segment_chips: int
@@ -101,10 +101,12 @@ class Engine(Protocol):
         Parameters
         ----------
         chips
-            Chips of the samples, real and imaginary parts. Their number is `n_offsets` plus the length of the codes.
+            Chips of the samples, real and imaginary parts. The number of chips is `n_offsets` plus the length of the
+            codes.
         threshold
-            Threshold of the magnitude, in standard deviations of the noise per dimension. An engine may return zero
-            for an offset without a cell above the threshold. The engine states how many detections this costs at most.
+            Threshold of the magnitude, in standard deviations of the noise per dimension. An engine may return zero for
+            an offset without a cell above the threshold. The engine states how many detections these zeros cost at
+            most.
         """
         ...
 

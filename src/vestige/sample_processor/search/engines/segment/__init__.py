@@ -12,31 +12,33 @@ not removed, which costs sinc²(f M / R_c), 0.35 dB at the outermost bin. Each c
     P_k(τ) = Σ_n x(τ + M k + n) c(M k + n)          Z_m(τ) = Σ_k P_k(τ) e^{−j2π k m / 256}
 
 **Two stages.** A search of 10¹⁰ cells has a threshold g near 8 σ. If a cell reaches g, the middle three quarters of its
-chips have a magnitude of 6.8 ± 0.5 σ. Two offsets half a chip apart share half of their noise, so the sum of both has
-5.9 ± 0.7 σ, wherever between the two offsets the signal is. So the engine first adds the chips of the two grids and
-sums up only their middle three quarters, once for two offsets. Both offsets are dropped if the largest magnitude is
-below t = ¾ g − 1.32, 4.6 σ. Noise passes t at about 0.2 % of the offsets. At the offsets that pass all chips are summed
-up exactly, and only this power is returned. `theory/screen_loss.py` computes the detections that the screen costs. The
-middle is taken because the code Doppler then moves its chips equally to both sides. In short searches g is so low that
-noise would pass too often; then all chips are summed up at every offset.
+chips have a magnitude of 6.8 ± 0.5 σ. Two offsets half a chip apart share half of their noise. So the sum of both
+offsets has 5.9 ± 0.7 σ, for any delay of the signal between the two offsets. So the engine first adds the chips of the
+two grids and sums up only their middle three quarters, once for two offsets. Both offsets are dropped if the largest
+magnitude is below t = ¾ g − 1.32, 4.6 σ. Noise passes t at about 0.2 % of the offsets. At the offsets that pass, all
+chips are summed up exactly, and only this power is returned. `theory/screen_loss.py` computes the detections that the
+screen costs. The middle is taken because the code Doppler then moves its chips equally to both sides. In short searches
+g is so low that noise would pass too often; then all chips are summed up at every offset.
 
 **Screen: sign tables.** Five chips have 16 sign patterns, apart from a common sign. So every sum x(n) ± x(n+1) ± … ±
-x(n+4) is computed once for all segments, offsets and codes. P_k is then a sum of 48 table rows or more; the sign of a
+x(n+4) is computed once for all segments, offsets and codes. P_k is then a sum of 48 table rows or more. The sign of a
 group's first chip decides whether its row is added or subtracted. Rows are read at consecutive offsets, without a
-multiplication, a branch or a look-up by sample. A row has five bits in steps of eight. With chips of σ = 12 the steps
-add noise 21 dB below that of the chips, and a sum beyond 4.6 σ is cut. So eight rows are added in one byte before they
-are widened to int16. The tables of a block serve all codes. The distance between two rows is 256 bytes more than a
-multiple of 4 kB. Without the 256 bytes all rows would share a few lines of the cache, which costs a factor of two.
+multiplication, a branch or a look-up by sample. A row stores a sum in five bits, in steps of eight. With chips of σ =
+12 the steps add noise 21 dB below that of the chips, and a sum beyond 4.6 σ is cut. So eight rows are added in one byte
+before they are widened to int16. The tables of a block serve all codes. The distance between two rows is 256 bytes more
+than a multiple of 4 kB. Without the 256 bytes all rows would share a few lines of the cache, which costs a factor of
+two.
 
 **Screen: Doppler transform.** The segments have 240 chips at 4 ms, which costs 0.8 dB at 5 kHz and 0.27 dB on average.
-128 points, the upper half of the inputs zero, in two steps of 8 and 16: input k = b + 16 j, output m = r + 8 g,
+The transform has 128 points, of which the upper half of the inputs is zero. Two steps of 8 and 16 compute this
+transform, with input k = b + 16 j and output m = r + 8 g,
 
     y_b[r] = Σ_j P_{b+16j} e^{−j2π j r / 8}        Z_{r+8g} = Σ_b (y_b[r] e^{−j2π b r / 128}) e^{−j2π b g / 16}
 
 in int16 with one lane for each offset. Rounding changes a magnitude by less than 0.03 σ. A P_k is cut so that no sum
 leaves int16, because additions that saturate take twice as long. Noise reaches the cut (3.9 to 7.8 σ of P_k) at most
-once in 10⁴ segments, and a strong signal stays strong. For 16 ms the segments have 960 chips here, which costs 1.4 dB
-at the edge of a pass.
+once in 10⁴ segments, and a strong signal stays strong. For 16 ms the segments of this transform have 960 chips, which
+costs 1.4 dB at the edge of a pass.
 
 **All chips.** The segment sums of int16 products are exact. A transform of 256 points in two steps of 16 follows, in
 float32 with one lane for each of eight offsets. **1 and 2 ms** fill an eighth or a quarter of the inputs and need every

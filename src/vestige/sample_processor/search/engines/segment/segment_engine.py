@@ -40,7 +40,7 @@ _MOST_SCREENED = 0.3  # largest useful share of offsets that noise alone passes;
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A code as rows of the sign tables, by segment, added rows first; `row_sum` explains the bounds."""
+    """A code as rows of the sign tables, by segment, added rows first; `row_sum` explains `bounds`."""
 
     entries: Int32[np.ndarray, " groups"]
     bounds: Int64[np.ndarray, "segments 6"]

@@ -1,9 +1,9 @@
 """Vector instructions for the segment engine, written as LLVM code: sums of rows of bytes, and DFTs over lanes.
 
-numba cannot unroll a DFT whose lanes are search offsets, and `vestige.vector_code` has another reason. So this module
-emits the inner loops as intrinsics; LLVM adapts their vectors to AVX-512, AVX2 or NEON. In a DFT each lane is a search
-offset. `None` stands for a number that is known to be zero. LLVM removes the outputs that are not used. The same DFT
-runs on float32 and on int16 (`_Float`, `_Fixed`).
+numba cannot unroll a DFT whose lanes are search offsets, and `vestige.vector_code` states a second reason. So this
+module emits the inner loops as intrinsics; LLVM adapts their vectors to AVX-512, AVX2 or NEON. In a DFT each lane is a
+search offset. `None` stands for a number that is known to be zero. LLVM removes the outputs that are not used. The same
+DFT runs on float32 and on int16 (`_Float`, `_Fixed`).
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -110,7 +110,7 @@ class _Fixed:
         return self.builder.select(self.builder.icmp_signed(">", a, b), a, b)
 
     def unbiased(self, a):
-        """Return a sum of two products without its bias: a product is rounded down, by a half on average."""
+        """Return a sum of two products without its bias, because each product is rounded down, by a half on average."""
         return self.plus(a, ir.Constant(_SHORT, [1] * SHORT_LANES))
 
     def of_sum(self, lanes, place):
@@ -212,10 +212,10 @@ def row_sum(
     """Store SUM_WIDTH sums of ± table[entry + base + i] at `out[out_index:]`, less `zero`.
 
     A sum is cut at ±`top` and multiplied by 2^`shift`. Entries low … plus_end are added and minus_start … high
-    subtracted, eight rows at a time in bytes. Between these two ranges there may be eight more entries. Among them,
-    entries from `first_minus` on are added as ROW_TOP less the row, which is an exclusive or. The rows are bytes up to
-    ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and all 16-bit words are summed, and Σ even = Σ words −
-    256 Σ odd, modulo 2¹⁶. In each group of VECTOR_BYTES sums the even sums are stored first.
+    subtracted, eight rows at a time in bytes. Between these two ranges there may be eight more entries. Among these
+    entries, those from `first_minus` on are added as ROW_TOP less the row, which is an exclusive or. The rows are bytes
+    up to ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and all 16-bit words are summed, and Σ even = Σ
+    words − 256 Σ odd, modulo 2¹⁶. In each group of VECTOR_BYTES sums the even sums are stored first.
     """
 
     def codegen(context, builder, signature, arguments):
@@ -325,7 +325,7 @@ def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, n_points,
 
 
 def _second(context, builder, signature, arguments, low, high):
-    """Return the DFT outputs low … high (negative ones count from the end) of 16 points at `index`."""
+    """Return the DFT outputs low … high (negative numbers count from the end) of 16 points at `index`."""
     unit = _unit(signature.args[0], builder)
     lanes = Lanes(context, builder, signature.args[0], arguments[0])
     x = []
