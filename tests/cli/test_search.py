@@ -141,7 +141,7 @@ def test_an_interrupted_search_says_what_it_found(night: Path, monkeypatch: pyte
 
 
 @pytest.mark.slow
-def test_a_search_that_was_killed_goes_on(night: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_killed_search_continues(night: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed behind its second block: what was kept is what an uninterrupted search comes through, to the last bit."""
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch
 
@@ -165,7 +165,7 @@ def test_a_search_that_was_killed_goes_on(night: Path, tmp_path: Path, monkeypat
     monkeypatch.setattr(ExhaustiveSearch, "run", run)
     result = invoke(search, *command, "-o", cut, "--json")
     assert json.loads(result.stdout) == expected
-    assert "goes on after" in result.stderr
+    assert "continues after" in result.stderr
     assert cut.read_bytes() == whole.read_bytes()
     other = invoke(search, *command, "-o", cut, "--p-fa-overall", "0.01").exception
     assert isinstance(other, VestigeError)
