@@ -36,7 +36,7 @@ def test_a_row_with_its_expectation_and_what_differs() -> None:
     assert "DIFFERS" in row
     assert "6 (54–100)" in row
     assert any("A14 E6 a chip behind E1, level 1: differs: the attacker" in line for line in lines)
-    place = next(place for place, line in enumerate(lines) if "Level 1: checks that failed" in line)
+    place = next(place for place, line in enumerate(lines) if "Level 1: failed checks" in line)
     (row,) = (line for line in lines[place:] if line.startswith(" A14 E6 a chip behind E1"))
     assert "E1-E6 range 6/6, 60 s" in row
 
