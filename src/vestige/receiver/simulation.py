@@ -237,9 +237,7 @@ class Simulation:
             )
         return taps, noise_power
 
-    def samples(
-        self, number: int, row: int, truth: TruthBlock, arrived: Arrival
-    ) -> tuple[SampleBatch, FrontEndStatus]:
+    def samples(self, number: int, row: int, truth: TruthBlock, arrived: Arrival) -> tuple[SampleBatch, FrontEndStatus]:
         """Return the E6 samples around a RECS, on a clock that no attacker moves, and the status of the front end.
 
         `row` is the row of the RECS in `truth` and in `arrived`, the `arrival` of these RECS.

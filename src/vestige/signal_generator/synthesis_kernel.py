@@ -5,6 +5,9 @@ XOR of its chip into the sign bits, and an addition. Each path has its own rotat
 every block comes from float64. The Doppler rate rotates the sum of all paths inside the block, to second order of an
 angle that stays below 1e-3 rad at 100 Hz/s.
 
+Two paths share a loop, so that their sum is loaded and stored once. The loop of the last two also rotates the sum and
+adds it to the samples. An odd number of paths gets another one without amplitude, which changes no bit.
+
 No sum depends on the order of vector lanes and no operations are fused. So a block has the same bits on every machine,
 however the samples are cut between blocks.
 """
@@ -46,7 +49,8 @@ def _ray(sign, cos, sin, re, im):
 @njit(cache=True, nogil=True)
 def _add_two_rays(window, fraction, shift, cos, sin, a, r, first, s_re, s_im):
     """Add the paths number r and r + 1, one after the other, to the sum of the paths from sample `first` on."""
-    re, im, re_2, im_2 = np.float32(a[r].real), np.float32(a[r].imag), np.float32(a[r + 1].real), np.float32(a[r + 1].imag)
+    re, im = np.float32(a[r].real), np.float32(a[r].imag)
+    re_2, im_2 = np.float32(a[r + 1].real), np.float32(a[r + 1].imag)
     cos_1, sin_1, cos_2, sin_2 = cos[r, first:], sin[r, first:], cos[r + 1, first:], sin[r + 1, first:]
     shift_1, shift_2 = shift[r], shift[r + 1]
     for i in range(s_re.size):
@@ -58,8 +62,12 @@ def _add_two_rays(window, fraction, shift, cos, sin, a, r, first, s_re, s_im):
 
 @njit(cache=True, nogil=True)
 def _add_turned(window, fraction, shift, cos, sin, a, r, s_re, s_im, slope, curve, x):
-    """Add the paths number r and r + 1 to the sum, and the sum, turned by slope · k + curve · k², to the samples."""
-    re, im, re_2, im_2 = np.float32(a[r].real), np.float32(a[r].imag), np.float32(a[r + 1].real), np.float32(a[r + 1].imag)
+    """Add the paths number r and r + 1 to their sum, and the sum to the interleaved samples.
+
+    The sum is rotated by the small angle slope · k + curve · k², with k counted from the middle of the block.
+    """
+    re, im = np.float32(a[r].real), np.float32(a[r].imag)
+    re_2, im_2 = np.float32(a[r + 1].real), np.float32(a[r + 1].imag)
     cos_1, sin_1, cos_2, sin_2 = cos[r], sin[r], cos[r + 1], sin[r + 1]
     shift_1, shift_2 = shift[r], shift[r + 1]
     for i in range(x.size // 2):
@@ -107,7 +115,7 @@ def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, co
     """
     n_samples, n_rays = x.size // 2, delays.size
     middle, reach = (delays.max() + delays.min()) / 2, (delays.max() - delays.min()) / 2
-    last = (n_rays - 1) // 2 * 2  # the first path of the last pair; an odd number of paths gets one without amplitude
+    last = (n_rays - 1) // 2 * 2  # first path of the last pair
     cos, sin = np.zeros((last + 2, BLOCK), np.float32), np.zeros((last + 2, BLOCK), np.float32)
     a, shift = np.zeros(last + 2, np.complex128), np.zeros(last + 2, np.uint32)
     for r in range(n_rays):

@@ -117,7 +117,7 @@ def _window(packed, phase):
 def _fill_groups(packed, phase, step, n, group, window):
     """Fill the windows of n samples, `group` by `group`.
 
-    With a constant `group` the compiler would write the elements of a group one by one, which takes three times as long.
+    If `group` were a constant, the compiler would store the samples of a group one by one instead of vectors.
     """
     for g in range(np.uint64((n + group - 1) // group)):
         shared = _window(packed, phase)
