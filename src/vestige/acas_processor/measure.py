@@ -191,7 +191,7 @@ class _DecryptedHandovers:
         self.expected_s[epoch, satellite] = handover.start_time - time
         self.doppler_e6_hz[epoch, satellite] = handover.doppler_hz
         duration_s = chips.chips.size / chips.chip_rate_hz
-        end = handover.start_time + (duration_s + float(processor.offsets_m[-1]) / SPEED_OF_LIGHT_MPS)
+        end = handover.start_time + (duration_s + processor.late_reach_m / SPEED_OF_LIGHT_MPS)
         uncertainty_s = float(self.snapshots.time_uncertainty_s[epoch])
         if not provably_before_disclosure(key.disclosed_at - end, uncertainty_s):
             self.too_late[epoch, satellite] = True

@@ -237,14 +237,15 @@ class Simulation:
             )
         return taps, noise_power
 
-    def samples(self, number: int, row: int, truth: TruthBlock) -> tuple[SampleBatch, FrontEndStatus]:
+    def samples(self, number: int, row: int, truth: TruthBlock, arrived: Arrival) -> tuple[SampleBatch, FrontEndStatus]:
         """Return the E6 samples around a RECS, on a clock that no attacker moves, and the status of the front end.
 
-        `row` is the row of the RECS in `truth`.
+        `row` is the row of the RECS in `truth` and in `arrived`, the `arrival` of these RECS.
         """
         sent, secret = self.transmit_time(number), encryption_key(self.seed)
         strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz) * float(truth.geometry.amplitude[row])
-        signal = received_signal(self._chips(sent), self.line_of_sight, truth, row, amplitude=strength)
+        direct = rows_of(arrived, slice(row, row + 1))
+        signal = received_signal(self._chips(sent), direct, truth, row, amplitude=strength)
         taken = window(signal.start_s + float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS, self.n_chips, self.front_end)
         where = (self.svid, sent, self.line_of_sight, truth, row, taken)
         forged = stream_key(self.seed, "chips that an attacker makes up")

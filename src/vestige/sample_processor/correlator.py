@@ -22,6 +22,7 @@ with any wrong code. Estimated from M chips the floor has a relative error of 1/
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, floor
 
 import numpy as np
 from jaxtyping import Float
@@ -77,19 +78,21 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     chips = handover.chips
     carrier_hz = CARRIER_HZ[batch.band]
     offsets_chips = offsets_m / SPEED_OF_LIGHT_MPS * chips.chip_rate_hz
-    if np.max(np.abs(offsets_chips - middle_chips(offsets_chips)), initial=0.0) > REACH_CHIPS:
+    earliest, latest = (offsets_chips.min(), offsets_chips.max()) if offsets_chips.size else (0.0, 0.0)
+    middle = middle_chips(offsets_chips)
+    if max(middle - earliest, latest - middle) > REACH_CHIPS:
         raise ValueError(f"correlators reach farther than {REACH_CHIPS} chips from the middle of the bank")
 
     code_rate = chips.chip_rate_hz * (1.0 + handover.doppler_hz / carrier_hz)
     integration_s = chips.chips.size / code_rate
     start = (handover.start_time - batch.start) * batch.sample_rate_hz
-    reach = offsets_chips / code_rate * batch.sample_rate_hz
     length = integration_s * batch.sample_rate_hz
-    first, last = start + np.min(reach, initial=0.0), start + length + np.max(reach, initial=0.0)
+    first = start + min(earliest / code_rate * batch.sample_rate_hz, 0.0)
+    last = start + length + max(latest / code_rate * batch.sample_rate_hz, 0.0)
     if first < 0 or last > batch.samples.size:
         return None
 
-    low, high = int(np.floor(first)), int(np.ceil(last))
+    low, high = floor(first), ceil(last)
     t0 = (low - start) / batch.sample_rate_hz
     if_hz = carrier_hz - batch.center_frequency_hz + handover.doppler_hz
     taps, chip_power = correlate_block(

@@ -5,6 +5,9 @@ XOR of its chip into the sign bits, and an addition. Each path has its own rotat
 every block comes from float64. The Doppler rate rotates the sum of all paths inside the block, to second order of an
 angle that stays below 1e-3 rad at 100 Hz/s.
 
+Two paths share a loop, so that their sum is loaded and stored once. The loop of the last two also rotates the sum and
+adds it to the samples. An odd number of paths gets another one without amplitude, which changes no bit.
+
 No sum depends on the order of vector lanes and no operations are fused. So a block has the same bits on every machine,
 however the samples are cut between blocks.
 """
@@ -34,26 +37,48 @@ def _sign(window, fraction, delay):
     return np.int32(np.uint32(np.uint32(window << shift) & np.uint32(0x80000000)))
 
 
-@njit(cache=True, nogil=True)
-def _add_ray(window, fraction, delay, cos, sin, a, s_re, s_im):
-    """Add amplitude × rotator × chip to the sum of the paths."""
-    re, im = np.float32(a.real), np.float32(a.imag)
-    for i in range(s_re.size):
-        sign = _sign(window[i], fraction[i], delay)
-        s_re[i] += float_of(np.int32(bits_of(re * cos[i] - im * sin[i]) ^ sign))
-        s_im[i] += float_of(np.int32(bits_of(re * sin[i] + im * cos[i]) ^ sign))
+@njit(inline="always")
+def _ray(sign, cos, sin, re, im):
+    """Return amplitude × rotator × chip of a path at a sample."""
+    return (
+        float_of(np.int32(bits_of(re * cos - im * sin) ^ sign)),
+        float_of(np.int32(bits_of(re * sin + im * cos) ^ sign)),
+    )
 
 
 @njit(cache=True, nogil=True)
-def _add_two_rays(window, fraction, delay, cos, sin, a, delay_2, cos_2, sin_2, a_2, s_re, s_im):
-    """Add two paths like `_add_ray`, one after the other, but load and store their sum once."""
-    re, im, re_2, im_2 = np.float32(a.real), np.float32(a.imag), np.float32(a_2.real), np.float32(a_2.imag)
+def _add_two_rays(window, fraction, shift, cos, sin, a, r, first, s_re, s_im):
+    """Add the paths number r and r + 1, one after the other, to the sum of the paths from sample `first` on."""
+    re, im = np.float32(a[r].real), np.float32(a[r].imag)
+    re_2, im_2 = np.float32(a[r + 1].real), np.float32(a[r + 1].imag)
+    cos_1, sin_1, cos_2, sin_2 = cos[r, first:], sin[r, first:], cos[r + 1, first:], sin[r + 1, first:]
+    shift_1, shift_2 = shift[r], shift[r + 1]
     for i in range(s_re.size):
-        sign, sign_2 = _sign(window[i], fraction[i], delay), _sign(window[i], fraction[i], delay_2)
-        sum_re = s_re[i] + float_of(np.int32(bits_of(re * cos[i] - im * sin[i]) ^ sign))
-        sum_im = s_im[i] + float_of(np.int32(bits_of(re * sin[i] + im * cos[i]) ^ sign))
-        s_re[i] = sum_re + float_of(np.int32(bits_of(re_2 * cos_2[i] - im_2 * sin_2[i]) ^ sign_2))
-        s_im[i] = sum_im + float_of(np.int32(bits_of(re_2 * sin_2[i] + im_2 * cos_2[i]) ^ sign_2))
+        ray_re, ray_im = _ray(_sign(window[i], fraction[i], shift_1), cos_1[i], sin_1[i], re, im)
+        ray_re_2, ray_im_2 = _ray(_sign(window[i], fraction[i], shift_2), cos_2[i], sin_2[i], re_2, im_2)
+        s_re[i] = s_re[i] + ray_re + ray_re_2
+        s_im[i] = s_im[i] + ray_im + ray_im_2
+
+
+@njit(cache=True, nogil=True)
+def _add_turned(window, fraction, shift, cos, sin, a, r, s_re, s_im, slope, curve, x):
+    """Add the paths number r and r + 1 to their sum, and the sum to the interleaved samples.
+
+    The sum is rotated by the small angle slope · k + curve · k², with k counted from the middle of the block.
+    """
+    re, im = np.float32(a[r].real), np.float32(a[r].imag)
+    re_2, im_2 = np.float32(a[r + 1].real), np.float32(a[r + 1].imag)
+    cos_1, sin_1, cos_2, sin_2 = cos[r], sin[r], cos[r + 1], sin[r + 1]
+    shift_1, shift_2 = shift[r], shift[r + 1]
+    for i in range(x.size // 2):
+        ray_re, ray_im = _ray(_sign(window[i], fraction[i], shift_1), cos_1[i], sin_1[i], re, im)
+        ray_re_2, ray_im_2 = _ray(_sign(window[i], fraction[i], shift_2), cos_2[i], sin_2[i], re_2, im_2)
+        sum_re, sum_im = s_re[i] + ray_re + ray_re_2, s_im[i] + ray_im + ray_im_2
+        k = from_middle(i)
+        turn = k * (slope + curve * k)
+        loss = np.float32(0.5) * turn * turn
+        x[2 * i] += sum_re - sum_im * turn - sum_re * loss
+        x[2 * i + 1] += sum_im + sum_re * turn - sum_im * loss
 
 
 @njit(cache=True, nogil=True)
@@ -65,17 +90,6 @@ def _add_edge_ray(chips, u0, step, delay, cos, sin, a, s_re, s_im):
         if 0 <= j < chips.size:
             s_re[i] += chips[j] * (a_re * cos[i] - a_im * sin[i])
             s_im[i] += chips[j] * (a_re * sin[i] + a_im * cos[i])
-
-
-@njit(cache=True, nogil=True)
-def _add_turned(s_re, s_im, slope, curve, x):
-    """Add the paths, rotated by the small angle slope · k + curve · k², to the interleaved samples."""
-    for i in range(s_re.size):
-        k = from_middle(i)
-        turn = k * (slope + curve * k)
-        loss = np.float32(0.5) * turn * turn
-        x[2 * i] += s_re[i] - s_im[i] * turn - s_re[i] * loss
-        x[2 * i + 1] += s_im[i] + s_re[i] * turn - s_im[i] * loss
 
 
 @njit(cache=True, nogil=True)
@@ -101,12 +115,13 @@ def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, co
     """
     n_samples, n_rays = x.size // 2, delays.size
     middle, reach = (delays.max() + delays.min()) / 2, (delays.max() - delays.min()) / 2
-    cos, sin = np.empty((n_rays, BLOCK), np.float32), np.empty((n_rays, BLOCK), np.float32)
-    a, shift = np.empty(n_rays, np.complex128), np.empty(n_rays, np.uint32)
+    last = (n_rays - 1) // 2 * 2  # first path of the last pair
+    cos, sin = np.zeros((last + 2, BLOCK), np.float32), np.zeros((last + 2, BLOCK), np.float32)
+    a, shift = np.zeros(last + 2, np.complex128), np.zeros(last + 2, np.uint32)
     for r in range(n_rays):
         shift[r] = window_delay(delays[r] - middle)
         rotator_table((if_hz + ray_hz[r]) * dt, cos[r], sin[r])
-    window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
+    window, fraction = np.zeros(BLOCK, np.uint32), np.zeros(BLOCK, np.uint32)
     s_re, s_im = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
 
     for b0 in range(0, n_samples, BLOCK):
@@ -124,15 +139,15 @@ def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, co
         s_im[:] = 0
         for r in range(n_rays):
             a[r] = amplitudes[r] * turn_at(if_hz + ray_hz[r], doppler_rate, tm)
-            d, u1 = delays[r] - middle, u0 + i1 * step
-            _add_edge_ray(chips, u0, step, d, cos[r, :i0], sin[r, :i0], a[r], s_re[:i0], s_im[:i0])
-            _add_edge_ray(chips, u1, step, d, cos[r, i1:n], sin[r, i1:n], a[r], s_re[i1:n], s_im[i1:n])
-        w, f, re, im = window[: i1 - i0], fraction[: i1 - i0], s_re[i0:i1], s_im[i0:i1]
-        for r in range(0, n_rays - 1, 2):
-            c, s, c_2, s_2 = cos[r, i0:i1], sin[r, i0:i1], cos[r + 1, i0:i1], sin[r + 1, i0:i1]
-            _add_two_rays(w, f, shift[r], c, s, a[r], shift[r + 1], c_2, s_2, a[r + 1], re, im)
-        if n_rays % 2:
-            r = n_rays - 1
-            _add_ray(w, f, shift[r], cos[r, i0:i1], sin[r, i0:i1], a[r], re, im)
-        slope, curve = 2 * np.pi * doppler_rate * tm * dt, np.pi * doppler_rate * dt * dt
-        _add_turned(s_re[:n], s_im[:n], np.float32(slope), np.float32(curve), x[2 * b0 : 2 * (b0 + n)])
+        inside = i1 - i0 == n
+        for r in range(0, last if inside else last + 2, 2):
+            _add_two_rays(window, fraction, shift, cos, sin, a, r, i0, s_re[i0:i1], s_im[i0:i1])
+        if not inside:
+            for r in range(n_rays):
+                d, u1 = delays[r] - middle, u0 + i1 * step
+                _add_edge_ray(chips, u0, step, d, cos[r, :i0], sin[r, :i0], a[r], s_re[:i0], s_im[:i0])
+                _add_edge_ray(chips, u1, step, d, cos[r, i1:n], sin[r, i1:n], a[r], s_re[i1:n], s_im[i1:n])
+            a[last], a[last + 1] = 0, 0  # the sum already contains all paths
+        slope, curve = np.float32(2 * np.pi * doppler_rate * tm * dt), np.float32(np.pi * doppler_rate * dt * dt)
+        part = x[2 * b0 : 2 * (b0 + n)]
+        _add_turned(window, fraction, shift, cos, sin, a, last, s_re, s_im, slope, curve, part)

@@ -109,18 +109,22 @@ def _fixed(u0, step):
 def _window(packed, phase):
     """Return the window of a fixed-point code phase, in the order of its words."""
     lead = (phase >> _PHASE_BITS) - _LEAD
-    word, place = lead >> 5, lead & 31
-    early, late = packed[word], packed[word + 1]
+    word, place = np.uint64(lead >> 5), lead & 31  # unsigned, so that no index counts from the end of the array
+    early, late = packed[word], packed[word + np.uint64(1)]
     return np.uint32(late ^ np.uint32(np.uint32(early ^ late) & np.uint32(np.uint32(0xFFFFFFFF) >> np.uint32(place))))
 
 
-@njit(inline="always")
+@njit(cache=True, nogil=True)
 def _fill_groups(packed, phase, step, n, group, window):
-    """Fill the windows of n samples, `group` by `group`; a constant `group` lets the compiler unroll its loop."""
-    for first in range(0, n, group):
-        shared = _window(packed, phase + first * step)
-        for i in range(group):
-            window[first + i] = shared
+    """Fill the windows of n samples, `group` by `group`.
+
+    If `group` were a constant, the compiler would store the samples of a group one by one instead of vectors.
+    """
+    for g in range(np.uint64((n + group - 1) // group)):
+        shared = _window(packed, phase)
+        phase += group * step
+        for i in range(np.uint64(group)):
+            window[g * np.uint64(group) + i] = shared
 
 
 @njit(cache=True, nogil=True)
@@ -143,12 +147,12 @@ def fill_windows(packed, u0, step, n, window, fraction):
     for i in range(n):
         fraction[i] = np.uint32(phase >> np.uint64(_PHASE_BITS - FRACTION_BITS))
         phase = np.uint64(phase + np.uint64(dp))
+    group = 1
     if (GROUP - 1) * dp <= _GROUP_SPAN << _PHASE_BITS:
-        _fill_groups(packed, p0, dp, n, GROUP, window)
+        group = GROUP
     elif (_SMALL_GROUP - 1) * dp <= _GROUP_SPAN << _PHASE_BITS:
-        _fill_groups(packed, p0, dp, n, _SMALL_GROUP, window)
-    else:
-        _fill_groups(packed, p0, dp, n, 1, window)
+        group = _SMALL_GROUP
+    _fill_groups(packed, p0, dp, n, group, window)
 
 
 @njit(cache=True, nogil=True)

@@ -11,7 +11,7 @@ from simulated_banks import OFFSETS_M, PROCESSOR, banks, receiver_of, snapshots
 from vestige.acas_processor.measurement import Availability
 from vestige.receiver.draws import rows_of
 from vestige.receiver.samples.front_end_correlation import range_offset_scale
-from vestige.receiver.samples.sampled_epoch import received_signal
+from vestige.receiver.samples.sampled_epoch import arrival, received_signal
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.e6 import SimulatedE6Samples
 from vestige.records import Band, Status
@@ -82,7 +82,8 @@ def test_without_a_front_end_samples_are_signal_and_noise_alone() -> None:
     batch = block.e6.samples(0, 0)
     chips = encrypted_chips(encryption_key(simulation.seed), 11, block.time.at(0), simulation.n_chips)
     strength = amplitude(simulation.cn0_dbhz, 12.5e6)
-    signal = received_signal(chips, simulation.line_of_sight, truth, 3, amplitude=strength)
+    direct = arrival(simulation.line_of_sight, truth, slice(3, 4))
+    signal = received_signal(chips, direct, truth, 3, amplitude=strength)
     expected = synthesize(
         (replace(signal, start_s=signal.start_s - batch.first_sample / 12.5e6),),
         sample_rate_hz=12.5e6,

@@ -93,7 +93,8 @@ def true_signal(
     first, n_chips = _on_air(taken, line_of_sight, truth, row, 0.0)
     later_s = first / E6C.chip_rate_hz
     chips = encrypted_chips(key, svid, sent + later_s, n_chips)
-    return received_signal(chips, line_of_sight, truth, row, amplitude=amplitude, later_s=later_s)
+    direct = arrival(line_of_sight, truth, slice(row, row + 1), later_s)
+    return received_signal(chips, direct, truth, row, amplitude=amplitude, later_s=later_s)
 
 
 def add_jammers(

@@ -72,7 +72,7 @@ def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(
 
 def received_signal(
     chips: ChipSequence,
-    line_of_sight: RangeHistory,
+    direct: Arrival,
     truth: TruthBlock,
     row: int,
     *,
@@ -81,9 +81,8 @@ def received_signal(
 ) -> ReceivedSignal:
     """Return the received line of sight and its reflections; `start_s` counts from the epoch.
 
-    The first chip is sent `later_s` after the epoch.
+    The first chip is sent `later_s` after the epoch; `direct` is the arrival of this chip alone.
     """
-    direct = arrival(line_of_sight, truth, slice(row, row + 1), later_s)
     to_hz = -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS
     phasor = amplitude * complex(direct.carrier[0])
     return ReceivedSignal(

@@ -136,7 +136,7 @@ class SimulatedE6Samples:
         of = self.of
         simulation, truth, row = of.simulations[column], of.of_recs[column], (epoch - of.rows.start) // of.every
         if simulation.elevation is None:
-            batch, status = simulation.samples(of.first_recs + row, row, truth)
+            batch, status = simulation.samples(of.first_recs + row, row, truth, of.arrived[column])
             later_s = -float(self._seconds_late_m[column][epoch]) / SPEED_OF_LIGHT_MPS
         else:
             expected_s = self._expected_s(row, column)
