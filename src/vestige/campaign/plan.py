@@ -63,7 +63,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 EPOCH = "epoch"  # the dimension along which a campaign is cut
-CHUNK_EPOCHS = 2000  # many, since a chunk costs some 40 small files; few compared with a run
+CHUNK_EPOCHS = 2000  # many, since a chunk costs about 40 small files; few compared with a run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -192,7 +192,7 @@ def measure_chunks(
 def _submitted(
     plan: Plan, pool: Executor, chunk_epochs: int, chunks: Sequence[int]
 ) -> Iterator[tuple[int, Future[Columns]]]:
-    """Submit `chunks` and yield each with its future; the preparation runs through all epochs before them."""
+    """Submit each chunk of `chunks` and yield it with its future, after the preparation of all earlier epochs."""
     preparation = plan.prepare()
     wanted = frozenset(chunks)
     expected = build_id(plan)

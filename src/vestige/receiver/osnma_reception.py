@@ -124,5 +124,5 @@ def as_mask(places: Bool[np.ndarray, "*n 15"]) -> Int16[np.ndarray, "*n"]:
 
 
 def of_mask(mask: Int16[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n 15"]:
-    """Return the positions in a subframe from their bits."""
+    """Return the positions in a subframe from `mask`, the bits of the positions."""
     return (mask[..., None].astype(np.int64) >> np.arange(PAGES_A_SUBFRAME) & 1).astype(bool)

@@ -44,7 +44,7 @@ def rates_by_repetition_hz(
     Parameters
     ----------
     samples
-        Any samples; up to a million are used, which takes some 2 s of computing.
+        Any samples; up to a million are used, which takes about 2 s of computing.
     code_period_s
         Period of the codes in s: 4 ms on E1, 1 ms on E6.
     carrier

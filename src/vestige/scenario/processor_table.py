@@ -67,8 +67,8 @@ class ProcessorTable(Section):
     The bank has `n_taps` correlators around the prediction, and further correlators at the same spacing up to
     `early_reach_m` before the prediction.
 
-    `alarms_per_day` is the number of false alarms a day that the whole level may raise. The limit of the range check,
-    the E6 misses in a row that are an alarm, and all other thresholds follow from this number. By default κ applies,
+    `alarms_per_day` is the number of false alarms a day that the whole level may raise. All thresholds follow from this
+    number, also the limit of the range check and the number of E6 misses in a row for an alarm. By default κ applies,
     and every single miss is an alarm.
 
     `search_s` is the time in s between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is

@@ -8,7 +8,7 @@ to the full circle. The loops have no look-ups and no branches, so the compiler 
 Logarithm, sine and cosine are polynomials for the same reason. Because a pair depends only on its key and number, any
 worker may make any part of an epoch, and all workers get the same bits.
 
-The steps run one after the other over a piece of 512 pairs. In a single loop each pair would be a chain of some 120
+The steps run one after the other over a piece of 512 pairs. In a single loop each pair would be a chain of about 120
 cycles, with only one or two vectors of pairs in the processor's registers. Short loops process many pairs at once and
 take 0.6 of the time.
 

@@ -1,4 +1,4 @@
-"""The compiled inner loops of a recording: a band's modulation as a table of levels, and its arrival by one path.
+"""The compiled inner loops of a recording: the table of a band's modulation, and the addition of one path's signal.
 
 Theory of operation
 -------------------

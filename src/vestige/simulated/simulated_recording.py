@@ -113,7 +113,7 @@ class SimulatedRecording:
         progress: Report | None = None,
         say: Say | None = None,
     ) -> None:
-        """Pass samples to `write`, some 10 ms at a time.
+        """Pass samples to `write`, about 10 ms at a time.
 
         A single band has the bytes of the file that `self.write` writes. Two bands take turns, sample by sample: (E1,
         E6) gives the bytes of E1[0], E6[0], E1[1], E6[1] and so on, each I and then Q.

@@ -80,7 +80,7 @@ def unfinished_folder(output: Path) -> Path:
 
 @contextmanager
 def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[UnfinishedRecording]:
-    """Yield a folder for a recording, with the samples of a killed process; it becomes `output` at the end.
+    """Yield a folder with the samples that a killed process left, and rename the folder to `output` at the end.
 
     Parameters
     ----------

@@ -50,9 +50,9 @@ class SpoofingSignal:
     doppler_hz
         Doppler of the carrier relative to the line of sight: the rate of `phase_rad`.
     forged_chips
-        On E6, whether the attacker invented the chips. Otherwise the true chips are received and sent again.
+        True on E6 if the attacker invented the chips. Otherwise the true chips are received and sent again.
     forged_nav_data
-        On E1, whether the attacker invented the navigation data. Otherwise the data of the satellite are sent again.
+        True on E1 if the attacker invented the navigation data. Otherwise the data of the satellite are sent again.
     """
 
     delay_m: Float[np.ndarray, " n"]

@@ -13,7 +13,7 @@ White noise N0 gives N0/T · R(d_i − d_k). So with J/N in a noise bandwidth B,
     continuous wave          (J/N) B S_c(f) e^{j2πfΔ}     all correlators see the same amplitude
     chirp over B_s           (J/N) (B/B_s) R_{B_s}(Δ)     many sweeps fall in T; R_B: behind a filter of width B
 
-Sampling folds the side lobes of S_c that lie beyond f_s/2 onto the line or the sweep. This effect, some 3 % more at
+Sampling folds the side lobes of S_c that lie beyond f_s/2 onto the line or the sweep. This effect, about 3 % more at
 12.5 MHz, is neglected. C(0) is the *rise* of the noise density after the correlator because of the jammer. The phase of
 the wave, and the phase of a sweep or pulse, are drawn once an epoch.
 """

@@ -28,7 +28,7 @@ from scipy.special import chdtri
 
 from vestige.theory.marcum_q import Real, Reals, marcum_p, marcum_q
 
-_BISECTIONS = 60  # bisections that reduce a bracket of some 20 to less than its rounding error
+_BISECTIONS = 60  # bisections that reduce a bracket of about 20 to less than its rounding error
 _SURE = 9.0  # amplitude above the threshold at which the miss, below 1e-18, is less than any 1 − P_d in floating point
 
 

@@ -32,7 +32,7 @@ from vestige.acas_processor.position.possible_range import MARGIN_M
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records.checks import CheckName, CheckSeries
 
-CLOCK_LIMIT_P_FA = 1e-9  # false-alarm probability of one test: 6 σ of the fix's clock, some 10 m
+CLOCK_LIMIT_P_FA = 1e-9  # false-alarm probability of one test: 6 σ of the fix's clock, about 10 m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

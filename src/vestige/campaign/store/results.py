@@ -199,7 +199,7 @@ def open_dataset(path: Path) -> xarray.Dataset:
 
 
 def load_small(path: Path, expected: str) -> xarray.Dataset:
-    """Return a zarr store of some 100 kB at most, such as a threat table, with all values in memory.
+    """Return a zarr store of about 100 kB at most, such as a threat table, with all values in memory.
 
     `expected` describes the expected store in the message of an error.
 

@@ -19,7 +19,7 @@ from vestige.errors import InputFileError
 
 EXPECTED_RESULTS = "the results of a campaign (zarr v3, written by vestige)"
 METADATA = "zarr.json"
-MAX_METADATA_BYTES = 1 << 24  # metadata contain scenario and ephemerides, some 100 kB
+MAX_METADATA_BYTES = 1 << 24  # metadata contain scenario and ephemerides, about 100 kB
 MAX_CHUNK_BYTES = 1 << 30  # size of a chunk of one column; 2000 epochs of 36 satellites and 63 taps have 36 MB
 # size of a coordinate (satellites, taps, reflections, detectors) or of a small table
 MAX_LABELS_BYTES = 1 << 20

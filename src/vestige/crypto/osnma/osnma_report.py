@@ -134,7 +134,7 @@ class TagCounts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuthenticatedData:
-    """Navigation data of one satellite that tags verified."""
+    """Navigation data of one satellite, verified by tags."""
 
     svid: int
     adkd: int  # 0 ephemeris, clock and status; 4 timing parameters

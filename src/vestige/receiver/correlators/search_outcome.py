@@ -15,7 +15,7 @@ of the grid, drawn for every signal: uniform over a step of code and of Doppler.
     exhaustive  |s + z|,  the same samples, so the same z; at any delay
 
 against the threshold of all cells at `p_fa`. The model leaves out that neighbouring cells may win, so P_d is too low by
-some 0.02 near P_d = ½ (docs/vestigial_search.md).
+about 0.02 near P_d = ½ (docs/vestigial_search.md).
 
 Signals closer than the separation rule count as a single signal, the stronger. On E1 the rule is two chips modulo 4 ms.
 In E6 the rule is one chip. The rule is 2¼ − s/s' chips if the fine search of the weaker signal can end on the flank of

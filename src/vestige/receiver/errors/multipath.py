@@ -68,8 +68,8 @@ class LmsLiteMultipath:
     """Reflections that begin and end.
 
     A life of 0 makes every epoch independent. Mind the Doppler: a reflection whose phase changes by f T cycles in an
-    integration time is weaker by sinc(f T). Speeds above some 10 m/s therefore hide most of the multipath from 16 ms on
-    E6.
+    integration time is weaker by sinc(f T). At speeds above about 10 m/s, 16 ms of E6 therefore show little of the
+    multipath.
 
     Attributes
     ----------
@@ -169,7 +169,7 @@ class _Renewal:
         steps
             Time since the previous epoch, in s.
         candidates
-            Values that begin at each epoch if there is a change; the values that change together lie along the first
+            New values at each epoch, used if the values change there. Values that change together lie along the first
             axis.
         """
         n, width = candidates.shape[1:]

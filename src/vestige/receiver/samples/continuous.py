@@ -113,7 +113,7 @@ class ContinuousTruth:
         return ContinuousPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
 
     def _clock(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], ...]:
-        """Return receiver clock in m with its first and second derivative: the Hermite cubic between two epochs."""
+        """Return the receiver clock in m and its first two derivatives, from the Hermite cubic between two epochs."""
         knots, clock_m, drift = self.truth.time_s, self.truth.clock_m, self.truth.clock_drift_mps
         left = np.clip(np.searchsorted(knots, t_s, side="right") - 1, 0, knots.size - 2)
         step = knots[left + 1] - knots[left]

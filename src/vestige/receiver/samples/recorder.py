@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-**Stretches.** A band is made in stretches of some 10 ms, whole blocks of the synthesis kernel. About the middle t_m of
+**Stretches.** A band is made in stretches of about 10 ms, whole blocks of the synthesis kernel. About the middle t_m of
 a stretch the pseudorange is P + v x + ½ a x². The third derivative j adds j x³/6 within 5 ms, less than a micrometre
 for any receiver on Earth. The chip that arrives at t_m was sent at t − P(t)/c. The chip's number is counted from the
 Galileo second in integers, and the chip arrives x after t_m. Stretches are cut on the sample counter, so two recordings
@@ -222,7 +222,7 @@ def record_band(
 
 
 def band_noise_key(seed: int, band: Band) -> np.uint64:
-    """Return the key of the receiver's noise in a band, in a recording and in a campaign with a sky."""
+    """Return the key of the receiver's noise in a band; a recording and a campaign with a sky use the same key."""
     return noise_key(seed, 0, _NOISE[band])
 
 

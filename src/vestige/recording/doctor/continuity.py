@@ -110,7 +110,7 @@ def _e6_jump(
     followed: Sequence[E1Satellite],
     limit: TimeLimit,
 ) -> Iterator[Finding]:
-    """Yield the finding that E6 jumps between two positions of E1, after the interval was narrowed."""
+    """Narrow the interval between two measurements of E1, and yield the finding if E6 jumps in the interval."""
     shift_s = _e6_shift_s(e6, earlier, later)
     if shift_s is None:
         return

@@ -33,12 +33,12 @@ READING_PFA = 1e-4  # probability that noise alone shows a satellite in one read
 WIDE_STEP_HZ = 10_000.0  # step of the Doppler centre if no satellite is found within ±5 kHz
 WIDE_HZ = 60_000.0  # largest Doppler centre
 STANDING_HZ = 3_500.0  # largest mean Doppler of all satellites together if the receiver's clock is good
-_STRETCHES = 8  # number of code periods for the list of satellites, down to some 33 dBHz
-_TRY_STRETCHES = 2  # number of code periods for each reading, down to some 38 dBHz
+_STRETCHES = 8  # number of code periods for the list of satellites, down to about 33 dBHz
+_TRY_STRETCHES = 2  # number of code periods for each reading, down to about 38 dBHz
 _STRONGER_DB = 0.5  # least gain in C/N0 over the simpler reading before
 _TRY_BINS = 2  # every second Doppler bin takes half of the time and loses 1 dB on average
 _RATES = 8  # number of usual sampling rates
-_RATE_STRETCHES = 1  # number of code periods for each sampling rate that is tried; enough above some 41 dBHz
+_RATE_STRETCHES = 1  # number of code periods for each sampling rate that is tried; enough above about 41 dBHz
 
 Progress = Callable[[str, int, int], None]
 

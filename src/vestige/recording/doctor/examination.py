@@ -34,7 +34,7 @@ from vestige.signals.definitions import E1C, E6C
 from vestige.time import GalileoTime
 
 TRY_S = 36.0  # processor time for descriptions that differ by one mistake
-READ_S = 10.0  # processor time in which samples of float32 are read, some 10 GB
+READ_S = 10.0  # processor time in which samples of float32 are read, about 10 GB
 SHORTEST_E1_S = (MIN_PERIODS + 2) * E1C.period_s  # shortest E1 for a measurement of the time of transmission
 SHORTEST_E6_S = min(length.n_chips for length in LENGTHS) / E6C.chip_rate_hz
 RECEIVED_KEY_S = 2 * SUBFRAME_S  # duration of E1 that always contains a whole subframe with its key

@@ -157,7 +157,7 @@ def better_sibling(file: BandFile) -> Reading | None:
     """Return the reading with or without sign if the given format puts all values at the ends of the scale.
 
     Signed numbers read as offset binary, or the reverse, keep their sign and lose their size. The signals are still
-    found, some 2 dB weaker.
+    found, about 2 dB weaker.
     """
     sibling = _SIBLINGS.get(file.form.component)
     if sibling is None:

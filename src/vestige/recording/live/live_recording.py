@@ -227,7 +227,7 @@ class LiveRecording:
         return self.tracking is not None and self.tracking.is_behind(self._trackable)
 
     def complete(self, sent: GalileoTime) -> bool:
-        """Return whether all samples that a snapshot of the RECS of a time may need are available and tracked."""
+        """Return whether the samples for a snapshot of the RECS sent at `sent` are all available and tracked."""
         ends = list(self._ends.values())
         if (tracked := self.tracked) is not None:
             ends.append(tracked)

@@ -176,7 +176,7 @@ Tracking_E6.implementation=Galileo_E6_DLL_PLL_Tracking
 Tracking_E6.item_type=gr_complex
 ; E6-C is encrypted
 Tracking_E6.track_pilot=false
-; acquisition over 1 ms leaves some 100 Hz, more than the phase loop pulls in
+; acquisition over 1 ms leaves about 100 Hz, more than the phase loop pulls in
 Tracking_E6.enable_fll_pull_in=true
 Tracking_E6.fll_bw_hz=35
 Tracking_E6.pull_in_time_s=2

@@ -10,8 +10,8 @@ the noise per dimension, and m̄ is its mean. The variance of m is
 
     σ² = 1 + (ρ m̄)²
 
-and the variance of the reflections is m̄² P/2. ρ is the change from RECS to RECS by the position of the signal between
-two correlators and by the antenna gain.
+and the variance of the reflections is m̄² P/2. ρ is the relative change of m from RECS to RECS that the antenna gain
+and the position of the signal between two correlators cause.
 
 The check needs no carrier phase of E1, so it runs with any interval between RECS.
 """
