@@ -50,7 +50,7 @@ DELAY_M = np.array([0.0, 12.0, 55.0, 160.0])
 AMPLITUDE = amplitude(45.0, FS) * np.array([1.0, 0.2 + 0.1j, -0.15j, 0.1])
 RAY_HZ = np.array([0.0, 0.7, -1.1, 2.3])
 OFFSETS_M = 15.0 * np.arange(-5, 6)
-BARS = {"epoch": 30.0, "normals": 9.0}
+BARS = {"epoch": 60.0, "normals": 9.0}
 
 
 def straightforward(code: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
