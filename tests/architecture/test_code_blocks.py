@@ -268,7 +268,7 @@ def test_scripts_and_folders_of_other_programs_exist() -> None:
 
 
 def test_options_of_scripts_in_prose_of_a_command_exist() -> None:
-    """`--live-seconds 70` in a comment of docs/benchmarks.md."""
+    """`--full FOLDER` in a comment of docs/benchmarks.md."""
     text = next(block.text for block in blocks_of("sh") if block.page == "docs/benchmarks.md")
     options = re.findall(r"benchmarks/(\w+\.py).*?(--[a-z-]+)", text)
     assert options
