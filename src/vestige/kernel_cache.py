@@ -51,6 +51,11 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 @cache
 def source_mark(package: Path, module: str) -> tuple[int, int]:
     """Return newest change in ns and total size in bytes of all kernels of a package and one module."""
-    paths = {path for pattern in KERNELS for path in package.rglob(pattern)} | {Path(module)}
-    stats = [path.stat() for path in paths]
+    stats = [path.stat() for path in _kernels(package) | {Path(module)}]
     return max(one.st_mtime_ns for one in stats), sum(one.st_size for one in stats)
+
+
+@cache
+def _kernels(package: Path) -> frozenset[Path]:
+    """Return the modules of a package whose functions other modules inline; the folders are listed only once."""
+    return frozenset(path for pattern in KERNELS for path in package.rglob(pattern))
