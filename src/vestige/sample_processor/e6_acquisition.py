@@ -13,10 +13,10 @@ secondary code on these periods shows that no other signal was mistaken for E6-C
 
 The bins of the acquisition are wider than the signal. Half a sample (0.47 chip at 5.5 MHz) and 250 Hz away from the
 signal, 6 dB of the power are missing. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A symbol of E6-B
-lasts one period, so the powers of the periods are added. First the Doppler is refined. A signal at the distance δ from
-the acquired Doppler has the amplitudes A₊ and A₋ at ±1/2T around this Doppler, where T is the period. The amplitude
-follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the root of early minus late
-gives the code phase.
+lasts one period, so the powers of the periods are added. First the Doppler is refined. Let T be the period and δ the
+distance of the signal from the acquired Doppler. The signal has the amplitudes A₊ and A₋ at ±1/2T around this Doppler.
+The amplitude follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the root of early
+minus late gives the code phase.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ multiplies the float32 by the chip.
 **One window for many samples.** A window has the chips of all samples that lie within 15 chips, at every delay within
 `WINDOW_REACH_CHIPS` of a common middle. A window serves 32 samples from 2.2 samples per chip on, and eight samples from
 half a sample per chip on. At lower sampling rates each sample has its own window. A window stays in the order of its
-words: chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. So no look-up is needed for single
+words. Chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. So no look-up is needed for single
 samples.
 
 **Fixed-point code phase.** The phase at the start of a block is a float64. Inside the block the phase is an integer

@@ -26,9 +26,9 @@ the RECS counts. A false alarm has probability p_fa and lies anywhere in the win
 The earliest signal in E6 is the true signal. A receiver then uses the delay of this signal less the predicted E6 − E1
 delay as a range. The errors of this range are the delay of the signal, ionosphere and group delay as in every
 hand-over, and the noise of one snapshot. After a hand-over search the range is used if every signal of E1 was found in
-E6, or if none of these signals could have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip off. After an
-exhaustive search the range is used if there are two signals. A single signal may be the spoofing signal, with the true
-signal lost in noise.
+E6. The range is also used if none of these signals could have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip
+off. After an exhaustive search the range is used if there are two signals. A single signal may be the spoofing signal,
+with the true signal lost in noise.
 
 In this model multipath components do not count as signals of their own. The model keeps a satellite that is 16 dB
 weaker than the strongest other satellite.
@@ -189,8 +189,9 @@ def outcome(
     """Return the results of the searches.
 
     `shift_m` is the delay of E6 after E1 that the prediction does not contain. `e1_p_fa` is the false-alarm probability
-    of each search of one satellite, on E1 and at the hand-over; `exhaustive_p_fa` is that of all E6. `window_s` is the
-    time uncertainty on either side of the time of transmission that a clock with the error `clock_offset_s` gives.
+    of each search of one satellite, on E1 and at the hand-over; `exhaustive_p_fa` is the false-alarm probability of the
+    whole search of E6. `window_s` is the time uncertainty on either side of the time of transmission that a clock with
+    the error `clock_offset_s` gives.
     """
     on_e1 = _found_on_e1(e1, draws, e1_p_fa, periods)
     e1_count = on_e1.sum(axis=1) + (draws.alarm[:, 0] < e1_p_fa)

@@ -136,7 +136,7 @@ class LmsLiteMultipath:
 
     @property
     def death_rate_hz(self) -> float:
-        """Deaths of a reflection per second, r; infinite if each epoch has its own reflections."""
+        """Rate r at which a reflection ends, in 1/s; infinite if each epoch has its own reflections."""
         if self.mean_life_m == 0 or self.mean_life_s == 0:
             return inf
         return self.speed_mps / self.mean_life_m + 1 / self.mean_life_s

@@ -89,7 +89,7 @@ class ReceivedSpoofingSignal:
         return 1 - self.path.rate_mps(t_s) / SPEED_OF_LIGHT_MPS
 
     def _motion_near(self, t_s: float) -> tuple[float, float]:
-        """Return P(t) and its rate for the phasor, from the middle of the second: accurate to metres, or 10 ns."""
+        """Return P(t) and its rate for the phasor, from the middle of the second, with an error of metres (10 ns)."""
         second = int(np.floor(t_s))
         if second not in self._motions:
             middle = np.array([second + 0.5])

@@ -1,9 +1,9 @@
 """An attack at the `samples` fidelity: spoofing signals as further signals, noise, jamming waveforms.
 
 A spoofing signal of the encrypted signal repeats the line of sight with a delay. At the receiver, chip i arrives τ + τ̇
-i T_c later than chip i of the true signal. So the chips that are on air in a window were sent τ earlier. For a meaconer
-of seconds the chips come from the keystream of that earlier time, and their arrival follows the line of sight of that
-time. The chips fill the window, margins included.
+i T_c later than chip i of the true signal. So the chips that are on air in a window were sent τ earlier. If a meaconer
+is late by seconds, the chips come from the keystream of that earlier time. The arrival of the chips follows the line of
+sight of that time. The chips fill the window, margins included.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ class ElevationCn0:
         C/N0 at the zenith, per component.
     fall_db
         Loss at the horizon relative to the zenith. A patch antenna has 5 dBi at the zenith and −3 to −5 dBi at low
-        elevation; the satellite's own pattern makes up for the longer path.
+        elevation. The pattern of the satellite's antenna compensates the longer path.
     """
 
     zenith_dbhz: float = 45.0

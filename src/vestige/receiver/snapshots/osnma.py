@@ -1,7 +1,7 @@
 """OSNMA under a sky: which pages of each satellite are received, and whether the key of a RECS is received.
 
 A page is lost with the probability that belongs to the C/N0 of the signal that E1 tracks at the epoch. The key of a
-RECS comes up to a minute later, so this C/N0 is corrected for the noise of an attack at the time of the page. An attack
+RECS comes up to a minute later. So this C/N0 is corrected for the noise of an attack at the time of the page. An attack
 that withholds OSNMA destroys every page that is on air at the same time.
 
 An E1 loop on a spoofing signal with the attacker's own navigation data demodulates these data, with good checksums. No

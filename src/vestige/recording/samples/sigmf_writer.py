@@ -53,8 +53,8 @@ class SigmfWriter:
     description
         A line of text for the user.
     kept
-        Resume from the samples of a killed process: the first batch of the recording, made again, and the number of
-        samples that are certainly in the file. Later samples in the file are cut off.
+        To resume from the samples of a killed process: the first batch of the recording, made again, and the number of
+        samples that were written to the disk. Later samples in the file are cut off.
     counted
         Function that takes stored components, including kept components, and returns the number of components to count.
 

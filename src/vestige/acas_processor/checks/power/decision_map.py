@@ -205,7 +205,7 @@ class PowerAndDistortion(NamedTuple):
 class PowerDistortionMonitor:
     """Monitor that classifies power and distortion of a satellite: clean, multipath, spoofed or jammed.
 
-    The statistic is the `SignalClass`, its threshold MULTIPATH: multipath is no alarm.
+    The statistic is the `SignalClass`. The threshold is MULTIPATH, so multipath is no alarm.
     """
 
     name: ClassVar = CheckName.POWER_DISTORTION

@@ -1,8 +1,8 @@
 """The OSNMA operator, which makes the OSNMA bits of every satellite and subframe from navigation words.
 
-The operator signs root keys with a P-256 key that is a leaf of its Merkle tree, and broadcasts them in blocks over the
-satellites (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`) with keys
-that it discloses later. The operator also carries out a table of events (`timeline`). A receiver with this Merkle tree
+The operator signs root keys with a P-256 key that is a leaf of its Merkle tree. The satellites broadcast the root keys
+in blocks (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`) with keys that
+it discloses later. The operator also carries out a table of events (`timeline`). A receiver with this Merkle tree
 treats the signal like the real signal.
 
 The key of a tag is the key on air at the time of its disclosure. Around a change of chains this key belongs to the next
