@@ -365,7 +365,7 @@ def combine(
 ) -> tuple[Int8[np.ndarray, "n m"], Int8[np.ndarray, "n m"]]:
     """Return the status of every epoch and satellite, as positions in `Status`, and the check that caused it.
 
-    `failed` contains the confirmed failures of each satellite or of the receiver; checks of other levels are ignored.
+    `failed` contains the confirmed failures of each satellite or of the receiver. Checks of other levels are ignored.
     `available` says whether steps 1 and 2 were run. `own` contains the optional checks and the user's checks, which
     follow the checks of the level.
 

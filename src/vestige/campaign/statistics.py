@@ -60,8 +60,8 @@ def binomial_interval(successes: int, trials: int, *, confidence: float = CONFID
     """Return the exact interval of a probability after `successes` in `trials`.
 
     At the lower end, a count of at least `successes` has probability (1 − confidence)/2. At the upper end, a count of
-    at most `successes` has this probability. The interval contains the true probability with at least this confidence;
-    without trials the interval is (0, 1).
+    at most `successes` has this probability. The interval contains the true probability with at least this confidence.
+    Without trials the interval is (0, 1).
 
     Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
     """
@@ -186,7 +186,7 @@ def false_alarms(results: xarray.Dataset) -> Proportion:
     """Return the proportion of single taps with noise only that exceed the threshold.
 
     Only taps more than a chip apart are counted, so that the trials are independent. The correlation of their noise is
-    a triangle that ends at one chip; a narrow filter makes the triangle slightly wider. If there is a signal, only taps
+    a triangle that ends at one chip. A narrow filter makes the triangle slightly wider. If there is a signal, only taps
     more than a chip before the line of sight and before any spoofing signal are counted. Reflections arrive later, so
     these taps contain noise only.
     """

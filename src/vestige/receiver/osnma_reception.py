@@ -47,7 +47,7 @@ _DECI = 10  # times are counted in tenths of a second, which are exact as intege
 def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: TrackingModel | None = None) -> Float[np.ndarray, "*n"]:
     """Return the probability that a page is lost.
 
-    `cn0_dbhz` is the C/N0 of E1-B, equal to that of E1-C; at NaN or −∞ every page is lost. Without `tracking` the phase
+    `cn0_dbhz` is the C/N0 of E1-B, equal to that of E1-C. At NaN or −∞ every page is lost. Without `tracking` the phase
     has no error.
     """
     cn0 = 10 ** (np.where(np.isfinite(cn0_dbhz), cn0_dbhz, 0.0) / 10)

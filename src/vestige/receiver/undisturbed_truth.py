@@ -1,6 +1,6 @@
 """The part of the truth of a line of sight that no attack changes: geometry, clock, ionosphere, multipath, noise, bias.
 
-The errors have memory and are cheap, so they are drawn in order; the cut of the epochs into calls makes no difference.
+The errors have memory and are cheap, so they are drawn in order. The cut of the epochs into calls makes no difference.
 A model that is None is absent: its term is zero.
 """
 

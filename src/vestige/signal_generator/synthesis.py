@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-Sample n is taken t_n after the start of the segment. At the start, chip number L would arrive by a path without delay;
+Sample n is taken t_n after the start of the segment. At the start, chip number L would arrive by a path without delay.
 L earlier chips are on air. A signal has Doppler f_d and Doppler rate ḟ_d on its carrier f_c. Over its paths r the
 signal adds
 

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-**Packed chips.** A code is packed into one bit per chip, 32 chips to a word; a set bit means −1. A window is 32
+**Packed chips.** A code is packed into one bit per chip, 32 chips to a word. A set bit means −1. A window is 32
 consecutive chips. A left shift by s brings chip s of the window into the sign bit. The sign bit, XORed into a float32,
 multiplies the float32 by the chip.
 
@@ -84,7 +84,7 @@ def window_delay(delay):
 def interior(u0, step, reach, n_chips, n):
     """Return (i0, i1), the range of samples that meet a chip at all delays within ±reach.
 
-    Sample i of n has the code phase u0 + i · step. The range may be a sample short at either end; the plain loops at
+    Sample i of n has the code phase u0 + i · step. The range may be a sample short at either end. The plain loops at
     the edges then process that sample.
     """
     i0 = max(0, min(n, np.int64(np.ceil((reach - u0) / step)) + 1)) if u0 < reach else np.int64(0)

@@ -84,7 +84,7 @@ class SimulatedRecording:
     def window(self, band: Band, from_s: float, to_s: float) -> SampleBatch:
         """Return the samples of a band between two times in s after the reference, as one batch.
 
-        Within the recording these samples are the same as the recording's; a window may lie beyond the end.
+        Within the recording these samples are the same as the recording's. A window may lie beyond the end.
         """
         first, end = (round(at_s * self.sample_rate_hz) for at_s in (from_s, to_s))
         batches = list(self._made(band, range(first, end), noise=True))

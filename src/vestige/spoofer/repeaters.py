@@ -84,7 +84,7 @@ class _LiftOffAttack(CheckedAttack):
 class LiftOff(_LiftOffAttack):
     """Spoofing signal that approaches the true signal, rises and leaves with the tracking loop [WFO, Sec. VI-B].
 
-    With `bands = ["E1"]` the spoofer leaves E6 alone; with both bands, the attack is zero-delay meaconing of E6 and E1.
+    With `bands = ["E1"]` the spoofer leaves E6 alone. With both bands, the attack is zero-delay meaconing of E6 and E1.
     """
 
     kind: Literal["lift-off"] = "lift-off"

@@ -20,7 +20,7 @@ about 0.02 near P_d = ½ (docs/vestigial_search.md).
 Signals closer than the separation rule count as a single signal, the stronger. On E1 the rule is two chips modulo 4 ms.
 In E6 the rule is one chip. The rule is 2¼ − s/s' chips if the fine search of the weaker signal can end on the flank of
 the stronger signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a signal that is 16 dB below the
-strongest does not count. On E1 every found signal counts as an additional signal; in E6 only a signal with the chips of
+strongest does not count. On E1 every found signal counts as an additional signal. In E6 only a signal with the chips of
 the RECS counts. A false alarm has probability p_fa and lies anywhere in the window.
 
 The earliest signal in E6 is the true signal. A receiver then uses the delay of this signal less the predicted E6 − E1
@@ -96,7 +96,7 @@ class BandSignals:
 def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
     """Return the signals of a band that carry its chips.
 
-    `cn0_dbhz` is that of the true signal without attack; −∞ or NaN means no signal.
+    `cn0_dbhz` is the C/N0 of the true signal without attack; −∞ or NaN means no signal.
     """
     n = cn0_dbhz.size
     present = np.where(np.isfinite(cn0_dbhz), 1.0, 0.0)[:, None]
@@ -189,7 +189,7 @@ def outcome(
     """Return the results of the searches.
 
     `shift_m` is the delay of E6 after E1 that the prediction does not contain. `e1_p_fa` is the false-alarm probability
-    of each search of one satellite, on E1 and at the hand-over; `exhaustive_p_fa` is the false-alarm probability of the
+    of each search of one satellite, on E1 and at the hand-over. `exhaustive_p_fa` is the false-alarm probability of the
     whole search of E6. `window_s` is the time uncertainty on either side of the time of transmission that a clock with
     the error `clock_offset_s` gives.
     """

@@ -13,9 +13,9 @@ covariance of the replicas instead.
 
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 
-R_B and R_C are the autocorrelations of the two components, and R is that of BOC(1,1). In continuous time A(0) is 0.59
-µs; at 6.2 MHz it is 18 % more, as sampling folds BOC(6,1) into the band. Seven other satellites of 45 dBHz raise the
-noise by 13 %.
+R_B and R_C are the autocorrelations of the two components, and R is the autocorrelation of BOC(1,1). In continuous time
+A(0) is 0.59 µs; at 6.2 MHz it is 18 % more, as sampling folds BOC(6,1) into the band. Seven other satellites of 45 dBHz
+raise the noise by 13 %.
 
 **The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips E1-B gives the output of
 E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are random.

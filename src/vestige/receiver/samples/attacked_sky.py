@@ -114,7 +114,7 @@ def spoofing_satellites(
     *,
     seed: int,
 ) -> Iterator[ReceivedSatellite]:
-    """Yield the spoofing signals of a satellite in a band; `seed` is that of an attacker's estimates."""
+    """Yield the spoofing signals of a satellite in a band; `seed` is the seed of an attacker's estimates."""
     forged_chips = spoofer.effects(band, true.svid, np.zeros(1)).forged_chips
     for number, own in enumerate(forged_chips):
         signal = ReceivedSpoofingSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)

@@ -44,8 +44,8 @@ def spoofing_signals(
 ) -> tuple[ReceivedSignal, ...]:
     """Return the spoofing signals that are on air in a window; `start_s` counts from the epoch.
 
-    `keys` are those of the encryption and of the chips that attackers make up. `amplitude` is that of the line of
-    sight.
+    `keys` are the keys of the encryption and of the chips that attackers make up. `amplitude` is the amplitude of the
+    line of sight.
     """
     effects, metres_a_hz = truth.e6, SPEED_OF_LIGHT_MPS / E6_CARRIER_HZ
     signals = []

@@ -84,7 +84,7 @@ class ElevationCn0:
     kind: Literal["elevation"] = "elevation"
 
     def cn0_dbhz(self, elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the C/N0 in dBHz; below the horizon it is that of the horizon."""
+        """Return the C/N0 in dBHz; below the horizon, return the C/N0 at the horizon."""
         return self.zenith_dbhz - self.fall_db * (1 - np.maximum(np.sin(elevation_rad), 0.0))
 
 

@@ -150,7 +150,7 @@ def _ends(
 ) -> Bool[np.ndarray, " k"]:
     """Return which pieces contain the end of a subframe whose first page lies in the run.
 
-    The first epoch starts to receive at `begun_s` after the start of the week; each epoch receives for `interval_s`.
+    The first epoch starts to receive at `begun_s` after the start of the week. Each epoch receives for `interval_s`.
     """
     looks_at_all = interval_s >= SUBFRAME_S
     whole = looks_at_all | (page_end_s(subframe * PAGES_A_SUBFRAME) > begun_s)

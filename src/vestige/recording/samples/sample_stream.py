@@ -50,7 +50,7 @@ class SampleStream:
     The reading thread opens a named pipe, because opening waits for the writing program. A function gets the largest
     number of bytes to return, returns no bytes at the end, and may raise `OSError`. At most `capacity_bytes` are
     buffered. If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full. A stream has the
-    samples of a single channel; `recording.live.frame_splitter` makes such streams from a pipe of several channels.
+    samples of a single channel. `recording.live.frame_splitter` makes such streams from a pipe of several channels.
     """
 
     def __init__(

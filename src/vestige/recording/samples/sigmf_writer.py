@@ -1,6 +1,6 @@
 """Writer of SigMF recordings, batch by batch in limited memory.
 
-The samples go to a `.part` file that gets its final name when the recording is complete; the metadata are written last.
+The samples go to a `.part` file that gets its final name when the recording is complete. The metadata are written last.
 So a recording with metadata is always complete, and a killed run leaves no apparent recording. A later run can continue
 from the `.part` file: see `kept` of `SigmfWriter`.
 """

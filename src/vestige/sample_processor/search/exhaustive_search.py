@@ -83,7 +83,7 @@ class ExhaustiveSearch:
     doppler_span_hz
         Half width of the Doppler search, which goes from −span to +span.
     engine
-        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that this machine runs.
+        `fft` is the reference, `segment` is fast, `cuda` is for a GPU. `auto` takes the fastest that this machine runs.
         With every engine exact cells decide. `segment` leaves out a few of the weakest signals
         (`theory/screen_loss.py`).
     workers
@@ -262,7 +262,7 @@ class _Block:
     def _decide(self, source: SampleSource, code: ChipSequence, offsets: list[float], threshold: float) -> list[Peak]:
         """Return the peaks of a cluster: of its cells, strongest first, those whose exact value is above the threshold.
 
-        Cells on the triangle of a peak are not tested again; beyond the triangle there may be another signal.
+        Cells on the triangle of a peak are not tested again. Beyond the triangle there may be another signal.
         """
         peaks: list[Peak] = []
         rest, tries = offsets, _CELLS_OF_CLUSTER

@@ -19,8 +19,9 @@ d_k is not 0.
 filter has the same effect on predictable symbols, so this effect cancels. `vestige.theory.scer.partial_correlations`
 has the metrics of this test, the thresholds, and the detection probabilities of both tests.
 
-**Unpredictable symbols** are those that nobody can predict; an attacker knows all others. `unpredictable_symbols`
-returns the unpredictable symbols of an I/NAV page: 32 of 500 in a page, or 480 in an OSNMA subframe of 30 s.
+**Unpredictable symbols** are symbols that nobody can predict; an attacker knows all other symbols.
+`unpredictable_symbols` returns the unpredictable symbols of an I/NAV page: 32 of 500 in a page, or 480 in an OSNMA
+subframe of 30 s.
 
 **Limit of these tests**: they cannot detect a spoofing signal whose delay is longer than an attacker needs to learn a
 symbol. The same test on chips of E6-C is not possible. The attacker estimates a whole chip of 195 ns and transmits the
@@ -251,9 +252,9 @@ def _signs(later: Complex128[np.ndarray, " n"], symbols: Float[np.ndarray, " n"]
 def unpredictable_symbols() -> Bool[np.ndarray, " 500"]:
     """Return which symbols of an I/NAV page nobody can predict, in the order of transmission.
 
-    The 32 bits of a page's MACK message are taken as unknown, all others as known. Every symbol that depends on unknown
-    bits is a sum of some of them, because the code and the checksum are linear. A symbol may follow from sums of
-    earlier symbols. An attacker who has received the earlier symbols then knows this symbol, so there are as many
+    The 32 bits of a page's MACK message are taken as unknown, and all other bits as known. Every symbol that depends on
+    unknown bits is a sum of some of them, because the code and the checksum are linear. A symbol may follow from sums
+    of earlier symbols. An attacker who has received the earlier symbols then knows this symbol, so there are as many
     unpredictable symbols as unknown bits. Some bits of the MACK message do not change between subframes (the header of
     each tag), so fewer symbols are really unpredictable.
 

@@ -185,8 +185,8 @@ def replay_detection_probability(
     Examples
     --------
     The test takes a subframe of 480 symbols at 42 dBHz, P_fa 1e-3. The first attacker has the antenna of the victim,
-    the second attacker 10 dB more. The third value is that of the second attacker with a spoofing signal that is 3 µs
-    late.
+    and the second attacker has 10 dB more gain. The third value is that of the second attacker with a spoofing signal
+    that is 3 µs late.
 
     >>> f"{replay_detection_probability(42.0, 0.0, 480, 1e-3):.3f}"
     '0.999'

@@ -138,7 +138,7 @@ class OsnmaOperator:
             Start of the subframe.
         words
             The navigation words of 128 bits that the satellites send in this subframe, by SVID and word type. Tags
-            cover words 1 to 6 and 10 up to the subframe before; in the first subframe all tags are dummies. A word that
+            cover words 1 to 6 and 10 up to the subframe before. In the first subframe all tags are dummies. A word that
             is not sent in every subframe may be missing.
 
         Returns
