@@ -138,7 +138,7 @@ class UndisturbedProcess:
 
 
 def kept_truth(of: Simulation, count: int) -> UndisturbedTruth:
-    """Return the truth of the first epochs of a simulation without attacks, from memory if it is there.
+    """Return the truth of the first epochs of a simulation without attacks, from memory if possible.
 
     A simulation with arrays or parts that cannot be hashed is computed anew.
     """

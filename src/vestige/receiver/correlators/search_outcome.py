@@ -153,8 +153,8 @@ def search_outcome(
 ) -> SearchOutcome:
     """Return the results of the searches in the epochs from `first` on; the cut into blocks does not change them.
 
-    The two C/N0 are those of undisturbed pilots at nominal strength, before the effect of elevation. `p_fa` holds for
-    each search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
+    The two C/N0 are those of undisturbed pilots at nominal strength, before the effect of elevation. `p_fa` is the
+    false-alarm probability of each search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
     """
     seen_db = np.where(truth.geometry.in_view, 20 * np.log10(truth.geometry.amplitude), -np.inf)
     e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)

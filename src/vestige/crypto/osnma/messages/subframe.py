@@ -124,7 +124,7 @@ class SubframeAssembler:
     """Collect pages into subframes.
 
     A subframe is closed when a page arrives that starts `_GRACE_S` after its end. A page that is `_RESTART_S` older
-    than the newest page is not late: the recording starts again there.
+    than the newest page is not late: the recording starts again with this page.
     """
 
     def __init__(self) -> None:

@@ -1,6 +1,6 @@
 """Tags and MACSEQ, the part of OSNMA that authenticates navigation data.
 
-A MACK message holds `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key | padding`. Tags and
+A MACK message is `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key | padding`. Tags and
 MACSEQ are made with a key that is disclosed later: one subframe later, or eleven subframes for the slow MAC (ADKD 12).
 A tag covers ::
 

@@ -30,8 +30,8 @@ than a multiple of 4 kB. Without the 256 bytes all rows would share a few lines 
 two.
 
 **Screen: Doppler transform.** The segments have 240 chips at 4 ms, which costs 0.8 dB at 5 kHz and 0.27 dB on average.
-The transform has 128 points, of which the upper half of the inputs is zero. Two steps of 8 and 16 compute this
-transform, with input k = b + 16 j and output m = r + 8 g,
+The transform has 128 points, and the upper half of its inputs is zero. Two steps of 8 and 16 compute this transform,
+with input k = b + 16 j and output m = r + 8 g,
 
     y_b[r] = Σ_j P_{b+16j} e^{−j2π j r / 8}        Z_{r+8g} = Σ_b (y_b[r] e^{−j2π b r / 128}) e^{−j2π b g / 16}
 
