@@ -1,7 +1,7 @@
 """HTML from untrusted text: everything but `Html` is escaped.
 
-Scenarios, stores and tables are untrusted files. Only this module turns the text of such files into markup, and only
-escaped.
+Scenarios, stores and tables are untrusted files. Only this module turns the text of such files into markup, and the
+text is always escaped.
 """
 
 from __future__ import annotations
