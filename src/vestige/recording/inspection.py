@@ -102,7 +102,7 @@ def inspect_recording(
     signals
         Search for satellites, and for errors of the description, which takes 10 to 40 s.
     progress
-        Called with the name of the search step, the number of its parts that are done and the number of all.
+        Called with the name of the search step, the number of its parts that are done and the number of all parts.
     """
     description, observation_path = _find(path)
     if description is not None and start is not None:

@@ -173,7 +173,7 @@ def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float)
     found
         E6-C as acquired in `batch`.
     doppler_hz
-        Doppler of the signal on E6, to ±250 Hz.
+        Doppler of the signal on E6, with an error of at most ±250 Hz.
     """
     taps, _ = period_taps(batch, E6C, found.svid, found.code_start_s, doppler_hz, np.zeros(1))
     prompts = taps[: E6C.secondary_length, 0]

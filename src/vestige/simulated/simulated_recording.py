@@ -130,7 +130,7 @@ class SimulatedRecording:
         workers
             Number of threads that make samples; the samples do not depend on it.
         progress
-            Called with the bands, the number of samples of each that are written, and the number of all.
+            Called with the bands, the number of written samples of each band, and the number of all samples.
         say
             Called with one line at the end if samples clip.
 
@@ -222,7 +222,7 @@ class SimulatedRecording:
         workers
             Number of threads that make samples; the samples do not depend on it.
         progress
-            Called with the band, the number of samples that are written, and the number of all.
+            Called with the band, the number of samples that are written, and the number of all samples.
         say
             Called with a line if a recording is resumed, and with a line at the end if samples clip.
 

@@ -15,8 +15,8 @@ The paper's numbers assume one dwell, aligned in time and frequency, a constant 
 `losses` gives the cost of misalignment, and `swerling1_probability_of_detection` gives the cost of a fluctuating
 amplitude.
 
-P_FA ↔ P_fa uses log1p and expm1. As printed, 1 − (1 − P_FA)^{1/N} loses digits in floating point and gives the paper's
-4.16e-14 instead of 4.17e-14.
+The conversions between P_FA and P_fa use log1p and expm1. As printed, 1 − (1 − P_FA)^{1/N} loses digits in floating
+point and gives the paper's 4.16e-14 instead of 4.17e-14.
 
 Every function takes a number or an array as its first argument and returns the same type. Other arguments are numbers.
 """

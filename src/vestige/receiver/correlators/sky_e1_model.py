@@ -7,9 +7,9 @@ as BOC(1,1).
 
 **Strangers** are all signals that are not aligned with the replica: signals of other satellites, and the satellite's
 own signals a chip or more away. The power u = Σ c_j p_j of the strangers is that of one component over N0, in Hz. The
-factor p is the power of a satellite's signals over that of its line of sight. Sampled at f_s, the noise of the
-strangers in two correlators δ apart has the covariance u A(δ) in each dimension. The receiver's own noise has the
-covariance of the replicas instead.
+factor p is the power of a satellite's signals over that of its line of sight. The signals are sampled at f_s. In two
+correlators δ apart, the noise of the strangers has the covariance u A(δ) in each dimension. The receiver's own noise
+has the covariance of the replicas instead.
 
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 

@@ -38,7 +38,7 @@ class Jump:
     Attributes
     ----------
     at_s
-        Time of the jump after the first sample, to a code period.
+        Time of the jump after the first sample, exact to a code period.
     by_s
         Increase of the delay, modulo 4 ms, between ±2 ms; negative if samples are missing.
     """

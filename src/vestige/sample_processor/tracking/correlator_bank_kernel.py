@@ -91,7 +91,7 @@ def bank_workspace():
 def piece_length(step, lags):
     """Return the largest number of samples whose segments fit the workspace.
 
-    The argument `step` is in segments per sample, `lags` in samples.
+    The argument `step` is in segments per sample, and `lags` are in samples.
     """
     return max(min(PIECE, int((_SEGMENTS - 8) / step) - 2 * np.max(np.abs(lags))), 1)
 

@@ -1,8 +1,8 @@
 """The int8 engine: a screen over a part of the chips first, then a sum over all chips at the few offsets that pass.
 
-The engine is written to be the fastest on a processor. `segment_engine` plans, `segment_kernel` has the loops, and
-`vector_ir` the inner loops as LLVM code. Nothing outside this folder needs to know how the engine works; only `choice`
-imports it.
+The engine is written to be the fastest on a processor. `segment_engine` makes the plan, `segment_kernel` has the loops,
+and `vector_ir` has the inner loops as LLVM code. Nothing outside this folder needs to know how the engine works; only
+`choice` imports it.
 
 Theory of operation
 -------------------
