@@ -1,4 +1,4 @@
-"""Histogram of the detecting, or else strongest, correlator's magnitude [WFO, Sec. VI-A, third figure]."""
+"""Histogram of the magnitude of the detecting or strongest correlator [WFO, Sec. VI-A, third figure]."""
 
 from __future__ import annotations
 

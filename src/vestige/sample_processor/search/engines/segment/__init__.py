@@ -37,8 +37,8 @@ with input k = b + 16 j and output m = r + 8 g,
 
 in int16 with one lane for each offset. Rounding changes a magnitude by less than 0.03 σ. A P_k is cut so that no sum
 leaves int16, because additions that saturate take twice as long. Noise reaches the cut (3.9 to 7.8 σ of P_k) at most
-once in 10⁴ segments, and a strong signal stays strong. For 16 ms the segments of this transform have 960 chips, which
-costs 1.4 dB at the edge of a pass.
+once in 10⁴ segments, and a strong signal is still strong after the cut. For 16 ms the segments of this transform have
+960 chips, which costs 1.4 dB at the edge of a pass.
 
 **All chips.** The segment sums of int16 products are exact. A transform of 256 points in two steps of 16 follows, in
 float32 with one lane for each of eight offsets. **1 and 2 ms** fill an eighth or a quarter of the inputs and need every
