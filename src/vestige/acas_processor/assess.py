@@ -13,7 +13,7 @@ depends on the last authentic position. So the block is judged with a guess of w
    repeat step 2, until no guess was wrong. The guess for the last epoch may be wrong, because no other epoch depends on
    it.
 
-Every round settles at least one more epoch. Few rounds are needed, because alarms come in stretches.
+Every round settles at least one more epoch. Few rounds are needed, because epochs with an alarm follow each other.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class _Guess:
 def assess(
     processor: AcasProcessor, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData
 ) -> tuple[VerdictBlock, ReceiverState]:
-    """Return the verdicts of a block, and the state for the next one.
+    """Return the verdicts of a block, and the state for the next block.
 
     `state` is the state after the previous block, None for the first block. `measured` has at least one epoch.
     """

@@ -53,7 +53,7 @@ class Detector(Protocol):
 
     @property
     def spacing(self) -> int:
-        """Distance n of the early and late tap from the punctual one, in taps."""
+        """Distance n of the early and late tap from the punctual tap, in taps."""
 
     def detect(
         self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
@@ -92,7 +92,7 @@ class MaximumDetector(_Spaced):
     Attributes
     ----------
     spacing
-        n, distance of the early and late tap from the punctual one, in taps, 1 or more.
+        n, distance of the early and late tap from the punctual tap, in taps, 1 or more.
 
     Raises
     ------
@@ -127,7 +127,7 @@ class EarlyDetector(_Spaced):
     Attributes
     ----------
     spacing
-        n, distance of the early and late tap from the punctual one, in taps, 1 or more.
+        n, distance of the early and late tap from the punctual tap, in taps, 1 or more.
 
     Raises
     ------
@@ -181,7 +181,7 @@ class OwnDetector:
 
     @property
     def spacing(self) -> int:
-        """Distance n of the early and late tap from the punctual one, in taps."""
+        """Distance n of the early and late tap from the punctual tap, in taps."""
         return self.detector.spacing
 
     def detect(

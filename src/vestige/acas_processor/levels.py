@@ -15,12 +15,12 @@ the whole receiver), and how often the check runs.
   suspicion.
 
 Failures of different checks are evidence of different strength. A check that finds a second signal, or an E6 range that
-differs from E1, gives SPOOFED: somebody sends signals that the satellite did not send. A missing E6 signal gives
-NOT_DETECTED. A failure that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a satellite is
-found twice, every other satellite is SUSPECT too. A meaconer repeats the whole band, and its copy of a weak satellite
-may hide the true signal. If several checks fail, the gravest failure counts. A check that was not run counts neither
-for nor against an attack. Without steps 1 and 2 the status is NOT_AVAILABLE. The reason of a verdict names the other
-checks that were not run. Between two RECS only the monitors run.
+differs from E1, gives SPOOFED. The reason is that somebody sends signals that the satellite did not send. A missing E6
+signal gives NOT_DETECTED. A failure that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a
+satellite is found twice, every other satellite is SUSPECT too. A meaconer repeats the whole band, and its copy of a
+weak satellite may hide the true signal. If several checks fail, the gravest failure counts. A check that was not run
+counts neither for nor against an attack. Without steps 1 and 2 the status is NOT_AVAILABLE. The reason of a verdict
+names the other checks that were not run. Between two RECS only the monitors run.
 
 A row contains everything that the processor needs to know of a check. The row says how the check is made from the
 settings, whether the check compares with reference levels, and how its false-alarm probability is found. So a new check
@@ -365,7 +365,7 @@ def combine(
 ) -> tuple[Int8[np.ndarray, "n m"], Int8[np.ndarray, "n m"]]:
     """Return the status of every epoch and satellite, as positions in `Status`, and the check that caused it.
 
-    `failed` contains the confirmed failures of each satellite or of the receiver; checks of other levels are ignored.
+    `failed` contains the confirmed failures of each satellite or of the receiver. Checks of other levels are ignored.
     `available` says whether steps 1 and 2 were run. `own` contains the optional checks and the user's checks, which
     follow the checks of the level.
 

@@ -30,7 +30,7 @@ def compare_osnma(
     The key of a subframe is the same from every satellite, so it counts once, in the first column. A different key from
     any satellite is in the last column. A right key that was not validated counts as lost.
 
-    The window includes its end but not its begin. There is at least one satellite.
+    The window includes its end but not its beginning. There is at least one satellite.
     """
     keys: dict[GalileoTime, set[bytes]] = defaultdict(set)
     demodulated = _between(own, since, until)

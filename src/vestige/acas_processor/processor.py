@@ -1,6 +1,6 @@
 """The ACAS processor, which turns snapshots and their assistance into verdicts [WFO, Sec. II-B, III, IV].
 
-The processor works on blocks of n epochs × m satellites; one snapshot is a block of one epoch. `measure` takes most of
+The processor works on blocks of n epochs × m satellites. One snapshot is a block of one epoch. `measure` takes most of
 the time and has no state: blocks can be measured in any order on any number of workers. `assess` takes little time and
 carries a state from block to block. The division of epochs into blocks changes no bit of the verdicts.
 """
@@ -92,7 +92,7 @@ class AcasProcessor:
         Bank around the predicted range: number of correlators, and distance between neighbours in m.
     early_reach_m
         Distance in m before the prediction to which the bank extends at the same spacing, limited by the correlator's
-        window of 820 m. A meaconer with a short delay captures E1; the true E6 signal is then earlier than E1 predicts.
+        window of 820 m. A meaconer with a short delay captures E1. The true E6 signal is then earlier than E1 predicts.
         The search for a second signal on E1 omits 2 chips, 586 m, around the tracked signal, so the bank has to cover
         them.
     budget, kappa

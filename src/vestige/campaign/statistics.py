@@ -3,7 +3,7 @@
 Every probability is estimated from k successes in n independent trials. The interval of a probability is the exact
 interval of Clopper and Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects p at level α exactly if p
 lies outside the interval of confidence 1 − α. The campaign must make trials independent. Epochs that share a slow
-error, such as an ionosphere with a time constant of hours, are not independent trials: the true interval is then wider.
+error, such as an ionosphere with a time constant of hours, are not independent trials. The true interval is then wider.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def binomial_interval(successes: int, trials: int, *, confidence: float = CONFID
     """Return the exact interval of a probability after `successes` in `trials`.
 
     At the lower end, a count of at least `successes` has probability (1 − confidence)/2. At the upper end, a count of
-    at most `successes` has this probability. The interval contains the true probability with at least this confidence;
-    without trials the interval is (0, 1).
+    at most `successes` has this probability. The interval contains the true probability with at least this confidence.
+    Without trials the interval is (0, 1).
 
     Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
     """
@@ -102,10 +102,10 @@ def count_interval(count: float) -> tuple[float, float, float]:
 def enough(successes: int, trials: int, wished_width: float) -> bool:
     """Return whether the interval after `successes` in `trials` is at most `wished_width` wide, so a sweep may stop.
 
-    Call this function after each chunk in the order of the chunks, and leave out all chunks after the first chunk for
-    which it returns True. The result then does not depend on the number of workers. The width depends on the estimate:
-    a sequence stops slightly earlier if the estimate is nearer to 0 or 1 than the truth. The confidence of the interval
-    is therefore only nominal.
+    Call this function after each chunk in the order of the chunks. Leave out all chunks after the first chunk for which
+    the function returns True. The result then does not depend on the number of workers. The width depends on the
+    estimate: a sequence stops slightly earlier if the estimate is nearer to 0 or 1 than the truth. The confidence of
+    the interval is therefore only nominal.
 
     Raises `ValueError` unless 0 ≤ successes ≤ trials and wished_width > 0.
     """
@@ -186,7 +186,7 @@ def false_alarms(results: xarray.Dataset) -> Proportion:
     """Return the proportion of single taps with noise only that exceed the threshold.
 
     Only taps more than a chip apart are counted, so that the trials are independent. The correlation of their noise is
-    a triangle that ends at one chip; a narrow filter makes the triangle slightly wider. If there is a signal, only taps
+    a triangle that ends at one chip. A narrow filter makes the triangle slightly wider. If there is a signal, only taps
     more than a chip before the line of sight and before any spoofing signal are counted. Reflections arrive later, so
     these taps contain noise only.
     """

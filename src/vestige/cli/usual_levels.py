@@ -102,7 +102,7 @@ def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
 
 
 def expected_e6_over_e1_db(options: dict[str, Any]) -> float:
-    """Return the C/N0 of E6-C over that of E1-C in dB that the options state, by default that at minimum power."""
+    """Return the C/N0 of E6-C over that of E1-C in dB that the options state, by default the ratio at minimum power."""
     if options["e6_over_e1_db"] is not None:
         return float(options["e6_over_e1_db"])
     e1_dbhz, e6_dbhz = (options[f"usual_{band}_cn0_dbhz"] for band in ("e1", "e6"))

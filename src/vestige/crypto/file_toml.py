@@ -1,6 +1,6 @@
 """Parse untrusted TOML in limited time, with limits on keys and nesting.
 
-The time of Python's parser grows with the square of the number of parts of a key `a.b.c`: a file of 80 kB takes a
+The time of Python's parser grows with the square of the number of parts of a key `a.b.c`. So a file of 80 kB can take a
 minute. Code that walks through nested tables also needs a stack as deep as the tables.
 """
 

@@ -21,7 +21,7 @@ but the covariance does: with S = (HᵀWH)⁻¹HᵀW and σ² = 1/w,
 
 The range rate is linear in velocity and drift, with the same matrix up to the factor 1/(1 − u·ṡ/c).
 
-The first axis of arrays is the epoch, the second the satellite; a satellite that was not measured is NaN.
+The first axis of arrays is the epoch, and the second axis is the satellite. A satellite that was not measured is NaN.
 """
 
 from __future__ import annotations

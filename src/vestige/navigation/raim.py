@@ -43,7 +43,7 @@ class Redundancy:
     unexplained
         Pᵢᵢ, 0 … 1; 0 where not used.
     inverse
-        (HᵀWH)⁻¹, of which S is made.
+        (HᵀWH)⁻¹, a factor of S.
     """
 
     gain: Float[np.ndarray, "n 4 m"]
@@ -160,7 +160,7 @@ def exclude_one(
 ) -> Exclusion:
     """Return the test and, where it fails, the single satellite without which it passes.
 
-    An exclusion needs six satellites: of five satellites, any remaining four fit exactly.
+    An exclusion needs six satellites, because any four of five satellites fit exactly.
 
     Parameters
     ----------

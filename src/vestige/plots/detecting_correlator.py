@@ -38,8 +38,8 @@ def detecting_correlator(
 
     The phase is relative to the carrier phase of E1, which the receiver knows except for a constant. Results of older
     versions contain only the absolute phase. If nothing is detected, magnitude and phase are not defined and the curves
-    have a gap. Flags and magnitude share the left axis. A magnitude lies above the threshold, so the flags lie free
-    below it.
+    have a gap. Flags and magnitude share the left axis. A magnitude lies above the threshold, so the flags lie below
+    the magnitudes and do not cover them.
 
     Raises `VestigeError` if the results lack the detector or the satellite.
     """

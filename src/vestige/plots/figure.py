@@ -45,7 +45,7 @@ FIGURE_FORMATS = ("png", "pdf", "svg")
 def new_axes(*, width_cm: float = WIDTH_CM, height_cm: float = HEIGHT_CM, projection: str | None = None) -> Axes:
     """Return the axes of a new figure.
 
-    The projection is `3d` for the waterfall, `polar` for the sky.
+    The projection is `3d` for the waterfall, and `polar` for the sky.
     """
     figure = Figure(figsize=(width_cm / CM_PER_INCH, height_cm / CM_PER_INCH), dpi=DPI, layout="constrained")
     return figure.add_subplot(projection=projection)

@@ -1,4 +1,4 @@
-"""Histogram of the detecting, or else strongest, correlator's magnitude [WFO, Sec. VI-A, third figure]."""
+"""Histogram of the magnitude of the detecting or strongest correlator [WFO, Sec. VI-A, third figure]."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def magnitude_histogram(
 ) -> Axes:
     """Return axes with the histogram of the detecting correlator's magnitude, split by detected or not.
 
-    Detections begin at the threshold, which is a border of two bins; below the threshold the detecting correlator is
+    Detections begin at the threshold, which is a border of two bins. Below the threshold the detecting correlator is
     not defined. Epochs without a detection are counted by their strongest correlator. The line is the Rice distribution
     of a single correlator that is aligned with the signal, from C/N0 and integration time of the results. The detecting
     correlator differs from this distribution because of misalignment, multipath, and its selection.

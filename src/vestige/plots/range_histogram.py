@@ -70,7 +70,7 @@ def range_histogram(
         Width of a bin in m; the width is doubled if there were more than 600 bins. 0 m is the middle of a bin.
     mark_cluster
         Whether to mark the cluster of detections on the early flank for a detector's spacing of 1 tap. The cluster is
-        at −22.5 m for taps of 15 m; the mark gives the number of epochs within 4.5 m.
+        at −22.5 m for taps of 15 m. The mark gives the number of epochs within 4.5 m.
     right_flank
         A law to draw over the right flank, a straight line in log scale. A number is the offset in m beyond which a law
         is fitted.

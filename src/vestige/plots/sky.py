@@ -77,7 +77,7 @@ def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
 def position_error(results: xarray.Dataset) -> Axes:
     """Return the lowest axes of the fix's error against time, with a panel each for east, north, up and clock.
 
-    Lines show the fixes of all satellites, dots the fixes of the authenticated satellites.
+    Lines show the fixes of all satellites, and dots show the fixes of the authenticated satellites.
 
     Raises `VestigeError` if the results are not from a sky, or there is no fix.
     """

@@ -16,7 +16,8 @@ one of its halves fails:
     C/N0     22 dBHz  23 dBHz  24 dBHz  25 dBHz  26 dBHz
     lost     0.52     0.13     0.02     0.0008   0.00002     without phase error
 
-An ideal receiver thus loses OSNMA within 3 dB. Fading, an old decoder or soft decisions of few bits cost more.
+An ideal receiver thus goes from hardly any lost page to most pages lost within 3 dB of C/N0. Fading, an old decoder or
+soft decisions of few bits cost more.
 
 Pages 10 to 14 of every satellite's subframe carry the same key [OSNMA-ICD], so a single satellite is enough.
 
@@ -47,7 +48,7 @@ _DECI = 10  # times are counted in tenths of a second, which are exact as intege
 def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: TrackingModel | None = None) -> Float[np.ndarray, "*n"]:
     """Return the probability that a page is lost.
 
-    `cn0_dbhz` is the C/N0 of E1-B, equal to that of E1-C; at NaN or −∞ every page is lost. Without `tracking` the phase
+    `cn0_dbhz` is the C/N0 of E1-B, equal to that of E1-C. At NaN or −∞ every page is lost. Without `tracking` the phase
     has no error.
     """
     cn0 = 10 ** (np.where(np.isfinite(cn0_dbhz), cn0_dbhz, 0.0) / 10)

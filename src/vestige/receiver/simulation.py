@@ -139,7 +139,7 @@ class Simulation:
         return e1_multipath_error_m(truth.rays.delay_m, truth.rays.amplitude_e1)
 
     def seconds_late_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-        """Return the delay of E1 on the receiver's clock, times c; 0 if a travel time could be as long."""
+        """Return the delay of E1 on the receiver's clock, times c; 0 for delays up to `CLOCK_FOLLOWS_S`."""
         error_m = truth.e1.error_m + self.clock_offset_m
         return np.where(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS, error_m, 0.0)
 

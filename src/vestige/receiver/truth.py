@@ -1,6 +1,6 @@
 """The truth of a simulated line of sight, epoch after epoch: every term of every error, and the effects of an attack.
 
-The errors have memory and are cheap, so they are drawn in order; the cut of the epochs into calls makes no difference.
+The errors have memory and are cheap, so they are drawn in order. The cut of the epochs into calls makes no difference.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The part of the truth of a line of sight that no attack changes: geometry, clock, ionosphere, multipath, noise, bias.
 
-The errors have memory and are cheap, so they are drawn in order; the cut of the epochs into calls makes no difference.
+The errors have memory and are cheap, so they are drawn in order. The cut of the epochs into calls makes no difference.
 A model that is None is absent: its term is zero.
 """
 
@@ -138,7 +138,7 @@ class UndisturbedProcess:
 
 
 def kept_truth(of: Simulation, count: int) -> UndisturbedTruth:
-    """Return the truth of the first epochs of a simulation without attacks, from memory if it is there.
+    """Return the truth of the first epochs of a simulation without attacks, from memory if possible.
 
     A simulation with arrays or parts that cannot be hashed is computed anew.
     """

@@ -4,7 +4,7 @@ The numbers describe the stored components (the real samples, or I and Q togethe
 front end has 4 distinct values and a third of its samples at the outermost values. An 8-bit front end has many values
 and hardly any sample at the outermost values, unless the front end clips. The spectral centre tells the position of the
 front end's pass band. The centre is the mean frequency of the power above the flat floor that quantisation and image
-leave, as a radio frequency. For real samples only the half of the spectrum that holds the band's carrier is used.
+leave, as a radio frequency. For real samples only the half of the spectrum with the band's carrier is used.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Inspection of a recording: its content, and the data that ACAS lacks to authenticate it.
 
 For each verdict ACAS needs E6 samples that contain a RECS, the RECS itself and the OSNMA key that decrypts the RECS. E1
-(samples or observations) predicts the position of the RECS in E6; the group delay of the satellite corrects that
+(samples or observations) predicts the position of the RECS in E6. The group delay of the satellite corrects that
 prediction. The error of the receiver clock must be provably smaller than the time between reception and disclosure of
 the key. This time is 30 s for a key delay of one subframe [WFO, Sec. III-D].
 """
@@ -102,7 +102,7 @@ def inspect_recording(
     signals
         Search for satellites, and for errors of the description, which takes 10 to 40 s.
     progress
-        Called with the name of the search step, the number of its parts that are done and the number of all.
+        Called with the name of the search step, the number of its parts that are done and the number of all parts.
     """
     description, observation_path = _find(path)
     if description is not None and start is not None:

@@ -64,7 +64,7 @@ class Recording:
     def batch(self, band: Band, start_time: GalileoTime, duration_s: float) -> SampleBatch | None:
         """Return the samples of a band in a window of receiver-clock time, or None if there are none in the window.
 
-        The batch begins with the first sample at or after `start_time`; a sample that is early by a thousandth of a
+        The batch begins with the first sample at or after `start_time`. A sample that is early by a thousandth of a
         sampling interval also counts. The batch has ⌈duration · rate⌉ samples, the same number for every position of
         the window. Samples outside the recording are left out: `start`, `first_sample` and the length of the batch
         describe the rest.

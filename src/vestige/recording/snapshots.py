@@ -97,7 +97,7 @@ class RecordingSource:
     def __iter__(self) -> Iterator[SnapshotBlock]:
         """Yield a block for each snapshot of `snapshots`, and between two snapshots a block of E1 tracking each second.
 
-        The blocks between snapshots need `tracked` and `searchable`; the checks of level 1 do not use E1 between two
+        The blocks between snapshots need `tracked` and `searchable`. The checks of level 1 do not use E1 between two
         RECS.
         """
         between = deque(self.tracked if self.tracked is not None and self.searchable else ())

@@ -272,7 +272,7 @@ class EncryptedSegment:
     key_time
         Start of the 30 s subframe that transmits the key of the RECS.
     key_delay
-        KDI of the file: 0 for the key of the RECS's own subframe, 1 for the key of the next.
+        KDI of the file: 0 for the key of the RECS's own subframe, 1 for the key of the next subframe.
     random_offset
         RAND of the file, which is a part of the IV.
     """

@@ -65,7 +65,7 @@ class Corrections(Protocol):
 
 @runtime_checkable
 class AssistanceData(Corrections, Protocol):
-    """Data of the processor in addition to snapshots: downloaded `Assistance`, or that of a simulated service."""
+    """Data of the processor in addition to snapshots: downloaded `Assistance`, or data of a simulated service."""
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
         """Return the RECS that the satellites of a block sent, with their keys."""

@@ -1,7 +1,7 @@
 """HTML from untrusted text: everything but `Html` is escaped.
 
-Scenarios, stores and tables are untrusted files. Only this module turns the text of such files into markup, and only
-escaped.
+Scenarios, stores and tables are untrusted files. Only this module turns the text of such files into markup, and the
+text is always escaped.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def section(name: str, title: str, *content: object) -> Html:
 def table(caption: str, head: Sequence[object], rows: Iterable[Sequence[object]], *, numbers_from: int = 1) -> Html:
     """Return a table that scrolls by itself on a narrow screen.
 
-    The first cell of a row is its heading; a row with a single cell is the heading of the rows below. Columns from
+    The first cell of a row is its heading. A row with a single cell is the heading of the rows below. Columns from
     `numbers_from` on are aligned to the right, as usual for numbers.
     """
 

@@ -2,7 +2,7 @@
 
 The name of a column gives its meaning, so the reader accepts further levels and columns. `expected_level_2` and
 `level_2` are expectation and agreement of level 2; `detected_level_2` is a count of level 2. A table with a column
-`level` has a row for each level; names without a level then refer to that level. If only one level is measured, names
+`level` has a row for each level. Names without a level then refer to that level. If only one level is measured, names
 without a level refer to it, too.
 """
 

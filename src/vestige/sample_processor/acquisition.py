@@ -3,9 +3,10 @@
 Theory of operation
 -------------------
 The samples are cut into stretches of two code periods (8 ms). A stretch starts every period (4 ms). Correlating a
-stretch with one period of code gives all code phases of 4 ms without wrap-around, so a secondary-code flip between two
-periods does no harm. One FFT serves every Doppler bin: its bins are 1/(8 ms) = 125 Hz = 1/(2T) apart, and a shift by
-one bin is the next Doppler. Only the bins around the carrier are kept, which mixes, filters and decimates in one step.
+stretch with one period of code gives all code phases of 4 ms without wrap-around. So a change of the secondary code
+between two periods does no harm. One FFT serves every Doppler bin: its bins are 1/(8 ms) = 125 Hz = 1/(2T) apart, and a
+shift by one bin is the next Doppler. Only the bins around the carrier are kept, which mixes, filters and decimates in
+one step.
 
 The powers of K stretches are added non-coherently, each shifted by the code Doppler. Against noise of variance 1 per
 dimension the sum is chi-squared with 2K degrees of freedom. The threshold follows from the overall false-alarm
@@ -13,8 +14,8 @@ probability over all cells (code phases × Doppler bins × satellites) [WFO, Sec
 
 Cross-correlation with a much stronger satellite is not noise, because it is constant over the whole 100 ms. Between two
 memory codes at a Doppler difference the cross-correlation reaches −20 dB. The rough C/N0 of the strong satellite is low
-by up to 3 dB (its own self-noise, half a bin off), and noise adds to the weak satellite. So a cell is only accepted
-within `CROSS_CORRELATION_DB` of the strongest cell.
+by up to 3 dB (its own self-noise, half a bin off). Noise adds to the power of the weak satellite. So a cell is only
+accepted within `CROSS_CORRELATION_DB` of the strongest cell.
 
 `acquire` takes the strongest cell of each satellite on E1-C. `vestige.sample_processor.search.e1_search` takes every
 signal from the same powers.

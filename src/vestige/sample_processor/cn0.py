@@ -14,8 +14,8 @@ are wiped off.
 | Beaulieu | steps of the size of I [PINI08] | reads too much where S < 3 N |
 | real signal, complex noise | Q is noise alone [PINI08] | needs the phase locked |
 
-The narrow-to-wide ratio is the best of these estimators: its bias is at most 0.2 dB from 25 to 45 dBHz, with the
-smallest spread at low C/N0. An estimate is NaN if noise makes its formula undefined.
+The narrow-to-wide ratio is the best of these estimators. The bias of this ratio is at most 0.2 dB from 25 to 45 dBHz,
+and its spread is the smallest at low C/N0. An estimate is NaN if noise makes its formula undefined.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ segment. M is the number of samples of the segment. So a path of amplitude a at 
 y_j. The mean power of this sum over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel. So one
 pass over the chips gives the result of infinitely many wrong codes, and no reference cell is drawn at random. The
 estimate is also right for coloured noise and interference. The true signal adds its own E_c/N_0 (−32 dB at 35 dBHz), as
-with any wrong code. Estimated from M chips the floor has a relative error of 1/√M, 0.35 % for 16 ms: the CFAR loss is
-0.0005 dB.
+with any wrong code. A floor that is estimated from M chips has a relative error of 1/√M, which is 0.35 % for 16 ms. The
+CFAR loss is 0.0005 dB.
 """
 
 from __future__ import annotations

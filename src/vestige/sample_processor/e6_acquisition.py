@@ -13,10 +13,10 @@ secondary code on these periods shows that no other signal was mistaken for E6-C
 
 The bins of the acquisition are wider than the signal. Half a sample (0.47 chip at 5.5 MHz) and 250 Hz away from the
 signal, 6 dB of the power are missing. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A symbol of E6-B
-lasts one period, so the powers of the periods are added. First the Doppler is refined. A signal at the distance δ from
-the acquired Doppler has the amplitudes A₊ and A₋ at ±1/2T around this Doppler, where T is the period. The amplitude
-follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the root of early minus late
-gives the code phase.
+lasts one period, so the powers of the periods are added. First the Doppler is refined. Let T be the period and δ the
+distance of the signal from the acquired Doppler. The signal has the amplitudes A₊ and A₋ at ±1/2T around this Doppler.
+The amplitude follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the root of early
+minus late gives the code phase.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def _power(prompts: Complex128[np.ndarray, "periods 1"], noise: float) -> float:
 def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> tuple[float, int] | None:
     """Return the share of E6-C's power that its secondary code explains, and the index of the first period.
 
-    The share is 1 for a signal without noise and below 0.1 for another code; `OPEN_SHARE` separates the two. The result
+    The share is 1 for a signal without noise and below 0.1 for another code. `OPEN_SHARE` separates the two. The result
     is None if the batch has too few periods.
 
     Parameters
@@ -173,7 +173,7 @@ def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float)
     found
         E6-C as acquired in `batch`.
     doppler_hz
-        Doppler of the signal on E6, to ±250 Hz.
+        Doppler of the signal on E6, with an error of at most ±250 Hz.
     """
     taps, _ = period_taps(batch, E6C, found.svid, found.code_start_s, doppler_hz, np.zeros(1))
     prompts = taps[: E6C.secondary_length, 0]

@@ -22,7 +22,7 @@ _LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # range of elevation of a preset
 class Presets:
     """Annotation of a field with a model, whose table may name a preset.
 
-    `named` are models by the name that the key `preset` gives; `at_elevation` is the model for the key `elevation_deg`.
+    `named` are models by the name that the key `preset` gives. `at_elevation` is the model for the key `elevation_deg`.
     """
 
     named: Mapping[str, Callable[[], Any]]

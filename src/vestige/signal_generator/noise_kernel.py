@@ -5,12 +5,12 @@ Theory of operation
 One 64-bit hash of the sample number gives one pair of normal numbers by Box and Muller. 31 bits make the radius r =
 √(−2 ln U) and 30 bits an angle within ±π/4. Three bits swap sine and cosine and set two signs, which unfolds the angle
 to the full circle. The loops have no look-ups and no branches, so the compiler turns them into vector instructions.
-Logarithm, sine and cosine are polynomials for the same reason. Because a pair depends only on its key and number, any
-worker may make any part of an epoch, and all workers get the same bits.
+Logarithm, sine and cosine are polynomials for the same reason. A pair depends only on its key and number. So any worker
+may make any part of an epoch, and all workers get the same bits.
 
 The steps run one after the other over a piece of 512 pairs. In a single loop each pair would be a chain of about 120
-cycles, with only one or two vectors of pairs in the processor's registers. Short loops process many pairs at once and
-take 0.6 of the time.
+cycles. The processor's registers would have only one or two vectors of pairs. Short loops process many pairs at once
+and take 0.6 of the time.
 
     z = mix(key + i · GOLD)                     splitmix64 [STEELE14]
     x = (31 bits of z) + ½                      ½ … 2³¹: the largest number is 6.66 σ

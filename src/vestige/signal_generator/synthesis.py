@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-Sample n is taken t_n after the start of the segment. At the start, chip number L would arrive by a path without delay;
+Sample n is taken t_n after the start of the segment. At the start, chip number L would arrive by a path without delay.
 L earlier chips are on air. A signal has Doppler f_d and Doppler rate ḟ_d on its carrier f_c. Over its paths r the
 signal adds
 
@@ -10,8 +10,8 @@ signal adds
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
 
 The Doppler is thus on code and carrier alike. The correlator at delay d_r of a hand-over with the same start and
-Doppler gives a_r. A path's own Doppler f_r rotates only its phase: a fading rate of 1 Hz would move its delay by only 4
-mm in 16 ms. A signal with another range rate, such as a spoofing signal, is another `ReceivedSignal`.
+Doppler gives a_r. A path's own Doppler f_r rotates only the phase of the path. A fading rate of 1 Hz would move the
+delay by only 4 mm in 16 ms. A signal with another range rate, such as a spoofing signal, is another `ReceivedSignal`.
 
 **Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 = 1/f_s and a component of C/N0 has
 amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.

@@ -4,8 +4,8 @@ The satellite sends, at its time t_s, the real function d(t_s) · c(t_s): symbol
 times pulse level. A pilot has a minus sign, because a band is (e_B − e_C)/√2 [OS-ICD, 2.3.3]. All codes and symbols
 start with the Galileo second, so t_s is counted from a whole second.
 
-At its time t the receiver sees the signal sent at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}. Mixed down from
-f_0, the signal is
+At its time t the receiver sees the signal sent at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}. After the mixer
+with the frequency f_0 the signal is
 
     x(t) = a · d(t_s) · c(t_s) · exp j2π[ (f_c − f_0) t − f_c P(t)/c ]
 

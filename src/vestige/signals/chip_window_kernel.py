@@ -2,14 +2,14 @@
 
 Theory of operation
 -------------------
-**Packed chips.** A code is packed into one bit per chip, 32 chips to a word; a set bit means −1. A window is 32
+**Packed chips.** A code is packed into one bit per chip, 32 chips to a word. A set bit means −1. A window is 32
 consecutive chips. A left shift by s brings chip s of the window into the sign bit. The sign bit, XORed into a float32,
 multiplies the float32 by the chip.
 
 **One window for many samples.** A window has the chips of all samples that lie within 15 chips, at every delay within
 `WINDOW_REACH_CHIPS` of a common middle. A window serves 32 samples from 2.2 samples per chip on, and eight samples from
 half a sample per chip on. At lower sampling rates each sample has its own window. A window stays in the order of its
-words: chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. So no look-up is needed for single
+words. Chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. So no look-up is needed for single
 samples.
 
 **Fixed-point code phase.** The phase at the start of a block is a float64. Inside the block the phase is an integer
@@ -84,7 +84,7 @@ def window_delay(delay):
 def interior(u0, step, reach, n_chips, n):
     """Return (i0, i1), the range of samples that meet a chip at all delays within ±reach.
 
-    Sample i of n has the code phase u0 + i · step. The range may be a sample short at either end; the plain loops at
+    Sample i of n has the code phase u0 + i · step. The range may be a sample short at either end. The plain loops at
     the edges then process that sample.
     """
     i0 = max(0, min(n, np.int64(np.ceil((reach - u0) / step)) + 1)) if u0 < reach else np.int64(0)

@@ -8,7 +8,8 @@ square 1. All functions follow exactly from the levels, with w = T_c/n the width
     band-limited      R_B(τ) = ∫_{-B/2}^{B/2} S(f) cos(2πfτ) df                     ideal filter
 
 CBOC(6,1,1/11) is √(10/11) BOC(1,1) ± √(1/11) BOC(6,1), on twelve sub-chips [OS-ICD, 2.3.3]. The sign is + on E1-B and −
-on E1-C. Averaged over both signals, the cross term cancels and the spectrum is MBOC = 10/11 BOC(1,1) + 1/11 BOC(6,1).
+on E1-C. In the average over both signals, the cross term cancels, and the spectrum is MBOC = 10/11 BOC(1,1) + 1/11
+BOC(6,1).
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ _FEW_BITS = 3  # a quantiser with at most this many bits has many samples at its
 def largest_level(component: SampleType, front_end: FrontEnd) -> int | None:
     """Return the largest stored magnitude, to which stronger samples are clipped.
 
-    The result is None for number formats that do not clip, and for quantisers with so few bits that the outermost
-    levels are always in use.
+    The result is None for number formats that do not clip. The result is also None for quantisers with so few bits that
+    the outermost levels are always in use.
 
     Examples
     --------

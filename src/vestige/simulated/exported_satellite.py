@@ -93,9 +93,9 @@ class ExportedSatellite:
     def observations(self) -> tuple[E1Observation | None, ...]:
         """E1 observations while the chips of each epoch arrive, 86 ms after transmission.
 
-        The entry of an epoch is None if the campaign also has no E1 measurement: below the mask, without lock, and
-        while E1 acquires the satellite. A receiver that follows a meaconer with a delay of seconds has another time
-        than the samples; then the entry is None, too.
+        The entry of an epoch is None if the campaign has no E1 measurement: below the mask, without lock, and while E1
+        acquires the satellite. A receiver that follows a meaconer with a delay of seconds has another time than the
+        samples; then the entry is None, too.
         """
         to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
         t_s = truth.time_s + MEDIAN_TRAVEL_TIME_S

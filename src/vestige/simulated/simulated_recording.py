@@ -84,7 +84,7 @@ class SimulatedRecording:
     def window(self, band: Band, from_s: float, to_s: float) -> SampleBatch:
         """Return the samples of a band between two times in s after the reference, as one batch.
 
-        Within the recording these samples are the same as the recording's; a window may lie beyond the end.
+        Within the recording these samples are the same as the recording's. A window may lie beyond the end.
         """
         first, end = (round(at_s * self.sample_rate_hz) for at_s in (from_s, to_s))
         batches = list(self._made(band, range(first, end), noise=True))
@@ -130,7 +130,7 @@ class SimulatedRecording:
         workers
             Number of threads that make samples; the samples do not depend on it.
         progress
-            Called with the bands, the number of samples of each that are written, and the number of all.
+            Called with the bands, the number of written samples of each band, and the number of all samples.
         say
             Called with one line at the end if samples clip.
 
@@ -222,7 +222,7 @@ class SimulatedRecording:
         workers
             Number of threads that make samples; the samples do not depend on it.
         progress
-            Called with the band, the number of samples that are written, and the number of all.
+            Called with the band, the number of samples that are written, and the number of all samples.
         say
             Called with a line if a recording is resumed, and with a line at the end if samples clip.
 

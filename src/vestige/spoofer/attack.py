@@ -80,7 +80,7 @@ class Attack:
     Attributes
     ----------
     start_s, stop_s
-        Begin and end of the attack in s after the scenario's start; at `stop_s` the attack is off.
+        Begin and end of the attack in s after the scenario's start. At `stop_s` the attack is off.
     svids
         Satellites whose signals are spoofed; an empty list means all. Noise and jamming affect all satellites.
     """

@@ -66,7 +66,7 @@ class OsnmaDenial(CheckedAttack):
     Attributes
     ----------
     j_over_n_db
-        Added noise density over N0 in dB. About 10 dB reduce 37 dBHz to 27 dBHz.
+        Added noise density over N0 in dB. About 10 dB of noise reduce a C/N0 of 37 dBHz to 27 dBHz.
     """
 
     j_over_n_db: Profile = 10.0

@@ -84,7 +84,7 @@ class _LiftOffAttack(CheckedAttack):
 class LiftOff(_LiftOffAttack):
     """Spoofing signal that approaches the true signal, rises and leaves with the tracking loop [WFO, Sec. VI-B].
 
-    With `bands = ["E1"]` the spoofer leaves E6 alone; with both bands, the attack is zero-delay meaconing of E6 and E1.
+    With `bands = ["E1"]` the spoofer leaves E6 alone. With both bands, the attack is zero-delay meaconing of E6 and E1.
     """
 
     kind: Literal["lift-off"] = "lift-off"
@@ -126,9 +126,9 @@ class E1Asynchronous(CheckedAttack):
     delay_m, power_db
         Delay in m, negative values included, and power in dB, relative to the true signal.
     acquired
-        Whether the receiver is restarted when the attack begins, and acquires during the attack. At a start of 0 the
-        receiver has acquired by the first epoch. Otherwise the receiver is locked to the true signal, and has to lose
-        lock first.
+        Whether the receiver is restarted when the attack begins, and acquires during the attack. If the attack starts
+        at 0 s, the receiver has acquired by the first epoch. Otherwise the receiver is locked to the true signal, and
+        has to lose lock first.
     forged_nav_data
         Whether the data on E1-B are the attacker's own; otherwise the data of the satellite are sent again.
     """
@@ -191,9 +191,9 @@ class Meaconing(CheckedAttack):
     reception_gain_db
         Gain G in dB: C/N0 of the attacker's reception over the victim's.
     acquired
-        Whether the receiver is restarted when the attack begins, and acquires during the attack. At a start of 0 the
-        receiver has acquired by the first epoch. Otherwise the receiver is locked to the true signal, and has to lose
-        lock first.
+        Whether the receiver is restarted when the attack begins, and acquires during the attack. If the attack starts
+        at 0 s, the receiver has acquired by the first epoch. Otherwise the receiver is locked to the true signal, and
+        has to lose lock first.
     """
 
     delay_s: float

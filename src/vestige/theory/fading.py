@@ -9,7 +9,7 @@ w are both complex Gaussian, so |z| is Rician with A and the variance s² = 1 + 
     miss = P(|z| < γ) = 1 − Q₁(A/s, γ/s)
 
 The C/N0 is that of the direct signal. A real reflection is delayed, so its contribution to the correlator of the direct
-signal is less than its power: the average is an upper limit. P = 0 gives `miss_probability` of `thresholds`.
+signal is less than its power. So the average is an upper limit. P = 0 gives `miss_probability` of `thresholds`.
 """
 
 from __future__ import annotations

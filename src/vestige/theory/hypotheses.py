@@ -71,7 +71,8 @@ def effective_taps(pfa: Reals, taps: int, correlation: float) -> Reals:
     N_eff is an upper limit, because it counts only coincidences of neighbours. N_eff is exact for small P_fa, and 1 %
     high at 1e-3 (11 taps, ρ 0.74).
 
-    `pfa` is that of each tap; ρ is the autocorrelation at the distance of neighbouring taps, at least 0 and below 1.
+    `pfa` is the false-alarm probability of each tap. ρ is the autocorrelation at the distance of neighbouring taps, at
+    least 0 and below 1.
     """
     if not 0 <= correlation < 1:
         raise ValueError(f"the correlation of neighbours must be in [0, 1), found {correlation}")

@@ -3,9 +3,10 @@
 Theory of operation
 -------------------
 A coherent correlator scales the amplitude by R(τ) in code offset (triangle, τ in chips) and by sinc(f T_I) in
-frequency. On a grid of step Δ the error is at worst Δ/2. The average over a uniform error is that of the *power*, the
-mean square. Over T_I an uncompensated acceleration bends the phase to a parabola. An uncompensated code Doppler slides
-the replica by D chips, ±D/2 around the middle. The triangle therefore loses D/4 of its height on average.
+frequency. On a grid of step Δ the error is at worst Δ/2. The average over a uniform error is the average of the
+*power*, the mean square. Over T_I an uncompensated acceleration bends the phase to a parabola. An uncompensated code
+Doppler slides the replica by D chips, ±D/2 around the middle. The triangle therefore loses D/4 of its height on
+average.
 
 A positive number is a loss. [WFO] leaves these effects out.
 """

@@ -8,11 +8,11 @@ of the sum has the density
     f(x) = x (x/a)^{K-1} e^{-(x²+a²)/2} I_{K-1}(a x)
     Q_K(a, b) = ∫_b^∞ f(x) dx          P_K(a, b) = ∫_0^b f(x) dx = 1 − Q_K(a, b)
 
-Authentication needs the tails: a false alarm of 1e-14, a miss of 1e-12. `1 − cdf` has no digits left there, and
-`scipy.special` has the lower tail only. The integrand is positive and smooth with one hump of about unit width near μ =
-√(a² + 2K − 1), and falls at least like a Gaussian around μ. So the smaller tail is a Gauss-Legendre sum of positive
-terms over the stretch next to b that contains all but e^{-45} of the tail. No terms cancel, and the other tail is 1
-minus the smaller tail.
+Authentication needs the tails: a false alarm of 1e-14, a miss of 1e-12. For such small values `1 − cdf` has no digits
+left, and `scipy.special` has the lower tail only. The integrand is positive and smooth with one hump of about unit
+width near μ = √(a² + 2K − 1), and falls at least like a Gaussian around μ. So the smaller tail is a Gauss-Legendre sum
+of positive terms over the stretch next to b that contains all but e^{-45} of the tail. No terms cancel, and the other
+tail is 1 minus the smaller tail.
 
 Accuracy: relative error of either tail below 1e-12 (K = 1) and 1e-11 (K ≤ 100) while the tail is above 1e-250.
 """

@@ -78,7 +78,8 @@ def grid_probability_of_detection(
 ) -> float:
     """Return P_d of the strongest cell, averaged over all positions of a signal between the points of the grid.
 
-    `pfa` is that of a cell. With `bins` Doppler, too, is on a grid of 1/(2 T_I); otherwise it is known.
+    `pfa` is the false-alarm probability of a cell. With `bins` Doppler, too, is on a grid of 1/(2 T_I); otherwise it is
+    known.
     """
     nodes, weights = np.polynomial.legendre.leggauss(24)
     share = (nodes + 1) / 2

@@ -10,8 +10,8 @@ early-late spacing in s, B_L the one-sided loop bandwidth, and T the integration
     the same with Re((L − E) P*) in place of |L|² − |E|²: the last factor is 1 + 1 / (T (C/N0) I{S})
     one snapshot        σ² ≥ 1 / (8π² (C/N0) T I{f²S})              Cramér-Rao bound
 
-A snapshot has far more noise than a tracking loop. At 35 dBHz a loop of 1 Hz gives 0.4 to 1 m. At best, 16 ms of E6
-give 2.1 m within 20.46 MHz; three taps 15 m apart give 2.5 m.
+A snapshot has far more noise than a tracking loop. At 35 dBHz a loop of 1 Hz has a standard deviation of 0.4 to 1 m. At
+best, 16 ms of E6 have 2.1 m within 20.46 MHz. Three taps 15 m apart have 2.5 m.
 """
 
 from __future__ import annotations

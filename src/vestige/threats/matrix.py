@@ -3,7 +3,7 @@
 A run takes about a second, so no store of it is kept. A line of `runs.csv` has the outcome of a run at a mitigation
 level. Threat, scene, seed, level and a digest of the scenario identify the line. If scenario or version changed, the
 run is measured anew. All levels are judged on the same results. Each attacked run is measured a second time without its
-attack; alarms of that run are alarms by chance. The worker of the attacked run also measures this second run, unless
+attack. Alarms of that run are alarms by chance. The worker of the attacked run also measures this second run, unless
 another scene that differs only in its attack has done so.
 """
 

@@ -13,9 +13,9 @@ this kind:
     deny         denied, and not missed
     partial      detected in about half of the runs: the interval contains one half
 
-No check may use the budget of another check. A check exceeds its budget if the measured number of failures, or more,
-has a Poisson probability below `ERROR` over the number of the level's checks. So a level whose checks all keep their
-budgets is reported to exceed a budget in at most 5 % of all measurements.
+No check may use the budget of another check. A check exceeds its budget if so many failures or more are improbable:
+their Poisson probability is below `ERROR`, divided by the number of the level's checks. So a level whose checks all
+keep their budgets is reported to exceed a budget in at most 5 % of all measurements.
 
 The outcome of a single run is defined in `campaign/run_outcome.py`. Neighbouring epochs share the noise of some
 seconds, so failures of single tests come in groups of up to `_GROUP`. All functions are pure.

@@ -1,9 +1,9 @@
 """The threat table as files: `threats.csv` with a row for each scene, `threats.zarr` over scene and level.
 
 In the CSV file the name of a column ends with its level, such as `detected_level_2`. `expected_level_2` has the
-expected outcome with its reason, and `level_2` the agreement of the measurement with it. In the store the same
-statistics are variables over `scene` and `level`. `check_failed` is the number of runs in which a check failed, and
-`check_time_s` the median time of its first failure.
+expected outcome with its reason. `level_2` says whether the measurement agrees with this outcome. In the store the same
+statistics are variables over `scene` and `level`. `check_failed` is the number of runs in which a check failed.
+`check_time_s` is the median time of its first failure.
 """
 
 from __future__ import annotations

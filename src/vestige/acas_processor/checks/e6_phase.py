@@ -6,7 +6,7 @@ One oscillator drives both front ends, and geometry, troposphere and clocks chan
 of the detecting correlator minus the phase that the E1 carrier predicts (`searches/handover.py`). Only the ionosphere
 changes φ. A second E6 signal of amplitude a adds the variance a²/2 while its range changes. The phase of this signal
 against the true signal turns once for each 23.4 cm. The statistic is √(T/(N − 2)). T is the scatter of φ about a
-straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`), with the variance of each RECS
+straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). The variance of each RECS is
 
     σ² = 1/m² + (f6/f1)² (σ_PLL² + (2π σ_FLL Δt)²)
 
@@ -65,7 +65,7 @@ class _Tested(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6PhaseMonitor(Monitor):
-    """Monitor of the E6 phase: it fails if the phase scatters more about that of E1 than noise and multipath allow.
+    """Monitor of the E6 phase: it fails if the phase scatters more about the E1 phase than noise and multipath allow.
 
     Attributes
     ----------

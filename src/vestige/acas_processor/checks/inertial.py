@@ -13,10 +13,10 @@ The difference of both sides has the variance of the remaining errors:
 
     variance = σ_ρ̇,0² + σ_ρ̇,1² + (σ_bias T)² + N² T + c² Sg T
 
-with σ_bias the accelerometers' bias, N their velocity random walk and Sg that of the receiver's oscillator. The test
-fails beyond K standard deviations. The test does not detect a pull-off that stays below the drift of oscillator and
-accelerometers. The test does not detect a pull-off that ends before the next epoch either, if the rate then has its old
-value.
+with σ_bias the accelerometers' bias, N their velocity random walk, and Sg the frequency random walk of the receiver's
+oscillator. The test fails beyond K standard deviations. The test does not detect a pull-off that stays below the drift
+of oscillator and accelerometers. The test does not detect a pull-off that ends before the next epoch either, if the
+rate then has its old value.
 
 Accelerations are kinematic: the second derivative of the position relative to the Earth, without gravity.
 """

@@ -122,7 +122,7 @@ def _series(
     too_few: str,
     failed: Callable[[float, float], str],
 ) -> CheckSeries:
-    """Return a check of subframes; NaN between their ends, and for subframes that are not `enough`.
+    """Return a check at the ends of subframes; NaN at other epochs, and where `enough` is false.
 
     If several subframes end before an epoch, the subframe with the largest excess over its limit counts.
     """

@@ -1,7 +1,7 @@
 """Compare OSNMA with a second channel, subframe by subframe: the counts for the three OSNMA checks [WFO, Sec. IV-C].
 
 A subframe is judged at the first epoch after its end. The key of the subframe counts as received if one satellite
-brought all its pages, and no page differs from that of the second channel.
+brought all its pages, and no page differs from the page of the second channel.
 """
 
 from __future__ import annotations

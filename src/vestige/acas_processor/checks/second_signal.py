@@ -8,18 +8,18 @@ r⟩ is largest. The statistic √G with
 
     r₂⊥ = r(τ) − r(τ₁) ⟨r(τ₁), r(τ)⟩/⟨r(τ₁), r(τ₁)⟩        G = max over |τ − τ₁| ≥ ½ chip of |⟨r₂⊥, c⟩|²/⟨r₂⊥, r₂⊥⟩
 
-measures how much better two signals explain the taps than one signal. Noise alone makes every |·|²/2 exponential. A
-reflection of Rayleigh amplitude and mean power P over a direct signal of amplitude s adds at most s²P/2 to the variance
-in each dimension. In a single RECS such a reflection looks like a spoofing signal. So
+measures how much better two signals explain the taps than one signal. Noise alone makes every |·|²/2 exponential. Let a
+reflection have a Rayleigh amplitude and the mean power P over a direct signal of amplitude s. The reflection adds at
+most s²P/2 to the variance in each dimension. In a single RECS such a reflection looks like a spoofing signal. So
 
     fail where √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = number of positions tried
 
 with k = 1 where the weaker signal is the later signal. The false-alarm probability is an upper limit, because
-neighbouring positions share noise and a reflection rarely lies at the worst position. If P is −15.8 dB (harsh
-conditions), no later signal below −4 dB of the direct signal is detected at p_fa = 10⁻⁶, however large C/N0 is.
+neighbouring positions share noise and a reflection rarely lies at the worst position. In harsh conditions P is −15.8
+dB. No later signal below −4 dB of the direct signal is then detected at p_fa = 10⁻⁶, however large C/N0 is.
 
 A reflection never arrives before its direct signal. If the weaker signal is the earlier signal, it is no reflection of
-the stronger signal. Then noise sets the threshold, with a small k = 0.06 for two effects: a near reflection bends the
+the stronger signal. Then noise sets the threshold. A small k = 0.06 allows for two effects: a near reflection bends the
 triangle, and τ₁ is found to 0.05 chip. With this k, measured false alarms stay below p_fa up to 45 dBHz over 16 ms.
 
 The check looks at the correlators within `reach_m` of the prediction. Farther out the early detector alone separates

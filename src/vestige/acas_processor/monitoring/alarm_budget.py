@@ -10,9 +10,10 @@ Theory of operation
 Some checks have their own false-alarm probability, in addition to this budget. The range check has erfc(κ/√2) if its σ
 is the standard deviation of the errors (a larger σ is intended). In addition, noise exceeds the detection threshold in
 some of the N correlators, with N times the P_fa of a correlator. E6 power has 1 − P_d, averaged over fading by
-multipath (`theory/fading.py`). Power–distortion has its published 0.6 % [WESSON18] to the power of its confirmations.
-Differing OSNMA has 2⁻²⁴ a page. These probabilities are upper limits. The sum of these probabilities is an upper limit
-too, because several failures during one alarm (`alarm.py`) count once.
+multipath (`theory/fading.py`). Power–distortion has the published false-alarm probability of 0.6 % [WESSON18], to the
+power of the number of its confirmations. OSNMA that differs has the probability 2⁻²⁴ a page. These probabilities are
+upper limits. The sum of these probabilities is an upper limit too, because several failures during one alarm
+(`alarm.py`) count once.
 
 **With `alarms_per_day` = a** the whole level may raise at most a false alarms in one day. Alarms that no threshold
 changes are subtracted first: the alarms by noise in the N correlators, and OSNMA's 2⁻²⁴. The other n checks of the

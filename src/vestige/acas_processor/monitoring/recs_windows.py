@@ -16,7 +16,7 @@ amplitude is constant:
 
     d = 2 max(1, ⌊(t_N − t_1)/L⌋), at most N − 2        k = 1 + w P N/(2 d)
 
-The window begins anew where E1 loses the satellite, because the constant changes there.
+The window begins anew where E1 loses the satellite, because the constant changes at this time.
 """
 
 from __future__ import annotations

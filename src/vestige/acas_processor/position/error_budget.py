@@ -28,7 +28,7 @@ class ErrorBudget:
     group_delay_m
         σ_BGD, broadcast group delay after correction.
     ionosphere_e1_m
-        σ_I,E1, ionospheric delay *on E1* after correction; the difference between E6 and E1 is γ−1 = 0.518 of this
+        σ_I,E1, ionospheric delay *on E1* after correction. The difference between E6 and E1 is γ−1 = 0.518 of this
         delay.
     multipath_e1_m, multipath_e6_m
         σ_MP, code multipath.

@@ -243,7 +243,7 @@ def _bent(
 ) -> _Path:
     """Return the path between two positions on which a receiver gains velocities, each at a constant rate.
 
-    Positions and velocities are ECEF. `ends_s` are the ends of the increments after the first position; the receiver
+    Positions and velocities are ECEF. `ends_s` are the ends of the increments after the first position. The receiver
     reaches the second position at `interval_s`.
     """
     steps_s = np.diff(ends_s, prepend=0.0)[..., None]

@@ -4,10 +4,10 @@ A RECS authenticates the time since the previous RECS. In epochs with RECS the r
 
 1. the range of the earliest signal, if a search found several, whatever the verdict: nobody can send chips before they
    are broadcast. If both searches found this signal within one chip, the exhaustive search gives its range;
-2. the range of E1, if the correlators of the RECS contain two signals and the earlier signal agrees with the E1
-   prediction; otherwise the range of the earlier signal;
-3. the range of E6, if the detected signal is earlier than the E1 prediction by more than the range check allows (for
-   the reason in 1);
+2. if the correlators of the RECS contain two signals: the range of E1 if the earlier signal agrees with the E1
+   prediction, otherwise the range of the earlier signal;
+3. the range of E6, if the detected signal comes before the E1 prediction and the range check fails (for the reason in
+   1);
 4. the range of E1, if both the verdict and the state are AUTHENTIC.
 
 Otherwise no range is in use. If a search found several signals and cannot decide which signal is true, no range is in

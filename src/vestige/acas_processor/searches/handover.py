@@ -9,8 +9,8 @@ The RECS epoch is a time of transmission on the satellite's clock, so the expect
 with P1(t) = P1 − λ1 (f_d1 Δt + ½ ḟ_d1 Δt²) around the time of the observation. The satellite clock needs no
 correction.
 
-One oscillator drives both front ends, so the carrier phase of E6 follows that of E1 apart from the ionosphere and a
-constant. φ1 is the carrier phase of E1 in cycles, growing with the range. The E6 correlator has the phase
+One oscillator drives both front ends, so the carrier phase of E6 follows the phase of E1 apart from the ionosphere and
+a constant. φ1 is the carrier phase of E1 in cycles, growing with the range. The E6 correlator has the phase
 
     −2π (f6/f1) (φ1 − f_d1 Δt − ½ ḟ_d1 Δt²) + constant + slow change of the ionosphere
 """
@@ -104,7 +104,7 @@ def reception_s(e1: E1Block) -> Float[np.ndarray, "n m"]:
 def predicted_phase_rad(e1: E1Block, after_s: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
     """Return the phase of the E6 correlators that the E1 carrier phase predicts, up to a constant, from −π to π.
 
-    `after_s` is the begin of the RECS in s after the snapshot. The result is NaN where E1 has no carrier phase.
+    `after_s` is the start of the RECS in s after the snapshot. The result is NaN where E1 has no carrier phase.
     """
     cycles = e1.carrier_phase_cycles - (e1.doppler_hz * after_s + 0.5 * e1.doppler_rate_hz_per_s * after_s**2)
     cycles = cycles * (E6_CARRIER_HZ / E1_CARRIER_HZ)

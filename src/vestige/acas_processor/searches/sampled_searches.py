@@ -198,7 +198,8 @@ class E6ExhaustiveSearch:
         """Return the result for every satellite with a RECS.
 
         `e6` replaces the samples of the snapshot if the file is too long for a snapshot. For `around_s`, `expected`
-        gives the time at which E1 expects the RECS of a satellite; satellites without it are not searched.
+        gives the time at which E1 expects the RECS of a satellite; satellites without an expected time are not
+        searched.
         """
         source = e6 or _samples(snapshot)
         found = {
@@ -297,7 +298,7 @@ def _preceded(peak: Peak, signals: Sequence[Acquisition], e1: SampleBatch, sent:
     """Return whether a signal on E1 comes before a peak in E6, by up to half a period of its secondary code.
 
     If the secondary code is unknown, half a period of the primary code (2 ms) is used. Signals on E1 that were handed
-    over to the same peak do not come before the peak; E6 may differ from them by `_SAME_S`.
+    over to the same peak do not come before the peak; their times may differ from the peak by `_SAME_S`.
     """
     if sent is None:
         return False

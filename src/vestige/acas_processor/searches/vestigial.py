@@ -55,9 +55,9 @@ def decide_vestigial(
 ) -> VestigialDecision:
     """Return the decision on the peaks of a satellite: the earliest peak is the true signal, others are spoofing.
 
-    `proof` is None if all samples are known to be from before the key's disclosure. With an open code the decision has
-    no true peak and no spoofing. If the chips repeat after `repeated_after_s`, peaks that are whole multiples of this
-    period apart count once.
+    `proof` is None if all samples are known to be from before the key's disclosure. For an open code, the decision
+    names no true peak and reports no spoofing. If the chips repeat after `repeated_after_s`, peaks that are whole
+    multiples of this period apart count once.
     """
     own = tuple(sorted((peak for peak in peaks if peak.svid == svid), key=lambda peak: peak.start_time))
     if open_code:

@@ -11,7 +11,7 @@ from vestige.campaign.plan import Plan, judged
 def direct_results(plan: Plan, *, judge: bool = True) -> xarray.Dataset:
     """Return the results of a plan as `run` does, without a store.
 
-    With `judge=False`, the results have no columns of `JudgedPlan.judge`; these results can be judged at several levels
+    With `judge=False`, the results have no columns of `JudgedPlan.judge`. These results can be judged at several levels
     later.
     """
     columns = plan.measure(0, plan.prepare().advance(0, plan.n_epochs))

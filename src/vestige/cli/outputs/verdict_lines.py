@@ -102,7 +102,7 @@ class StateLine(TypedDict):
 
 
 class EndLine(TypedDict):
-    """The last line: number of snapshots, number of these without samples, and satellites never found on E1."""
+    """The last line: number of snapshots, number of snapshots without samples, and satellites never found on E1."""
 
     kind: Literal["end"]
     snapshots: _Count

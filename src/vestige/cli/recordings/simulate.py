@@ -106,7 +106,7 @@ def command(scenario: Path, **options: Any) -> None:
 
 
 def _check_band(path: Path, scenario: CampaignScenario) -> None:
-    """Raise `InputFileError` if the samples of a sky cannot hold its signals."""
+    """Raise `InputFileError` if the samples of a sky cannot represent its signals."""
     from vestige.scenario.limits import check_recorded_band
     from vestige.scenario.toml.toml_file import InconsistentSettingsError
 

@@ -37,7 +37,7 @@ def command(recording_path: Path, **options: Any) -> None:
     """Track E1 of RECORDING: observations, navigation message and correlators of every satellite.
 
     The command writes RINEX observations and navigation, I/NAV pages for `vestige osnma verify`, correlators, and the
-    power of each satellite. `-` stands for samples on standard input: of E1, or of both bands (`--band both`), of which
+    power of each satellite. `-` stands for samples of E1 on standard input, or of both bands with `--band both`; only
     E1 is tracked.
     """
     from vestige.recording.tracked.tracked_folder import write_tracked

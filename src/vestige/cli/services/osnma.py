@@ -46,11 +46,11 @@ def verify_command(
 ) -> None:  # fmt: skip
     """Verify the OSNMA messages in FILE (Septentrio SBF or official test-vector CSV).
 
-    The command verifies the public key against the Merkle tree, the root key against the public key, every key against
-    the root key, and MACSEQ and tags against the keys. With a public key alone, you vouch for that key. With a Merkle
-    tree alone, the public keys in the tree are used. A newer public key in the messages is used if it leads to the root
-    of the Merkle tree. The exit code is 1 if the root key or any key does not verify; all verified keys are written in
-    any case.
+    The command verifies the public key against the Merkle tree, and the root key against the public key. Every key is
+    verified against the root key, and MACSEQ and tags are verified against the keys. With a public key alone, you vouch
+    for that key. With a Merkle tree alone, the public keys in the tree are used. A newer public key in the messages is
+    used if it leads to the root of the Merkle tree. The exit code is 1 if the root key or any key does not verify. All
+    verified keys are written in any case.
     """
     import json
 

@@ -45,7 +45,7 @@ def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, *
     The command writes RECS, BGD (zero: not known), the keys and their trust anchor, which are all files that `vestige
     process --assistance` needs. Such RECS contain the open code, which repeats each millisecond and is known to
     everybody. Such RECS exercise the whole chain, but prove nothing against a spoofer. The exhaustive search does not
-    use them, and the hand-over search counts repetitions of the code once.
+    use such RECS, and the hand-over search counts repetitions of the code once.
     """
     import json
 

@@ -1,7 +1,7 @@
 """The two signature schemes of OSNMA: ECDSA P-256/SHA-256 and ECDSA P-521/SHA-512 [OSNMA-ICD, DSM-KROOT, DSM-PKR].
 
-A public key is broadcast and published as a compressed point, a signature as r and s, each as long as a coordinate of
-the curve. So the length of a point or signature determines the scheme.
+A public key is broadcast and published as a compressed point. A signature is broadcast as r and s, each as long as a
+coordinate of the curve. So the length of a point or signature determines the scheme.
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsF
     Parameters
     ----------
     path
-        The file. If its name has the form of a RECS name, it must agree with the header.
+        The file. If the file's name has the form of a RECS name, the name must agree with the header.
     reference
         A time within ± 2048 weeks (39 years) of the RECS, which resolves the 12-bit week of a unitary file. If None,
         the file name resolves the week. Without a RECS name the week is taken as 0 … 4095, which is right until 2078.

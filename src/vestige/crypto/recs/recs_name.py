@@ -6,8 +6,8 @@
 | aggregated | `II_YYDDDHHMMSSS_tdur_rtba_ss_K_R_N_VV.bin` | `01_253540000000_000600_00300_14_0_0_3_01.bin` |
 
 XXXX provider, II interface version, YYDDDHHMMSSS start (year, day of year, hour, minute, *deciseconds* of the minute;
-GST calendar), ss SVID, K KDI, R RAND, N NChip, VV file version, tdur in whole *seconds* and rtba in *deciseconds*,
-though both are deciseconds in the header.
+GST calendar), ss SVID, K KDI, R RAND, N NChip, VV file version, tdur in whole *seconds* and rtba in *deciseconds*. The
+header has both in deciseconds.
 """
 
 from __future__ import annotations

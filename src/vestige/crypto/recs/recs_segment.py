@@ -80,7 +80,8 @@ LENGTH_BY_BYTES = {length.n_bytes: length for length in LENGTHS}
 def key_time(transmit_time: GalileoTime, key_delay: int) -> GalileoTime:
     """Return the GST_SF of a RECS's key, which is the start of the subframe that transmits the key.
 
-    By assumption KDI 0 is the key of the subframe in which the RECS begins, KDI 1 that of the next subframe [SASLIB].
+    By assumption KDI 0 selects the key of the subframe in which the RECS begins, and KDI 1 the key of the next subframe
+    [SASLIB].
     """
     if key_delay not in (0, 1):
         raise ValueError(f"key delay indicator {key_delay} is neither 0 nor 1")

@@ -86,7 +86,7 @@ class ReducedCed:
     def from_ephemeris(cls, ephemeris: Ephemeris, time: GalileoTime) -> Self | None:
         """Return the elements that follow an ephemeris best in the 10 min after the reference time.
 
-        The axis is first rounded to its coarse steps of 256 m; the other elements are then fitted for this axis.
+        The axis is first rounded to its coarse steps of 256 m. The other elements are then fitted for this axis.
 
         Parameters
         ----------

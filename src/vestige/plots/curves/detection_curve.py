@@ -54,7 +54,7 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
     """Return axes with the relative frequency of an event against C/N0, its confidence interval, and theory.
 
     The interval is the Clopper–Pearson interval, which contains the probability in at least 95 % of all sweeps, for any
-    count. In log scale a count of 0 has no dot; an arrow points down from the interval's end. Theory applies to a
+    count. In log scale a count of 0 has no dot. An arrow points down from the interval's end. Theory applies to a
     single correlator that is aligned with the signal. A sweep of several keys has a curve for each combination of the
     other keys. A sweep that does not vary C/N0 is drawn against the first key with numbers.
 

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-R is the autocorrelation. Signal i has the complex amplitude a_i, the delay τ_i and the Doppler f_i; the true signal
+R is the autocorrelation. Signal i has the complex amplitude a_i, the delay τ_i and the Doppler f_i. The true signal
 comes first (a = 1, τ = 0). The correlator at x has the mean power
 
     P(x) = Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)         H_ij = 1/(1 + j 2π(f_i − f_j)/4B)
@@ -21,22 +21,24 @@ restarts it (`acquired`). Acquisition takes `reacquisition_s`, during which a si
 has no measurements until the end of the acquisition. So the receiver returns to the true signal when a spoofing signal
 ends. Before its first epoch the receiver has acquired the strongest signal on air.
 
-`REACQUISITION_S` is that of the tracking receiver on samples (`sample_processor.tracking`). The tracking receiver looks
-for a lost satellite every second. The search takes 0.1 s of samples and the pull-in of the carrier 0.2 s; C/N0 and
-phase lock are good after 0.2 s more. So observations come 0.5 to 1.5 s after the signal (`test_reacquisition.py`).
+`REACQUISITION_S` is the reacquisition time of the tracking receiver on samples (`sample_processor.tracking`). The
+tracking receiver looks for a lost satellite every second. The search takes 0.1 s of samples and the pull-in of the
+carrier 0.2 s. C/N0 and phase lock are good after 0.2 s more. So observations come 0.5 to 1.5 s after the signal
+(`test_reacquisition.py`).
 
-**Side peaks.** R² of BOC(1,1) has peaks half a chip from the main peak, 6 dB lower. A loop stays on the nearest peak:
-if the true signal vanishes and a signal 170 m later stays, the loop settles 16 m later, not 170 m. The tracking loops
-on samples also stay on the nearest peak, since they do not look for side peaks. Loops of the model and on samples
-settle a quarter of their early-late spacing before the side peak: 16 m here, where d is 0.1 chip, and 11 m on samples
-of 12.3 MHz, where d is 0.166 chip.
+**Side peaks.** R² of BOC(1,1) has peaks half a chip from the main peak, 6 dB lower. A loop stays on the nearest peak.
+For example, the true signal vanishes, and a signal 170 m later stays. The loop then settles 16 m later, not 170 m. The
+tracking loops on samples also stay on the nearest peak, since they do not look for side peaks. Loops of the model and
+on samples settle a quarter of their early-late spacing before the side peak. The loop of the model has d = 0.1 chip and
+settles 16 m later. On samples of 12.3 MHz d is 0.166 chip, and the loop settles 11 m later.
 
 The model leaves out the carrier loop, the loop's own dynamics, and reflections. The Doppler of the model is that of the
-strongest signal in the prompt correlator; the error of reflections is added separately (`e1_multipath`). The tracking
+strongest signal in the prompt correlator. The error of reflections is added separately (`e1_multipath`). The tracking
 loops on samples (`sample_processor.tracking`) agree on who captures the code if the spoofing signal has the carrier
 frequency of the true signal. The results differ if the spoofing signal's Doppler fits its pull-off and steps by more
-than the carrier loop's bandwidth. The loops on samples then stay with the true signal (210 Hz), or lose both signals in
-the beat and acquire the stronger signal (26 Hz). In this case the model favours the attacker.
+than the carrier loop's bandwidth. The loops on samples then stay with the true signal (a step of 210 Hz). With a step
+of 26 Hz the loops lose both signals in the beat and acquire the stronger signal. In this case the model favours the
+attacker.
 """
 
 from __future__ import annotations
@@ -70,7 +72,7 @@ _NO_POWER = 1e-12
 class E1Tracking:
     """Effect of spoofing signals and added noise on E1 tracking, over epochs.
 
-    Without an attack the errors are 0 and the gain is 1; the receiver tracks the true signal.
+    Without an attack the errors are 0 and the gain is 1. The receiver tracks the true signal.
     """
 
     error_m: Float[np.ndarray, " n"]  # error of the pseudorange
@@ -88,7 +90,7 @@ class E1Tracking:
 class E1Loop:
     """Model of one satellite's E1 loop through an attack, epoch after epoch.
 
-    `cn0_dbhz` is that of undisturbed E1-C and `loop_bandwidth_hz` is B; `reacquisition_s` is the duration of an
+    `cn0_dbhz` is the C/N0 of undisturbed E1-C and `loop_bandwidth_hz` is B. `reacquisition_s` is the duration of an
     acquisition.
     """
 

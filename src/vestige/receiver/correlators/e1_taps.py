@@ -109,7 +109,7 @@ def e1_taps(
 ) -> Complex128[np.ndarray, "n n_taps"]:
     """Return ξ of one satellite alone, in BOC(1,1), before the gain control.
 
-    `cn0_dbhz` is that of the true signal without interference, `multipath_m` the error of the pseudorange by
+    `cn0_dbhz` is the C/N0 of the true signal without interference. `multipath_m` is the error of the pseudorange by
     reflections.
     """
     signals = e1_signals(truth, cn0_dbhz, multipath_m, with_rays=with_rays, pulse=BOC11)
@@ -127,7 +127,7 @@ def power_with_rays(
 ) -> Float[np.ndarray, " n"]:
     """Return the mean power of the prompt correlator with reflections over the power without them, both without noise.
 
-    The line of sight and its reflections beat with each other; beats that are fast against `averaging_s` are averaged
+    The line of sight and its reflections beat with each other. Beats that are fast against `averaging_s` are averaged
     out. Reflections are those of the true signal: when the loop follows a spoofing signal, they lie outside its
     correlator.
 
@@ -163,7 +163,7 @@ def _beating_power(
 def band_power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
     """Return the rise of the power of E1 in BOC(1,1) over the power without attack, −20 log₁₀ g, in dB.
 
-    `cn0_dbhz` is that of the true signals; NaN means out of view.
+    `cn0_dbhz` is the C/N0 of the true signals; NaN means out of view.
     """
     relative_power = np.stack(
         [power_with_beat(one, partial(autocorrelation, BOC11), with_rays=False) for one in truth], axis=1

@@ -7,7 +7,7 @@ satellite i
 
     w_i = 2 κ Σ_{j≠i} c_j p_j + c_i p_i / R_c,    p = 1 + power of multipath and spoofing signals over the line of sight
 
-Eight satellites of 45 dBHz raise the noise by 7 %. The taps get white noise of this density; the model neglects that
+Eight satellites of 45 dBHz raise the noise by 7 %. The taps get white noise of this density. The model neglects that
 code noise is more correlated between taps less than a chip apart.
 """
 

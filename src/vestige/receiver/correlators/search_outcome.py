@@ -20,15 +20,15 @@ about 0.02 near P_d = ½ (docs/vestigial_search.md).
 Signals closer than the separation rule count as a single signal, the stronger. On E1 the rule is two chips modulo 4 ms.
 In E6 the rule is one chip. The rule is 2¼ − s/s' chips if the fine search of the weaker signal can end on the flank of
 the stronger signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a signal that is 16 dB below the
-strongest does not count. On E1 every found signal counts as an additional signal; in E6 only a signal with the chips of
+strongest does not count. On E1 every found signal counts as an additional signal. In E6 only a signal with the chips of
 the RECS counts. A false alarm has probability p_fa and lies anywhere in the window.
 
 The earliest signal in E6 is the true signal. A receiver then uses the delay of this signal less the predicted E6 − E1
 delay as a range. The errors of this range are the delay of the signal, ionosphere and group delay as in every
 hand-over, and the noise of one snapshot. After a hand-over search the range is used if every signal of E1 was found in
-E6, or if none of these signals could have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip off. After an
-exhaustive search the range is used if there are two signals. A single signal may be the spoofing signal, with the true
-signal lost in noise.
+E6. The range is also used if none of these signals could have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip
+off. After an exhaustive search the range is used if there are two signals. A single signal may be the spoofing signal,
+with the true signal lost in noise.
 
 In this model multipath components do not count as signals of their own. The model keeps a satellite that is 16 dB
 weaker than the strongest other satellite.
@@ -96,7 +96,7 @@ class BandSignals:
 def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
     """Return the signals of a band that carry its chips.
 
-    `cn0_dbhz` is that of the true signal without attack; −∞ or NaN means no signal.
+    `cn0_dbhz` is the C/N0 of the true signal without attack; −∞ or NaN means no signal.
     """
     n = cn0_dbhz.size
     present = np.where(np.isfinite(cn0_dbhz), 1.0, 0.0)[:, None]
@@ -153,8 +153,8 @@ def search_outcome(
 ) -> SearchOutcome:
     """Return the results of the searches in the epochs from `first` on; the cut into blocks does not change them.
 
-    The two C/N0 are those of undisturbed pilots at nominal strength, before the effect of elevation. `p_fa` holds for
-    each search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
+    The two C/N0 are those of undisturbed pilots at nominal strength, before the effect of elevation. `p_fa` is the
+    false-alarm probability of each search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
     """
     seen_db = np.where(truth.geometry.in_view, 20 * np.log10(truth.geometry.amplitude), -np.inf)
     e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
@@ -189,8 +189,9 @@ def outcome(
     """Return the results of the searches.
 
     `shift_m` is the delay of E6 after E1 that the prediction does not contain. `e1_p_fa` is the false-alarm probability
-    of each search of one satellite, on E1 and at the hand-over; `exhaustive_p_fa` is that of all E6. `window_s` is the
-    time uncertainty on either side of the time of transmission that a clock with the error `clock_offset_s` gives.
+    of each search of one satellite, on E1 and at the hand-over. `exhaustive_p_fa` is the false-alarm probability of the
+    whole search of E6. `window_s` is the time uncertainty on either side of the time of transmission that a clock with
+    the error `clock_offset_s` gives.
     """
     on_e1 = _found_on_e1(e1, draws, e1_p_fa, periods)
     e1_count = on_e1.sum(axis=1) + (draws.alarm[:, 0] < e1_p_fa)

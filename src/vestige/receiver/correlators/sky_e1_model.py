@@ -7,15 +7,15 @@ as BOC(1,1).
 
 **Strangers** are all signals that are not aligned with the replica: signals of other satellites, and the satellite's
 own signals a chip or more away. The power u = Σ c_j p_j of the strangers is that of one component over N0, in Hz. The
-factor p is the power of a satellite's signals over that of its line of sight. Sampled at f_s, the noise of the
-strangers in two correlators δ apart has the covariance u A(δ) in each dimension. The receiver's own noise has the
-covariance of the replicas instead.
+factor p is the power of a satellite's signals over that of its line of sight. The signals are sampled at f_s. In two
+correlators δ apart, the noise of the strangers has the covariance u A(δ) in each dimension. The receiver's own noise
+has the covariance of the replicas instead.
 
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 
-R_B and R_C are the autocorrelations of the two components, and R is that of BOC(1,1). In continuous time A(0) is 0.59
-µs; at 6.2 MHz it is 18 % more, as sampling folds BOC(6,1) into the band. Seven other satellites of 45 dBHz raise the
-noise by 13 %.
+R_B and R_C are the autocorrelations of the two components, and R is the autocorrelation of BOC(1,1). In continuous time
+A(0) is 0.59 µs; at 6.2 MHz it is 18 % more, as sampling folds BOC(6,1) into the band. Seven other satellites of 45 dBHz
+raise the noise by 13 %.
 
 **The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips E1-B gives the output of
 E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are random.

@@ -2,8 +2,8 @@
 
     Δv̂ = Δv + b Δt + N √Δt z,    z ~ N(0, 1) of each axis and interval
 
-The axes are local, and gravity is removed. b is drawn once for each axis. The axes have the bias b after an
-alignment; a tilt of b/g, which turns gravity into the horizontal, has the same effect.
+The axes are local, and gravity is removed. b is drawn once for each axis. The axes have the bias b after an alignment.
+A tilt of b/g, which turns gravity into the horizontal, has the same effect.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ class BiasResiduals:
     """Gaussian residuals of group delay and hardware; the default is none, as after calibration.
 
     Without calibration the standard deviation of the hardware delay is about 3 m [WFO, Sec. II-B]. Without a group
-    delay file, that of BGD is 1.5 m [SASLIB].
+    delay file the standard deviation of BGD is 1.5 m [SASLIB].
 
     Attributes
     ----------

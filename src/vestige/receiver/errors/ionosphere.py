@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-The residual e is a mixture. With probability 1 − p the residual e comes from N(0, σ). With probability ps e comes from
-the late tail u + Exp(β), where E6 arrives later than the model predicts. With probability p(1 − s) e comes from the
-early tail −(u + Exp(β)). Far out on the late side
+The residual e is a mixture. With probability 1 − p the residual e comes from N(0, σ). With probability p s the residual
+e comes from the late tail u + Exp(β), where E6 arrives later than the model predicts. With probability p (1 − s) the
+residual e comes from the early tail −(u + Exp(β)). Far out on the late side
 
     P(e > x) = ps · e^{−(x−u)/β}
 

@@ -10,7 +10,7 @@ Theory of operation
 * Phase: uniform at first, then changing with the Doppler f_i = (v/λ) cos ψ_i, ψ uniform, v the receiver's speed.
 * Life: exponential, so a reflection dies in a step dt with probability 1 − e^{−r dt}, whatever its age. The rate is r =
   v/L + 1/T for a mean life of L metres of travel or T seconds. Another, independent reflection follows.
-* Number: fixed, or Poisson with a maximum; the number is drawn anew at the same rate as the reflections.
+* Number: fixed, or Poisson with a maximum. The number is drawn anew at the same rate as the reflections.
 
 A reflection has the same coefficient on E1, but the phase of the E1 carrier. The phase differs by (f1 − f6) τ cycles,
 one cycle for each metre of excess delay. So the errors of E1 and E6 are practically independent.
@@ -136,7 +136,7 @@ class LmsLiteMultipath:
 
     @property
     def death_rate_hz(self) -> float:
-        """Deaths of a reflection per second, r; infinite if each epoch has its own reflections."""
+        """Rate r at which a reflection ends, in 1/s; infinite if each epoch has its own reflections."""
         if self.mean_life_m == 0 or self.mean_life_s == 0:
             return inf
         return self.speed_mps / self.mean_life_m + 1 / self.mean_life_s

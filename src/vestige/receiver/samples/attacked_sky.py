@@ -89,7 +89,7 @@ class ReceivedSpoofingSignal:
         return 1 - self.path.rate_mps(t_s) / SPEED_OF_LIGHT_MPS
 
     def _motion_near(self, t_s: float) -> tuple[float, float]:
-        """Return P(t) and its rate for the phasor, from the middle of the second: accurate to metres, or 10 ns."""
+        """Return P(t) and its rate for the phasor, from the middle of the second, with an error of metres (10 ns)."""
         second = int(np.floor(t_s))
         if second not in self._motions:
             middle = np.array([second + 0.5])
@@ -114,7 +114,7 @@ def spoofing_satellites(
     *,
     seed: int,
 ) -> Iterator[ReceivedSatellite]:
-    """Yield the spoofing signals of a satellite in a band; `seed` is that of an attacker's estimates."""
+    """Yield the spoofing signals of a satellite in a band; `seed` is the seed of an attacker's estimates."""
     forged_chips = spoofer.effects(band, true.svid, np.zeros(1)).forged_chips
     for number, own in enumerate(forged_chips):
         signal = ReceivedSpoofingSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)

@@ -109,7 +109,7 @@ class ContinuousTruth:
         return t_s
 
     def propagation(self, band: Band, duration_s: float) -> ContinuousPropagation:
-        """Return the propagation in a band; while an epoch's RECS (`duration_s`) arrives, it is that of the epoch."""
+        """Return the propagation in a band; while an epoch's RECS (`duration_s`) arrives, the epoch's propagation."""
         return ContinuousPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
 
     def _clock(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], ...]:

@@ -8,8 +8,8 @@ For each epoch and satellite T = 0.1 s of E1-C is synthesised: line of sight, mu
 jamming. The processor's own correlator processes the samples. BOC(1,1) is then a code of twice the chip rate, in which
 each chip is followed by its opposite. Epochs are sent at whole tenths of a second, where the secondary code begins.
 Time zero is the delay at which the loop has settled, so a signal of delay τ lies at τ − x₀. Sample phase and Doppler,
-on code and carrier, are those of the pseudorange. With M = f_s T samples of noise 1, the mean over them times √(2M) is
-ξ.
+on code and carrier, are those of the pseudorange. With M = f_s T samples of noise 1, the mean over these samples times
+√(2M) is ξ.
 
 The samples of each satellite have their own noise, which differs from that of a recording. The power of the band comes
 from further samples with all satellites, W of them per second. The mean square of these samples is 1 + Σ r_i without an

@@ -49,7 +49,7 @@ class FrontEnd:
     bits
         1, 2, 3 or 8 bits per dimension; None for no quantiser, and then no gain.
     agc
-        Whether the gain follows the power of the snapshot. Otherwise the gain is that of noise alone.
+        Whether the gain follows the power of the snapshot. Otherwise the front end has the gain for noise alone.
     oversampling
         Ratio of the input rate to `sample_rate_hz`.
     transition_hz

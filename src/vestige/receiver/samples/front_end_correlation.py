@@ -56,7 +56,7 @@ def code_noise_density_s(front_end: FrontEnd) -> float:
 
         κ = 1/f_s Σ_m (Λ ∗ r)[m] Λ(m/f_s) / ((Σ h)² R_n(0))
 
-    In continuous time without a front end, κ is 2/(3 R_c), 0.13 µs. Sampling folds side lobes into the band; a filter
+    In continuous time without a front end, κ is 2/(3 R_c), 0.13 µs. Sampling folds side lobes into the band. A filter
     passes more of the code than of white noise.
     """
     taps = front_end.filter_taps().astype(np.float64)

@@ -9,7 +9,7 @@ Galileo second in integers, and the chip arrives x after t_m. Stretches are cut 
 of the same scenario have the same bits where they overlap.
 
 **Propagation.** All effects in addition to the pseudorange are computed once per stretch. A group delay moves the code
-of the line of sight and not its carrier; an ionosphere moves the carrier the other way. Both delays change over a
+of the line of sight and not its carrier. An ionosphere moves the carrier the other way. Both delays change over a
 stretch with their rates at its middle, so that a tracking loop meets no step.
 """
 

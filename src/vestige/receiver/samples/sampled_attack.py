@@ -1,9 +1,9 @@
 """An attack at the `samples` fidelity: spoofing signals as further signals, noise, jamming waveforms.
 
 A spoofing signal of the encrypted signal repeats the line of sight with a delay. At the receiver, chip i arrives τ + τ̇
-i T_c later than chip i of the true signal. So the chips that are on air in a window were sent τ earlier. For a meaconer
-of seconds the chips come from the keystream of that earlier time, and their arrival follows the line of sight of that
-time. The chips fill the window, margins included.
+i T_c later than chip i of the true signal. So the chips that are on air in a window were sent τ earlier. If a meaconer
+is late by seconds, the chips come from the keystream of that earlier time. The arrival of the chips follows the line of
+sight of that time. The chips fill the window, margins included.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def spoofing_signals(
 ) -> tuple[ReceivedSignal, ...]:
     """Return the spoofing signals that are on air in a window; `start_s` counts from the epoch.
 
-    `keys` are those of the encryption and of the chips that attackers make up. `amplitude` is that of the line of
-    sight.
+    `keys` are the keys of the encryption and of the chips that attackers make up. `amplitude` is the amplitude of the
+    line of sight.
     """
     effects, metres_a_hz = truth.e6, SPEED_OF_LIGHT_MPS / E6_CARRIER_HZ
     signals = []

@@ -1,7 +1,7 @@
 """Sampling rates that make the correlation function a staircase.
 
 If f_s/R_c is nearly p/q with a small p, the samples of all chips fall on p phases. The sampled correlation function
-then has steps of 1/p chip, and correlators within a step all see the same value.
+then has steps of 1/p chip, and all correlators within a step give the same value.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ class ElevationCn0:
         C/N0 at the zenith, per component.
     fall_db
         Loss at the horizon relative to the zenith. A patch antenna has 5 dBi at the zenith and −3 to −5 dBi at low
-        elevation; the satellite's own pattern makes up for the longer path.
+        elevation. The pattern of the satellite's antenna compensates the longer path.
     """
 
     zenith_dbhz: float = 45.0
@@ -84,7 +84,7 @@ class ElevationCn0:
     kind: Literal["elevation"] = "elevation"
 
     def cn0_dbhz(self, elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the C/N0 in dBHz; below the horizon it is that of the horizon."""
+        """Return the C/N0 in dBHz; below the horizon, return the C/N0 at the horizon."""
         return self.zenith_dbhz - self.fall_db * (1 - np.maximum(np.sin(elevation_rad), 0.0))
 
 

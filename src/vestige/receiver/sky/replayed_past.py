@@ -1,6 +1,6 @@
 """Geometry of a replay under a sky: its signals come from earlier positions of the satellites.
 
-A spoofing signal with the delay τ brings the signal that the receiver could have received τ before. ρ is the range of
+A spoofing signal with the delay τ brings the signal that the receiver could have received τ earlier. ρ is the range of
 the line of sight. At t the spoofing signal has, relative to the direct signal, the
 
     delay    c τ + ρ(t − τ) − ρ(t)
@@ -8,7 +8,7 @@ the line of sight. At t the spoofing signal has, relative to the direct signal, 
 
 The receiver computes the satellite's position at t − τ − ρ/c, so all ranges are consistent, as in samples
 (`samples.attacked_sky`). For a delay of 5 s the correction of the range is up to 4 km. Delays up to 10 µs are not
-changed, because their correction is less than 1 cm. Strength, ionosphere and multipath stay those of t.
+changed, because their correction is less than 1 cm. Strength, ionosphere and multipath keep their values at t.
 
 A single line of sight does not need this correction. The receiver has no other clock than the signal (`snapshots.e1`),
 so the receiver's time is that of the replay. At that time the range, too, is that of the replay.

@@ -1,8 +1,8 @@
 """E1 measurements of all satellites, epoch by epoch.
 
 A pseudorange contains geometry and receiver clock, noise, multipath and the error of the loop under attack. Under a sky
-the pseudorange also contains the atmosphere of the scenario and the ionosphere's residual e/(γ − 1), which belongs to
-the e of E6 − E1. This residual is common to both bands and is no part of the range check.
+the pseudorange also contains the atmosphere of the scenario and the residual of the ionosphere. The residual is e/(γ −
+1), where e is the residual of E6 − E1. This residual is common to both bands and is no part of the range check.
 
 The C/N0 is an estimate over a second and fades with the reflections of that second (`cn0_estimate`). C/N0, correlators
 and power are in single precision, as in results.

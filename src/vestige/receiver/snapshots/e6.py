@@ -171,9 +171,9 @@ class SimulatedE6Samples:
 
         A hand-over extrapolates the observation of the epoch to the reception of the RECS. For a meaconer the reception
         is seconds later, and the clock drifts in these seconds. A real receiver uses the observation of that later
-        time, when satellite and clock agree with the RECS. So the hand-over is that of the true signal, and the seconds
-        are subtracted from the time tags of the samples. On a single line of sight the clock follows the attacker,
-        which has the same effect.
+        time, when satellite and clock agree with the RECS. So the model uses the hand-over of the true signal, and the
+        seconds are subtracted from the time tags of the samples. On a single line of sight the clock follows the
+        attacker, which has the same effect.
         """
         simulation, late_m = self.of.simulations[column], float(self._seconds_late_m[column][epoch])
         if simulation.elevation is None or not late_m:

@@ -1,7 +1,7 @@
 """OSNMA under a sky: which pages of each satellite are received, and whether the key of a RECS is received.
 
 A page is lost with the probability that belongs to the C/N0 of the signal that E1 tracks at the epoch. The key of a
-RECS comes up to a minute later, so this C/N0 is corrected for the noise of an attack at the time of the page. An attack
+RECS comes up to a minute later. So this C/N0 is corrected for the noise of an attack at the time of the page. An attack
 that withholds OSNMA destroys every page that is on air at the same time.
 
 An E1 loop on a spoofing signal with the attacker's own navigation data demodulates these data, with good checksums. No
@@ -150,7 +150,7 @@ def _ends(
 ) -> Bool[np.ndarray, " k"]:
     """Return which pieces contain the end of a subframe whose first page lies in the run.
 
-    The first epoch starts to receive at `begun_s` after the start of the week; each epoch receives for `interval_s`.
+    The first epoch starts to receive at `begun_s` after the start of the week. Each epoch receives for `interval_s`.
     """
     looks_at_all = interval_s >= SUBFRAME_S
     whole = looks_at_all | (page_end_s(subframe * PAGES_A_SUBFRAME) > begun_s)

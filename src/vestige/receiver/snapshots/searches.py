@@ -2,8 +2,8 @@
 
 The results are drawn at both fidelities: in samples an exhaustive search of 30 s takes minutes. E6 has a result only if
 the receiver has the key, and if the earliest signal provably arrived before the key was disclosed. E1 has a result also
-without the key. The finds of each epoch are drawn for `SEARCH_P_FA`, or come from stored results. This module decides
-which finds may be reported.
+without the key. The detections of each epoch are drawn for `SEARCH_P_FA`, or come from stored results. This module
+decides which detections may be reported.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ All satellites, multipath, spoofing signals, jammers and noise are summed once a
 stretches of the recorder (10 ms) that overlap a window are made. The last stretches are kept for the other satellites.
 The windows of one RECS lie within about 40 ms, and the windows of one epoch of E1 lie within about 130 ms.
 
-E6 equals the recording to the last bit. E1 differs in the symbols of E1-B, which are random here, because no receiver
-of a campaign decodes them.
+E6 equals the recording to the last bit. E1 differs in the symbols of E1-B. These symbols are random in a campaign,
+because no receiver of a campaign decodes them.
 """
 
 from __future__ import annotations

@@ -28,8 +28,8 @@ def write_assistance(
 ) -> tuple[Path, ...]:
     """Write `assistance` into `folder` as the server and the receiver would, and return the files.
 
-    RECS at equal intervals become aggregated files, other RECS unitary files. A hardware bias of zero and an empty set
-    of ionospheric delays are not written. A reader takes a missing bias or delay as zero.
+    RECS at equal intervals become aggregated files, and other RECS become unitary files. A hardware bias of zero and an
+    empty set of ionospheric delays are not written. A reader takes a missing bias or delay as zero.
 
     Parameters
     ----------

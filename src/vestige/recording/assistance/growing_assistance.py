@@ -1,6 +1,6 @@
 """An assistance folder that still receives files: RECS from the server, keys from the receiver.
 
-The folder is read again when a file in the folder has changed; an unchanged RECS or BGD file is not read again. Only
+The folder is read again when a file in the folder has changed. An unchanged RECS or BGD file is not read again. Only
 the RECS of the next quarter of an hour are kept, also where the recording is far ahead. Reading takes a fifth of the
 time at most, however large the files are. A file with a fault may be half written, so the fault is reported only if it
 persists.

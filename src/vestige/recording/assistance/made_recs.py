@@ -38,7 +38,7 @@ def transmit_times(
 ) -> tuple[GalileoTime, ...]:
     """Return the times of transmission in ds at which the samples contain the complete segments of all satellites.
 
-    The samples lie between the receiver-clock times `first` and `last`; `travel_s` are the apparent travel times of the
+    The samples lie between the receiver-clock times `first` and `last`. `travel_s` are the apparent travel times of the
     satellites.
     """
     travel = tuple(travel_s)

@@ -1,10 +1,10 @@
 """Corrections from the user: front-end delay and ionosphere, as two small files beside the assistance.
 
-`receiver.toml` holds the calibrated delay of the E6 front end minus that of E1, in one of two units::
+`receiver.toml` contains the calibrated delay of the E6 front end minus that of E1, in one of two units::
 
     hardware_bias_e1_e6_m = -20.6         # or hardware_bias_e1_e6_s = -6.87e-8; positive: E6 arrives later
 
-`ionosphere.csv` holds the predicted slant ionospheric delay on E1 in m, for example from NeQuick-G or a map::
+`ionosphere.csv` contains the predicted slant ionospheric delay on E1 in m, for example from NeQuick-G or a map::
 
     svid,slant_delay_e1_m
     11,3.2
@@ -49,8 +49,8 @@ def read_hardware_bias(path: Path) -> float:
 def read_ionosphere(path: Path) -> Mapping[int, float]:
     """Return the predicted slant ionospheric delay on E1 in m by SVID that `ionosphere.csv` gives.
 
-    Raises `InputFileError` if the file is not such a table, names a satellite twice, or holds a delay beyond 0 … 1000
-    m.
+    Raises `InputFileError` if the file is not such a table, names a satellite twice, or contains a delay beyond 0 …
+    1000 m.
     """
     delays: dict[int, float] = {}
     lines = numbered_lines(path)

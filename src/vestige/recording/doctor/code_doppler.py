@@ -87,7 +87,7 @@ def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bo
 
 
 def _at(one: E1Satellite, snapshot: E1Snapshot, ahead_s: float) -> Acquisition:
-    """Return the satellite in samples that start `ahead_s` after its measurement, to half a chip in 0.2 s."""
+    """Return the satellite in samples that start `ahead_s` after its measurement, exact to half a chip in 0.2 s."""
     period_s = E1_CODE_PERIOD_S
     phase_s = snapshot.transmit_phase_s + ahead_s
     return Acquisition(

@@ -64,7 +64,7 @@ def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: P
     try_s
         Processor time for which other descriptions are tried, in s.
     progress
-        Called with the name of the step, the number of satellites done and the number of all.
+        Called with the name of the step, the number of satellites done and the number of all satellites.
     """
     findings: list[Finding] = []
     sibling = better_sibling(file)

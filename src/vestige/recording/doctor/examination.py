@@ -73,7 +73,7 @@ def examine(
     description
         The recording as it is described.
     progress
-        Called with the name of the step, the number of its parts that are done and the number of all.
+        Called with the name of the step, the number of its parts that are done and the number of all parts.
     """
     if any(file.start is None for file in description.bands.values()):
         description = redated(description, _SOME_TIME)

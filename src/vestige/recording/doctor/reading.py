@@ -156,8 +156,8 @@ def format_readings(file: BandFile) -> Iterator[Reading]:
 def better_sibling(file: BandFile) -> Reading | None:
     """Return the reading with or without sign if the given format puts all values at the ends of the scale.
 
-    Signed numbers read as offset binary, or the reverse, keep their sign and lose their size. The signals are still
-    found, about 2 dB weaker.
+    Signed numbers read as offset binary, or the reverse, have the right sign and a wrong magnitude. The signals are
+    still found, about 2 dB weaker.
     """
     sibling = _SIBLINGS.get(file.form.component)
     if sibling is None:

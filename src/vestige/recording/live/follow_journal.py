@@ -59,7 +59,7 @@ class _State:
 class FollowJournal:
     """Journal folder, open for one writer; a context manager.
 
-    `settings` lists the settings on which the verdicts depend, in words; a folder with other settings is refused.
+    `settings` lists the settings on which the verdicts depend, in words. A folder with other settings is refused.
 
     Raises `InputFileError` if the folder contains other files, was made with other settings, is damaged, or is in use.
     """

@@ -380,7 +380,7 @@ class LiveRecording:
 
 
 def buffer_s(uncertainty_s: float) -> float:
-    """Return the time in s that the buffer of a pipe must hold if the time of a RECS is known to ± `uncertainty_s`."""
+    """Return the length in s of a pipe's buffer that is needed if the time of a RECS is known to ± `uncertainty_s`."""
     return ROOM * (BEFORE_S + AFTER_S + 2 * uncertainty_s)
 
 

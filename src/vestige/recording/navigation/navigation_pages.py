@@ -20,7 +20,7 @@ def read_pages(
 ) -> Iterator[InavPage]:
     """Yield the E1-B I/NAV pages of an SBF or a test-vector CSV file; the content tells the format.
 
-    `start` is the start of the first page of a test vector; by default the start is read from the navigation words. An
+    `start` is the start of the first page of a test vector. By default the start is read from the navigation words. An
     SBF file tells the time itself, and fills `counts`.
 
     Raises `InputFileError` if the file has another format, or is so damaged that nothing can be read.

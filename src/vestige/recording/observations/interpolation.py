@@ -50,7 +50,7 @@ class _Point:
 def interpolate(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> dict[int, E1Observation]:
     """Return the E1 observations at `time` by SVID.
 
-    Epochs are in time order, on both sides of `time`; a few epochs beyond the two nearest help to compute missing
+    Epochs are in time order, on both sides of `time`. A few epochs beyond the two nearest help to compute missing
     values. `max_gap_s` is the longest time between two observations of a satellite in the same track.
     """
     result = {}

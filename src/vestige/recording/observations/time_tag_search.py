@@ -3,7 +3,7 @@
 E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. No open code
 resolves this ambiguity, but the chips of a RECS occur only once. So each signal on E1 is handed over at all periods
 that the time tag allows. The period at which the RECS is found gives the error of the time tag. If the RECS is found
-more than once, the earliest counts [WFO, Sec. III-E].
+more than once, the earliest arrival counts [WFO, Sec. III-E].
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 | program | files |
 |---|---|
-| gnss-sdr | a configuration a band; it reads the SigMF samples, and computes a fix from E1 of a sky |
-| PocketSDR | rescaled samples, I and −Q, a tag file a band, options of the loops; command lines in README.txt |
+| gnss-sdr | a configuration for each band; gnss-sdr reads the SigMF samples, and computes a fix from E1 of a sky |
+| PocketSDR | rescaled samples, I and −Q, a tag file for each band, options of the loops; command lines in README.txt |
 | GalileoSASlib | unchanged int16 samples, named by their start time, and a table of keys: `saslib_export` |
 
 The options avoid these faults. gnss-sdr acquires E6 only by E6-B, and tracks E6-B while E6-C is encrypted. Without

@@ -1,10 +1,9 @@
 """The last seconds of samples from a pipe, from which windows are cut.
 
 A thread reads the pipe, so that the recorder does not wait while a snapshot is processed. The samples are buffered in
-blocks until `keep` names the samples that are still needed. When `capacity_bytes` are buffered, there are two
-possibilities. Either the thread stops reading, so that a program that plays a file waits. Or the thread continues and
-drops samples, for a receiver that cannot wait. Dropped samples are counted, so later samples keep their number and
-time.
+blocks until `keep` names the samples that are still needed. When `capacity_bytes` are buffered, the thread stops
+reading, so that a program that plays a file waits. For a receiver that cannot wait, the thread continues and drops
+samples. Dropped samples are counted, so later samples keep their number and time.
 
 The thread continues to read while samples are processed. Only `look` gives a consistent state: every decision about
 complete samples, and about samples to drop, must use the result of the same `look`.
@@ -51,7 +50,7 @@ class SampleStream:
     The reading thread opens a named pipe, because opening waits for the writing program. A function gets the largest
     number of bytes to return, returns no bytes at the end, and may raise `OSError`. At most `capacity_bytes` are
     buffered. If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full. A stream has the
-    samples of a single channel; `recording.live.frame_splitter` makes such streams from a pipe of several channels.
+    samples of a single channel. `recording.live.frame_splitter` makes such streams from a pipe of several channels.
     """
 
     def __init__(

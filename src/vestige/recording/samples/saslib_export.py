@@ -48,7 +48,7 @@ def export_saslib(recording: Recording, folder: Path, svids: Iterable[int]) -> t
     recording
         The recording, whose folder contains the keys.
     folder
-        Folder inside that of the recording.
+        Folder inside the folder of the recording.
     svids
         The satellites in the recording.
 

@@ -1,6 +1,6 @@
 """Writer of SigMF recordings, batch by batch in limited memory.
 
-The samples go to a `.part` file that gets its final name when the recording is complete; the metadata are written last.
+The samples go to a `.part` file that gets its final name when the recording is complete. The metadata are written last.
 So a recording with metadata is always complete, and a killed run leaves no apparent recording. A later run can continue
 from the `.part` file: see `kept` of `SigmfWriter`.
 """
@@ -53,8 +53,8 @@ class SigmfWriter:
     description
         A line of text for the user.
     kept
-        Resume from the samples of a killed process: the first batch of the recording, made again, and the number of
-        samples that are certainly in the file. Later samples in the file are cut off.
+        To resume from the samples of a killed process: the first batch of the recording, made again, and the number of
+        samples that were written to the disk. Later samples in the file are cut off.
     counted
         Function that takes stored components, including kept components, and returns the number of components to count.
 

@@ -28,7 +28,7 @@ _UNPLACED = GalileoTime(0, 1)
 def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[InavPage]:
     """Yield the pages of a test-vector file in the order of time, all satellites at each time.
 
-    `start` is the start of the first page; by default the start is read from the navigation words.
+    `start` is the start of the first page. By default the start is read from the navigation words.
 
     Raises `InputFileError` if the file has another format, or its start is unknown.
     """

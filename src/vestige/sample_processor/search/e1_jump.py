@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 If a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and sees two
-peaks, as under spoofing; but these peaks are never present at the same time. So for two peaks of a satellite the power
+peaks, as under spoofing. But these peaks are never present at the same time. So for two peaks of a satellite the power
 of every single period is measured at both code phases. Against noise of variance 1 per dimension the power is
 chi-squared with ν = 2 · components degrees of freedom. The distribution is non-central by λ while the signal is
 present. Each peak may be present all the time, only before some period k, or only from k on. λ follows from the mean
@@ -38,7 +38,7 @@ class Jump:
     Attributes
     ----------
     at_s
-        Time of the jump after the first sample, to a code period.
+        Time of the jump after the first sample, exact to a code period.
     by_s
         Increase of the delay, modulo 4 ms, between ±2 ms; negative if samples are missing.
     """

@@ -2,13 +2,13 @@
 
 Theory of operation
 -------------------
-The powers are those of `vestige.sample_processor.acquisition`: one code period (4 ms) coherently at every code phase
-and Doppler bin, K periods non-coherently, E1-B and E1-C added. Signals are taken from the powers, the strongest first.
-The following parts of a taken signal do not count as a second signal:
+The powers are those of `vestige.sample_processor.acquisition` at every code phase and Doppler bin. One code period (4
+ms) is added coherently, and K periods and the components E1-B and E1-C non-coherently. Signals are taken from the
+powers, the strongest first. The following parts of a taken signal do not count as a second signal:
 
 * its own correlation peak with the side peaks of BOC(1,1) and CBOC at ±½ chip, which ends one chip away, widened by
   the code Doppler of a wrong bin (0.6 chip over 100 ms and 10 kHz): all cells within `BLIND_CHIPS`;
-* its Doppler side lobes (−13 dB, −18 dB, …), which lie at its code phase, so the same cells at *every* Doppler;
+* the Doppler side lobes of the signal (−13 dB, −18 dB, …) at its code phase: the same cells at *every* Doppler;
 * its code side lobes, at any code phase: at most −20 dB for one code period of a memory code at a wrong Doppler, or
   with a symbol that changes. So a signal that is `CROSS_CORRELATION_DB` below the taken signal does not count.
 

@@ -1,7 +1,7 @@
 """The exact value of a cell of the exhaustive search, from the samples in complex128, and the peak of that cell.
 
-A sum over chips n = 165 p + q at many frequencies is computed as two small matrix products: first over q within short
-pieces, then over pieces. So no large table of exponentials is needed.
+A sum over chips n = 165 p + q at many frequencies is computed as two small matrix products. The first product is over q
+within short pieces, and the second over the pieces. So no large table of exponentials is needed.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ Theory of operation
 The samples are summed into chips on two grids half a chip apart (`half_chip_kernel`) and scaled to int8. An engine
 receives the chips in blocks of code offsets and returns the largest power over the Doppler bins for every offset. So a
 file is read piece by piece, and a block's chips serve all codes. Blocks are searched in order of time. Therefore the
-earliest find is the true signal even in an interrupted search, and such a search can be continued.
+earliest signal found is the true signal even in an interrupted search, and such a search can be continued.
 
 **Code Doppler.** A replica without code Doppler slides by f_d/f_c · R_c · T chips, 0.32 chip at 5 kHz and 16 ms, and
 loses up to 0.72 dB. If the loss exceeds 0.3 dB, the span is cut into passes. Each pass removes the Doppler of its own
@@ -83,7 +83,7 @@ class ExhaustiveSearch:
     doppler_span_hz
         Half width of the Doppler search, which goes from −span to +span.
     engine
-        `fft` is the reference, `segment` is fast, `cuda` is for a GPU; `auto` takes the fastest that this machine runs.
+        `fft` is the reference, `segment` is fast, `cuda` is for a GPU. `auto` takes the fastest that this machine runs.
         With every engine exact cells decide. `segment` leaves out a few of the weakest signals
         (`theory/screen_loss.py`).
     workers
@@ -134,7 +134,7 @@ class ExhaustiveSearch:
         *,
         after: SearchState | None = None,
     ) -> Iterator[SearchState]:
-        """Yield the state of the search after each block; a caller that stops early keeps the finds so far.
+        """Yield the state of the search after each block; a caller that stops early keeps the signals so far.
 
         After an interrupt from the keyboard, the method lets the workers end their blocks, yields once more and passes
         the interrupt on.
@@ -262,7 +262,7 @@ class _Block:
     def _decide(self, source: SampleSource, code: ChipSequence, offsets: list[float], threshold: float) -> list[Peak]:
         """Return the peaks of a cluster: of its cells, strongest first, those whose exact value is above the threshold.
 
-        Cells on the triangle of a peak are not tested again; beyond the triangle there may be another signal.
+        Cells on the triangle of a peak are not tested again. Beyond the triangle there may be another signal.
         """
         peaks: list[Peak] = []
         rest, tries = offsets, _CELLS_OF_CLUSTER

@@ -7,7 +7,7 @@ phase of the secondary code is known. So the first chip of a RECS can arrive at 
 
     u(τ) = R_c (1 + f_d/f_c) τ + ½ R_c (ḟ_d/f_c) τ²        u(τ_m) = m · period · R_c
 
-The grid is thus the *received* period: with Doppler a grid of nominal 4 ms would be 120 chips off after 30 s at 1 kHz.
+The grid is thus the *received* period. At a Doppler of 1 kHz a grid of nominal 4 ms would be 120 chips off after 30 s.
 
 The samples are summed into chips along u, free of their carrier (`half_chip_kernel`), on two grids half a chip apart. A
 row has 4 ms of chips. A RECS of 16 ms has four rows, and hypothesis m + 1 shares three of them with hypothesis m. So

@@ -50,7 +50,7 @@ def bank_replicas(
     """Return the values of the replicas of E1-C and E1-B in each segment, continued beyond both ends of the period.
 
     CBOC adds BOC(6,1) on E1-B and subtracts it on E1-C [OS-ICD, 2.3.3]. BOC(1,1) changes its sign from one half of a
-    chip to the other; BOC(6,1) has three cycles in each half.
+    chip to the other. BOC(6,1) has three cycles in each half.
     """
     n = segments_in_half_chip(replica)
     rows = []
@@ -91,7 +91,7 @@ def bank_workspace():
 def piece_length(step, lags):
     """Return the largest number of samples whose segments fit the workspace.
 
-    The argument `step` is in segments per sample, `lags` in samples.
+    The argument `step` is in segments per sample, and `lags` are in samples.
     """
     return max(min(PIECE, int((_SEGMENTS - 8) / step) - 2 * np.max(np.abs(lags))), 1)
 

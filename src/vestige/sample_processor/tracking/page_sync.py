@@ -59,7 +59,7 @@ class PageSync:
         Parameters
         ----------
         numbers
-            Numbers of the code periods, which continue those of the last call; a secondary code begins at multiples of
+            Numbers of the code periods, which continue those of the last call. A secondary code begins at multiples of
             25.
         prompts
             Prompts of E1-B, with the carrier locked to E1-C.

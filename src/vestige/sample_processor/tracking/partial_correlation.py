@@ -4,23 +4,24 @@ An attacker who replays E1-B without delay has to estimate each unpredictable sy
 of the symbol is wrong more often than its rest [SECO-GRANADOS20]. A receiver that tracks E1-B correlates both parts,
 wipes them with the decoded symbol, and compares the beginnings with one of two references.
 
-**The later parts of the same symbols** (`symbol_replay_test`). With the amplitude of the signal 1 and C/N0 = c, the
-mean over a part of w seconds has noise of variance 1/(2 c w) per dimension. For n unpredictable symbols b_k, with the
-carrier in phase, the test uses
+**The later parts of the same symbols** (`symbol_replay_test`). Let the signal have the amplitude 1 and C/N0 = c. The
+mean over a part of w seconds then has noise of variance 1/(2 c w) per dimension. For n unpredictable symbols b_k, with
+the carrier in phase, the test uses
 
     d_k = b_k Re(later_k − first_k)        T = √n mean(d) / std(d)
 
 Without an attack d_k is Gaussian of mean 0. So T has Student's distribution with n − 1 degrees of freedom, for any C/N0
 and signal strength. The test raises an alarm if T > t, where P(T > t) = P_fa. A narrow filter of the front end violates
-this assumption. The effect of the filter on the first chips of a symbol differs from that on the average chip, so the
-mean of d_k is not 0.
+this assumption. The filter has another effect on the first chips of a symbol than on the average chip. So the mean of
+d_k is not 0.
 
 **The beginnings of predictable symbols** (`predictable_reference_test`). The attacker knows these symbols in time. The
 filter has the same effect on predictable symbols, so this effect cancels. `vestige.theory.scer.partial_correlations`
 has the metrics of this test, the thresholds, and the detection probabilities of both tests.
 
-**Unpredictable symbols** are those that nobody can predict; an attacker knows all others. `unpredictable_symbols`
-returns the unpredictable symbols of an I/NAV page: 32 of 500 in a page, or 480 in an OSNMA subframe of 30 s.
+**Unpredictable symbols** are symbols that nobody can predict; an attacker knows all other symbols.
+`unpredictable_symbols` returns the unpredictable symbols of an I/NAV page: 32 of 500 in a page, or 480 in an OSNMA
+subframe of 30 s.
 
 **Limit of these tests**: they cannot detect a spoofing signal whose delay is longer than an attacker needs to learn a
 symbol. The same test on chips of E6-C is not possible. The attacker estimates a whole chip of 195 ns and transmits the
@@ -251,9 +252,9 @@ def _signs(later: Complex128[np.ndarray, " n"], symbols: Float[np.ndarray, " n"]
 def unpredictable_symbols() -> Bool[np.ndarray, " 500"]:
     """Return which symbols of an I/NAV page nobody can predict, in the order of transmission.
 
-    The 32 bits of a page's MACK message are taken as unknown, all others as known. Every symbol that depends on unknown
-    bits is a sum of some of them, because the code and the checksum are linear. A symbol may follow from sums of
-    earlier symbols. An attacker who has received the earlier symbols then knows this symbol, so there are as many
+    The 32 bits of a page's MACK message are taken as unknown, and all other bits as known. Every symbol that depends on
+    unknown bits is a sum of some of them, because the code and the checksum are linear. A symbol may follow from sums
+    of earlier symbols. An attacker who has received the earlier symbols then knows this symbol, so there are as many
     unpredictable symbols as unknown bits. Some bits of the MACK message do not change between subframes (the header of
     each tag), so fewer symbols are really unpredictable.
 

@@ -8,9 +8,10 @@ Theory of operation
 -------------------
 The receiver correlates the first w seconds of each symbol and multiplies by the symbol. B_u is the mean over n_u
 unpredictable symbols and B_p the mean over n_p predictable symbols. B_u and B_p are complex. With an authentic signal
-both means have the amplitude A of the signal, for any effect of the front end's filter on the beginning of a symbol.
-The noise of one symbol has the variance s² = A²/(2 c w) per dimension, c = C/N0. The variance is estimated from the
-scatter of the real parts, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics are
+both means have the amplitude A of the signal. The effect of the front end's filter on the beginning of a symbol does
+not matter. The noise of one symbol has the variance s² = A²/(2 c w) per dimension, c = C/N0. The variance is estimated
+from the scatter of the real parts, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics
+are
 
     real         Re(B_p − B_u) / e             Student's t, ν degrees of freedom
     distance     |B_p − B_u|² / (2 e²)         F with 2 and ν degrees of freedom
@@ -28,8 +29,8 @@ and τ² per dimension, S = σ² + τ² [PROAKIS08, app. B]:
 
     P(|X| > |Y|) = Q₁(α, β) − τ²/S e^{−(α² + β²)/2} I₀(αβ)        α = |x|/√S, β = |y|/√S
 
-**Under attack** the first part of an unpredictable symbol has the mean A m and the additional variance A² V in phase,
-both from `replayed_mean` and `replayed_covariance`. `magnitudes` and `ratio` take V in both dimensions, because the
+**Under attack** the first part of an unpredictable symbol has the mean A m and the additional variance A² V in phase.
+`replayed_mean` and `replayed_covariance` give m and V. `magnitudes` and `ratio` take V in both dimensions, because the
 quadrature changes a magnitude in second order only. `distance`, `magnitudes` and `ratio` take the estimate of s at its
 mean, so n_u + n_p should be 50 or more.
 """
@@ -184,8 +185,8 @@ def replay_detection_probability(
     Examples
     --------
     The test takes a subframe of 480 symbols at 42 dBHz, P_fa 1e-3. The first attacker has the antenna of the victim,
-    the second attacker 10 dB more. The third value is that of the second attacker with a spoofing signal that is 3 µs
-    late.
+    and the second attacker has 10 dB more gain. The third value is that of the second attacker with a spoofing signal
+    that is 3 µs late.
 
     >>> f"{replay_detection_probability(42.0, 0.0, 480, 1e-3):.3f}"
     '0.999'

@@ -121,8 +121,8 @@ def simulated_decision_map(
 ) -> DecisionMap:
     """Return the map of least expected cost if all four hypotheses are equally likely.
 
-    A false alarm (clean or multipath called an attack) costs `alarm_cost`, every other error 1. `draws` is the number
-    of draws for each hypothesis. The same seed gives the same map.
+    A false alarm (clean or multipath called an attack) costs `alarm_cost`, and every other error costs 1. `draws` is
+    the number of draws for each hypothesis. The same seed gives the same map.
     """
     edges = tuple(
         np.arange(round((last - first) / step) + 1) * step + first for first, last, step in (_POWER_DB, _DISTORTION)
@@ -205,7 +205,7 @@ class PowerAndDistortion(NamedTuple):
 class PowerDistortionMonitor:
     """Monitor that classifies power and distortion of a satellite: clean, multipath, spoofed or jammed.
 
-    The statistic is the `SignalClass`, its threshold MULTIPATH: multipath is no alarm.
+    The statistic is the `SignalClass`. The threshold is MULTIPATH, so multipath is no alarm.
     """
 
     name: ClassVar = CheckName.POWER_DISTORTION

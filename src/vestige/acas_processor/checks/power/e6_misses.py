@@ -18,8 +18,9 @@ fails more often than p_fa at any C/N0. For a constant q this is "M of M RECS" w
 
     M = ⌈ln p_fa / ln q⌉
 
-At p_fa = 2·10⁻⁵, 16 ms and multipath of −15.8 dB, M is 1 RECS at 38 dBHz, 2 at 35, 4 at 33, and 5 at 32 dBHz. A rule "M
-of N RECS" with N > M would need a larger M for the same p_fa. The detection of a missing signal would then take longer.
+An example has p_fa = 2·10⁻⁵, 16 ms and multipath of −15.8 dB. M is then 1 RECS at 38 dBHz, 2 at 35 dBHz, 4 at 33 dBHz,
+and 5 at 32 dBHz. A rule "M of N RECS" with N > M would need a larger M for the same p_fa. The detection of a missing
+signal would then take longer.
 
 Misses are not independent if multipath stays the same from one RECS to the next, or if satellites are weaker on E6 than
 E1 predicts. The configured `e6_over_e1_db` must therefore be right.

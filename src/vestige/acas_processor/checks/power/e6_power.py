@@ -26,7 +26,7 @@ MIN_PD = 0.9
 class E6PowerCheck:
     """Check whether the encrypted signal was received.
 
-    The statistic is the number of signals that E1 predicts and that are missing, 0 or 1; the check fails above 0.
+    The statistic is the number of signals that E1 predicts and that are missing, 0 or 1. The check fails above 0.
     """
 
     name: ClassVar = CheckName.E6_POWER

@@ -1,7 +1,7 @@
 """Check the received power of a band, or the gain that its AGC sets [AKOS12].
 
-The power before the gain control, averaged over W T independent samples, has the standard deviation 4.343/√(W T) dB:
-0.03 dB for 2 MHz and 10 ms. Temperature and gain drift are larger, and set the threshold:
+The power before the gain control is averaged over W T independent samples. The average has the standard deviation
+4.343/√(W T) dB, which is 0.03 dB for 2 MHz and 10 ms. Temperature and gain drift are larger, and set the threshold:
 
     ΔP = P − P_nominal,    |ΔP| ≤ K √(σ_system² + (4.343 dB)²/(W T)),    K from P_fa, two-sided
 

@@ -5,7 +5,7 @@ full minute and at half a minute. A slot gives the kind of data (ADKD) of a tag,
 satellite, `E` any Galileo satellite. In a flexible slot (`FLX`) the tag itself gives kind and satellite, protected by
 MACSEQ.
 
-Rows 33 and 34 are verified on real data; the other rows are only copied from the table.
+Rows 33 and 34 are verified on real data. The other rows are only copied from the table.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Assemble the OSNMA message of one satellite and subframe from I/NAV pages.
 
 Every 30 s subframe has 15 pages, and each page carries 8 bits of the HKROOT and 32 bits of the MACK message [OSNMA-ICD,
-2]: 120 and 480 bits a subframe. Pages get lost, so a subframe records which of its 15 fields were received. A part of
-the MACK can still be read if its own pages were received.
+2]. A subframe carries 120 and 480 bits of these messages. Pages get lost, so a subframe records which of its 15 fields
+were received. A part of the MACK can still be read if its own pages were received.
 
 The assembler keeps a subframe open until a page arrives that is clearly later. Pages may therefore come in any order of
 satellites, and a little out of order in time.
@@ -124,7 +124,7 @@ class SubframeAssembler:
     """Collect pages into subframes.
 
     A subframe is closed when a page arrives that starts `_GRACE_S` after its end. A page that is `_RESTART_S` older
-    than the newest page is not late: the recording starts again there.
+    than the newest page is not late: the recording starts again with this page.
     """
 
     def __init__(self) -> None:

@@ -1,6 +1,6 @@
 """Tags and MACSEQ, the part of OSNMA that authenticates navigation data.
 
-A MACK message holds `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key | padding`. Tags and
+A MACK message is `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key | padding`. Tags and
 MACSEQ are made with a key that is disclosed later: one subframe later, or eleven subframes for the slow MAC (ADKD 12).
 A tag covers ::
 
@@ -97,7 +97,7 @@ def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainPa
 def make_macseq(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> int:
     """Return the MACSEQ field, 12 bits, of the information fields of the flexible slots [OSNMA-ICD, 6.6].
 
-    `slots` is the message's row of the MAC look-up table, `key` the chain's key of the next subframe.
+    `slots` is the message's row of the MAC look-up table. `key` is the chain's key of the next subframe.
     """
     flexible = (tag.info.to_bytes(2, "big") for tag, slot in zip(mack.tags, slots, strict=True) if slot.flexible)
     message = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + b"".join(flexible)

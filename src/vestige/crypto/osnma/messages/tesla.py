@@ -5,7 +5,7 @@ operator discloses the keys in the reverse order, one every 30 s::
 
     K_m = first l_k bits of hash( K_(m+1) | GST_SF,m | alpha )                                 [OSNMA-ICD, 6.4]
 
-GST_SF,m is the start of the subframe in which K_m is sent, with the week modulo 4096 in 12 bits and the second in 20
+GST_SF,m is the start of the subframe in which K_m is sent. The week modulo 4096 has 12 bits, and the second has 20
 bits. A receiver with a true key can check every later key by hashing it down, and compute every earlier key. An
 undisclosed key cannot be guessed.
 

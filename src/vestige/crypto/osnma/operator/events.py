@@ -6,7 +6,7 @@ The steps follow [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the official test vect
 |---|---|---|---|
 | chain renewal | end of chain; root keys of this chain and the next | nominal, next chain | |
 | chain revocation | don't use, chain revoked; root key of the next chain | chain revoked, next chain | nominal |
-| key renewal | new public key; DSM-PKR | the same, signed with the new key | nominal |
+| key renewal | new public key; DSM-PKR | new public key; DSM-PKR, signed with the new key | nominal |
 | key revocation | don't use, key revoked; DSM-PKR, root key of the next chain | key revoked, both in force | nominal |
 | alert | don't use, alert message; DSM-PKR with the notice | | no OSNMA at all |
 | don't use | don't use, keys nominal | | nominal |
@@ -58,8 +58,7 @@ class OsnmaEvent:
     announced
         Time from which the event is on air (step 1).
     in_force
-        Time from which the new chain or key is in force (step 2); None if this does not happen, or the kind has no step
-        2.
+        Time from which the new chain or key is in force (step 2); None if step 2 does not come or the kind has none.
     ended
         Time from which the status is nominal again, or OSNMA is silent after an alert; None if this does not happen.
     svids
@@ -118,7 +117,7 @@ class OsnmaEvent:
 
 
 def overlap(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, OsnmaEvent] | None:
-    """Return a pair of events of which the second begins before the first is over; None if there is no such pair.
+    """Return a pair of events that overlap; None if there is no such pair.
 
     Only events that change the status count: all kinds except silence.
     """

@@ -98,7 +98,7 @@ def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCur
 
 
 def pkid_in_tree(public_key: ec.EllipticCurvePublicKey, tree: MerkleTree) -> int:
-    """Return the PKID 1 … 15 under which a tree holds a public key as leaf PKID - 1.
+    """Return the PKID 1 … 15 of a public key, which is leaf PKID - 1 of a tree.
 
     Raises
     ------

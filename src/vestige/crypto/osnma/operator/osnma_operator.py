@@ -1,8 +1,8 @@
 """The OSNMA operator, which makes the OSNMA bits of every satellite and subframe from navigation words.
 
-The operator signs root keys with a P-256 key that is a leaf of its Merkle tree, and broadcasts them in blocks over the
-satellites (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`) with keys
-that it discloses later. The operator also carries out a table of events (`timeline`). A receiver with this Merkle tree
+The operator signs root keys with a P-256 key that is a leaf of its Merkle tree. The satellites broadcast the root keys
+in blocks (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`) with keys that
+it discloses later. The operator also carries out a table of events (`timeline`). A receiver with this Merkle tree
 treats the signal like the real signal.
 
 The key of a tag is the key on air at the time of its disclosure. Around a change of chains this key belongs to the next
@@ -138,7 +138,7 @@ class OsnmaOperator:
             Start of the subframe.
         words
             The navigation words of 128 bits that the satellites send in this subframe, by SVID and word type. Tags
-            cover words 1 to 6 and 10 up to the subframe before; in the first subframe all tags are dummies. A word that
+            cover words 1 to 6 and 10 up to the subframe before. In the first subframe all tags are dummies. A word that
             is not sent in every subframe may be missing.
 
         Returns

@@ -5,8 +5,8 @@ eight half-pages a second. `scikit-commpy` takes 0.1 s for a half-page, in Pytho
 hard bits only, or have not been maintained since 2020. This decoder takes 14 µs, and the tests compare it with
 `scikit-commpy`.
 
-The state contains the last six bits, the newest bit first. A new bit b leads from state s to (b << 5) | (s >> 1). Two
-states lead to state t, 2t mod 64 and 2t mod 64 + 1, both with the bit t >> 5.
+The state contains the last six bits, the newest bit first. A new bit b leads from state s to (b << 5) | (s >> 1). State
+t follows from the states 2t mod 64 and 2t mod 64 + 1, both with the bit t >> 5.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

@@ -6,8 +6,9 @@ follows, and then the largest power over the bins of each code offset. Only this
 code, grid and offset. `overlap_save` explains how blocks are cut and how a bin becomes a shift.
 
 Calls may come from several threads. Each call takes one of `_LANES` lanes with its own stream and batch, so a call
-computes while another call sends or receives. All arithmetic beyond that of arrays is in `Device`.
-`cuda_device.CudaDevice` is the device for CuPy. The tests have a device of numpy, so they test this file without a GPU.
+computes while another call sends or receives. `Device` has all operations that need the GPU, and this file has
+operations on arrays only. `cuda_device.CudaDevice` is the device for CuPy. The tests have a device of numpy, so they
+test this file without a GPU.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 A block of `length` samples is transformed once for all codes and bins. Doppler is a shift of the code's spectrum
 against that of the samples, in steps of R_c / length. Every bin is rounded to the nearest step. The first length −
-chips + 1 numbers of an inverse transform are correlator values; the other numbers wrap around and are not used. A
-length of about 6.4 times the length of the code is the fastest on a processor; the textbook's factor 2 takes a third
-more time.
+chips + 1 numbers of an inverse transform are correlator values. The other numbers wrap around and are not used. On a
+processor a length of about 6.4 times the length of the code is the fastest. The textbook's factor 2 takes a third more
+time.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The int8 engine: a screen over a part of the chips first, then a sum over all chips at the few offsets that pass.
 
-The engine is written to be the fastest on a processor. `segment_engine` plans, `segment_kernel` has the loops, and
-`vector_ir` the inner loops as LLVM code. Nothing outside this folder needs to know how the engine works; only `choice`
-imports it.
+The engine is written to be the fastest on a processor. `segment_engine` makes the plan, `segment_kernel` has the loops,
+and `vector_ir` has the inner loops as LLVM code. Nothing outside this folder needs to know how the engine works; only
+`choice` imports it.
 
 Theory of operation
 -------------------
@@ -30,15 +30,15 @@ than a multiple of 4 kB. Without the 256 bytes all rows would share a few lines 
 two.
 
 **Screen: Doppler transform.** The segments have 240 chips at 4 ms, which costs 0.8 dB at 5 kHz and 0.27 dB on average.
-The transform has 128 points, of which the upper half of the inputs is zero. Two steps of 8 and 16 compute this
-transform, with input k = b + 16 j and output m = r + 8 g,
+The transform has 128 points, and the upper half of its inputs is zero. Two steps of 8 and 16 compute this transform,
+with input k = b + 16 j and output m = r + 8 g,
 
     y_b[r] = Σ_j P_{b+16j} e^{−j2π j r / 8}        Z_{r+8g} = Σ_b (y_b[r] e^{−j2π b r / 128}) e^{−j2π b g / 16}
 
 in int16 with one lane for each offset. Rounding changes a magnitude by less than 0.03 σ. A P_k is cut so that no sum
 leaves int16, because additions that saturate take twice as long. Noise reaches the cut (3.9 to 7.8 σ of P_k) at most
-once in 10⁴ segments, and a strong signal stays strong. For 16 ms the segments of this transform have 960 chips, which
-costs 1.4 dB at the edge of a pass.
+once in 10⁴ segments, and a strong signal is still strong after the cut. For 16 ms the segments of this transform have
+960 chips, which costs 1.4 dB at the edge of a pass.
 
 **All chips.** The segment sums of int16 products are exact. A transform of 256 points in two steps of 16 follows, in
 float32 with one lane for each of eight offsets. **1 and 2 ms** fill an eighth or a quarter of the inputs and need every

@@ -47,7 +47,7 @@ class _Plan:
 
 
 class SegmentEngine:
-    """Compute powers of codes of equal length: screen a part of the chips, then sum up all chips where it passes.
+    """Compute powers of codes of equal length: test a part of the chips, then sum up all chips at offsets that pass.
 
     Parameters
     ----------

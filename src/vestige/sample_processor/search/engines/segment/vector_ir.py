@@ -288,9 +288,9 @@ def dot(typing_context, x, x_index, y, y_index, count):
 def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, n_points, turns, turn_index, out, out_index):
     """Store the DFT over `n_points`, whose first `n_inputs` inputs are not zero, times phase factors.
 
-    Input j is the int16 lanes at `index + j · step`. Output r is multiplied by turns[turn_index + 2r]
-    + j turns[turn_index + 2r + 1] and stored at `out[out_index + r · DFT_POINTS · 2 · lanes]`; the imaginary part
-    follows a vector later. Factors are float32, or int16 in units of 2⁻¹⁶; outputs have the same type.
+    Input j is the int16 lanes at `index + j · step`. Output r is multiplied by turns[turn_index + 2r] + j
+    turns[turn_index + 2r + 1] and stored at `out[out_index + r · DFT_POINTS · 2 · lanes]`. The imaginary part follows a
+    vector later. Factors are float32, or int16 in units of 2⁻¹⁶; outputs have the same type.
     """
     count, points = _literal(n_inputs), _literal(n_points)
 
