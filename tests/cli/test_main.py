@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 import pytest
 
-from vestige.cli.main import VERBS, main
+from vestige.cli.main import VERBS, main, vestige
 
 
 def _exit(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
@@ -19,6 +19,11 @@ def _exit(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str
         main(list(arguments))
     out, err = capsys.readouterr()
     return int(stop.value.code or 0), out, err
+
+
+def process_context(group: click.Context, arguments: list[str]) -> click.Context:
+    command = importlib.import_module(f"vestige.cli.{VERBS['process'][0]}").command
+    return command.make_context("process", list(arguments), parent=group)
 
 
 def test_help_lists_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,6 +58,19 @@ def test_the_former_option_follow_is_the_verb_live(capsys: pytest.CaptureFixture
     assert code == 2
     assert "vestige live" in err
     assert "--calibrate" in err
+
+
+@pytest.mark.parametrize("arguments", [["-"], ["-", "--idle-s", "1"], ["night", "--follow", "--json"]])
+def test_standard_input_is_for_the_verb_live(arguments: list[str]) -> None:
+    with vestige.make_context("vestige", ["process", *arguments]) as group:
+        assert process_context(group, arguments).info_name == "live"
+
+
+@pytest.mark.parametrize("option", ["--positions", "-o"])
+def test_a_dash_as_the_value_of_an_option_is_not_the_recording(tmp_path: Path, option: str) -> None:
+    """`--positions -` prints NMEA; it waited for ever for samples that came from standard input."""
+    with vestige.make_context("vestige", ["process"]) as group:
+        assert process_context(group, [str(tmp_path), option, "-"]).info_name == "process"
 
 
 @pytest.mark.parametrize("arguments", [["nonsense"], ["theory", "--cn0", "many"], ["process"], ["check"]])

@@ -99,9 +99,7 @@ def main(arguments: list[str] | None = None) -> None:
     warnings.showwarning = _one_line
     try:
         with _terminable(), blamed_on_own_parts(), usual_amount():
-            vestige.main(args=arguments, prog_name="vestige", standalone_mode=False)
-    except click.exceptions.Exit as stop:
-        sys.exit(stop.exit_code)
+            status = vestige.main(args=arguments, prog_name="vestige", standalone_mode=False)
     except click.ClickException as error:
         text = StringIO()
         error.show(text)
@@ -119,7 +117,7 @@ def main(arguments: list[str] | None = None) -> None:
         place = f"{error.filename}: " if error.filename else ""
         echo(f"vestige: {place}{error.strerror or error}{_notes(error)}", err=True)
         sys.exit(1)
-    sys.exit(0)
+    sys.exit(status)  # the status that a command set with `exit`, as `--fail-on` does; None if it set none
 
 
 @contextmanager

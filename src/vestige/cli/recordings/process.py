@@ -51,7 +51,9 @@ class _Process(GroupedCommand):
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
-        if not {"--follow", "-"} & set(args):
+        reading = click.Context(self, parent, info_name, resilient_parsing=True, ignore_unknown_options=True)
+        found, _, _ = self.make_parser(reading).parse_args(list(args))  # `-` may also be the value of an option
+        if "--follow" not in args and found.get("recording_path") != "-":
             return super().make_context(info_name, args, parent, **extra)
         from vestige.cli.live.live import command
 
