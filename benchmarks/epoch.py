@@ -98,7 +98,7 @@ def vestige_samples(chips: ChipSequence, key: np.uint64 | None) -> SampleBatch:
 
 def vestige_bank(batch: SampleBatch, chips: ChipSequence) -> CorrelatorBank:
     """Return the correlators of the segment, which lies 2 PAD chips within `chips`."""
-    segment = ChipSequence(
+    segment = ChipSequence.of(
         svid=chips.svid,
         transmit_time=chips.transmit_time + 2 * PAD / CHIP_RATE,
         chip_rate_hz=CHIP_RATE,

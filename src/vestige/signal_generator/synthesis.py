@@ -31,7 +31,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import ChipSequence
 from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signal_generator.synthesis_kernel import add_rays
-from vestige.signals.chip_window_kernel import WINDOW_REACH_CHIPS, packed_chips
+from vestige.signals.chip_window_kernel import WINDOW_REACH_CHIPS
 from vestige.signals.definitions import E6C
 from vestige.signals.rotator_kernel import BLOCK
 
@@ -125,14 +125,13 @@ def _add(
     code_rate_rate = rate * signal.doppler_rate_hz_per_s / carrier_hz
     delay_chips = signal.delay_m / SPEED_OF_LIGHT_MPS * rate - signal.lead_chips
     order = np.argsort(delay_chips, kind="stable")
-    packed = packed_chips(signal.chips.chips)
     while order.size:
         near = delay_chips[order] - delay_chips[order[0]] <= 2 * WINDOW_REACH_CHIPS
         group, order = order[near], order[~near]
         add_rays(
             x,
-            signal.chips.chips,
-            packed,
+            signal.chips.packed,
+            signal.chips.n_chips,
             delay_chips[group],
             signal.amplitude[group],
             signal.ray_doppler_hz[group],

@@ -22,14 +22,13 @@ import hashlib
 from dataclasses import dataclass
 from enum import Enum
 
-import numpy as np
 from cryptography.hazmat.primitives.ciphers import Cipher, CipherContext
 from cryptography.hazmat.primitives.ciphers.algorithms import AES
 from cryptography.hazmat.primitives.ciphers.modes import CBC, CTR
-from jaxtyping import Int8
 
 from vestige.constants import SUBFRAME_S
 from vestige.records import ChipSequence, EncryptedSegment
+from vestige.records.packed_chips import bits_of_packed, packed_bits
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey, is_validated
@@ -128,21 +127,6 @@ def decrypt_body(
     return _through(_cipher(key_data, gst_sf, random_offset, mode).decryptor(), body)
 
 
-def pack_chips(chips: Int8[np.ndarray, " n_chips"]) -> bytes:
-    """Return chips of ±1 as bits, most significant first, +1 as 0; zero bits fill the last byte [SASLIB]."""
-    if not np.all(np.abs(chips) == 1):
-        raise ValueError("chips must be +1 or -1")
-    return np.packbits(chips < 0).tobytes()
-
-
-def unpack_chips(packed: bytes, n_chips: int) -> Int8[np.ndarray, " n_chips"]:
-    """Return the first `n_chips` chips of ±1 in `packed`; the inverse of `pack_chips` [SASLIB]."""
-    if not 0 <= n_chips <= 8 * len(packed):
-        raise ValueError(f"{len(packed)} bytes do not hold {n_chips} chips")
-    bits = np.unpackbits(np.frombuffer(packed, np.uint8), count=n_chips).view(np.int8)
-    return np.int8(1) - bits - bits  # numpy shifts int8 ten times as slowly as it subtracts
-
-
 def encrypt(
     chips: ChipSequence,
     key_data: bytes,
@@ -156,11 +140,11 @@ def encrypt(
     `chips` are 1, 2, 4, 8 or 16 ms of E6-C. `key_data` is the key of the subframe that `key_time` gives; the server
     knows the key before its disclosure.
     """
-    length = LENGTH_BY_CHIPS.get(chips.chips.size)
+    length = LENGTH_BY_CHIPS.get(chips.n_chips)
     if length is None:
-        raise ValueError(f"no RECS has {chips.chips.size} chips; lengths are {sorted(LENGTH_BY_CHIPS)}")
+        raise ValueError(f"no RECS has {chips.n_chips} chips; lengths are {sorted(LENGTH_BY_CHIPS)}")
     gst_sf = key_time(chips.transmit_time, key_delay)
-    ecs = pack_chips(chips.chips).ljust(length.n_bytes, b"\0")
+    ecs = bits_of_packed(chips.packed, length.n_bytes)
     return EncryptedSegment(
         svid=chips.svid,
         transmit_time=chips.transmit_time,
@@ -194,7 +178,8 @@ def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = 
         svid=segment.svid,
         transmit_time=segment.transmit_time,
         chip_rate_hz=E6C.chip_rate_hz,
-        chips=unpack_chips(ecs, segment.n_chips),
+        n_chips=segment.n_chips,
+        packed=packed_bits(ecs, segment.n_chips),
     )
 
 
