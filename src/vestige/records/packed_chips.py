@@ -44,7 +44,7 @@ def bits_of_packed(packed: UInt32[np.ndarray, " n_words"], n_bytes: int) -> byte
     return packed[1:].astype(">u4").tobytes()[:n_bytes].ljust(n_bytes, b"\0")
 
 
-def unpacked_chips(packed: UInt32[np.ndarray, " n_words"], n_chips: int) -> Int8[np.ndarray, " {n_chips}"]:
+def unpacked_chips(packed: UInt32[np.ndarray, " n_words"], n_chips: int) -> Int8[np.ndarray, " n_chips"]:
     """Return the first `n_chips` packed chips as ±1."""
     bits = np.unpackbits(packed[1:].astype(">u4").view(np.uint8), count=n_chips).view(np.int8)
     return np.int8(1) - bits - bits  # numpy subtracts int8 ten times as fast as it shifts them

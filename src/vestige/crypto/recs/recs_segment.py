@@ -21,6 +21,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 
 from cryptography.hazmat.primitives.ciphers import Cipher, CipherContext
 from cryptography.hazmat.primitives.ciphers.algorithms import AES
@@ -83,7 +84,7 @@ def key_time(transmit_time: GalileoTime, key_delay: int) -> GalileoTime:
     """
     if key_delay not in (0, 1):
         raise ValueError(f"key delay indicator {key_delay} is neither 0 nor 1")
-    return transmit_time.subframe + key_delay * SUBFRAME_S
+    return GalileoTime.from_gst_seconds((transmit_time.gst_seconds // SUBFRAME_S + key_delay) * SUBFRAME_S)
 
 
 def wrapping_key(key_data: bytes) -> bytes:
@@ -96,7 +97,7 @@ def iv_preimage(gst_sf: GalileoTime, random_offset: int) -> bytes:
 
     `gst_sf` is the start of the subframe that transmits the key, not the epoch of the RECS.
     """
-    if gst_sf != gst_sf.subframe:
+    if gst_sf.second % SUBFRAME_S or gst_sf.fraction:
         raise ValueError(f"{gst_sf} is not the start of a subframe")
     word = (gst_sf.week % WEEK_MODULUS) << 20 | gst_sf.second
     return word.to_bytes(4, "big") + random_offset.to_bytes(1, "big") + bytes(11)
@@ -183,7 +184,9 @@ def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = 
     )
 
 
+@lru_cache(maxsize=16)
 def _cipher(key_data: bytes, gst_sf: GalileoTime, random_offset: int, mode: CipherMode) -> Cipher[CBC | CTR]:
+    """Return the cipher that all RECS of a subframe share."""
     iv = initialization_vector(gst_sf, random_offset)
     return Cipher(AES(wrapping_key(key_data)), CBC(iv) if mode is CipherMode.CBC else CTR(iv))
 
