@@ -29,7 +29,7 @@ from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import CorrelatorBank, Handover, SampleBatch, SampleSource
-from vestige.sample_processor.correlator_kernel import REACH_CHIPS, correlate_block, middle_chips
+from vestige.sample_processor.correlator_kernel import REACH_CHIPS, bank_span, correlate_block
 from vestige.sample_processor.search.sample_source import BatchSource
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
@@ -77,8 +77,7 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     chips = handover.chips
     carrier_hz = CARRIER_HZ[batch.band]
     offsets_chips = offsets_m / SPEED_OF_LIGHT_MPS * chips.chip_rate_hz
-    earliest, latest = (offsets_chips.min(), offsets_chips.max()) if offsets_chips.size else (0.0, 0.0)
-    middle = middle_chips(offsets_chips)
+    earliest, middle, latest = bank_span(offsets_chips)
     if max(middle - earliest, latest - middle) > REACH_CHIPS:
         raise ValueError(f"correlators reach farther than {REACH_CHIPS} chips from the middle of the bank")
 

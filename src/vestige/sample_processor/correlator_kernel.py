@@ -117,6 +117,14 @@ def middle_chips(offsets):
 
 
 @njit(cache=True, nogil=True)
+def bank_span(offsets):
+    """Return the earliest tap, the middle of the bank and the latest tap in chips; 0 for a bank without taps."""
+    if offsets.size == 0:
+        return 0.0, 0.0, 0.0
+    return offsets.min(), middle_chips(offsets), offsets.max()
+
+
+@njit(cache=True, nogil=True)
 def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
     """Return (taps complex128[n_taps], Σ_j |y_j|²), both not normalised.
 
