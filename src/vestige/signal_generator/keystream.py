@@ -13,6 +13,7 @@ The chips replace primary and secondary code together, because a random code tim
 from __future__ import annotations
 
 import hashlib
+from functools import lru_cache
 
 import numpy as np
 from cryptography.hazmat.primitives.ciphers import Cipher
@@ -32,9 +33,16 @@ _BLOCK_CHIPS = 128  # one AES block
 _GRID_CHIPS = 1e-3  # in a float64, the chips after a whole second are exact to 1e-9 chip
 
 
+@lru_cache(maxsize=16)
 def encryption_key(seed: int) -> bytes:
     """Return the secret of the simulated service, from which the key of every satellite follows."""
     return stream_key(seed, "E6-C encryption")
+
+
+@lru_cache(maxsize=16)
+def forged_key(seed: int) -> bytes:
+    """Return the secret of the chips that an attacker makes up, because the attacker does not know the true chips."""
+    return stream_key(seed, "chips that an attacker makes up")
 
 
 def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: int) -> ChipSequence:
@@ -80,7 +88,11 @@ def encrypted_component(key: bytes, svid: int, reference: GalileoTime) -> Compon
 
 def _keystream(key: bytes, svid: int, first: int, n: int) -> UInt32[np.ndarray, " n_words"]:
     """Return chips number `first` to `first + n − 1` since the start of Galileo time as packed chips."""
-    satellite_key = hashlib.sha256(b"vestige E6-C" + bytes([svid]) + key).digest()
     block, skip = divmod(first, _BLOCK_CHIPS)
-    encryptor = Cipher(AES(satellite_key), CTR(block.to_bytes(16, "big"))).encryptor()
+    encryptor = Cipher(_satellite_cipher(key, svid), CTR(block.to_bytes(16, "big"))).encryptor()
     return packed_bits(encryptor.update(bytes((skip + n + 7) // 8)), n, skip)
+
+
+@lru_cache(maxsize=64)
+def _satellite_cipher(key: bytes, svid: int) -> AES:
+    return AES(hashlib.sha256(b"vestige E6-C" + bytes([svid]) + key).digest())
