@@ -21,6 +21,7 @@ import numpy as np
 from vestige.kernel_cache import njit
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
+    WINDOW_REACH_CHIPS,
     bits_of,
     chip_at,
     fill_windows,
@@ -95,26 +96,8 @@ def _add_edge_ray(packed, n_chips, u0, step, delay, cos, sin, a, s_re, s_im):
 
 
 @njit(cache=True, nogil=True)
-def add_rays(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
-    """Add a group of paths of one signal to samples.
-
-    Parameters
-    ----------
-    x
-        float32[2 · n_samples], real and imaginary parts in turn.
-    packed, n_chips
-        Packed chips and their number; there is no signal before and after the chips.
-    delays
-        float64[n_rays] in chips, positive is later; they differ by 2 · WINDOW_REACH_CHIPS at most.
-    amplitudes, ray_hz
-        complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each path relative to the group.
-    t0, dt
-        Time of the first sample after the start of the code, and the sampling interval, in s.
-    code_rate, code_rate_rate
-        Received chips/s at the start of the code, and its rate of change in chips/s².
-    if_hz, doppler_rate
-        Carrier frequency in the samples at the start of the code in Hz, and its rate of change in Hz/s.
-    """
+def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
+    """Add paths of one signal to samples; parameters as in `add_paths`, delays within 2 · WINDOW_REACH_CHIPS."""
     n_samples, n_rays = x.size // 2, delays.size
     middle, reach = (delays.max() + delays.min()) / 2, (delays.max() - delays.min()) / 2
     last = (n_rays - 1) // 2 * 2  # first path of the last pair
@@ -153,3 +136,48 @@ def add_rays(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate, 
         slope, curve = np.float32(2 * np.pi * doppler_rate * tm * dt), np.float32(np.pi * doppler_rate * dt * dt)
         part = x[2 * b0 : 2 * (b0 + n)]
         _add_turned(window, fraction, shift, cos, sin, a, last, s_re, s_im, slope, curve, part)
+
+
+@njit(cache=True, nogil=True)
+def add_paths(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
+    """Add all paths of one signal to samples, group by group of paths that lie within one chip window.
+
+    Parameters
+    ----------
+    x
+        float32[2 · n_samples], real and imaginary parts in turn.
+    packed, n_chips
+        Packed chips and their number; there is no signal before and after the chips.
+    delays
+        float64[n_rays] in chips, positive is later.
+    amplitudes, ray_hz
+        complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each path relative to the signal.
+    t0, dt
+        Time of the first sample after the start of the code, and the sampling interval, in s.
+    code_rate, code_rate_rate
+        Received chips/s at the start of the code, and its rate of change in chips/s².
+    if_hz, doppler_rate
+        Carrier frequency in the samples at the start of the code in Hz, and its rate of change in Hz/s.
+    """
+    order = np.argsort(delays, kind="mergesort")  # stable
+    first = 0
+    while first < order.size:
+        last = first + 1
+        while last < order.size and delays[order[last]] - delays[order[first]] <= 2 * WINDOW_REACH_CHIPS:
+            last += 1
+        group = order[first:last]
+        _add_group(
+            x,
+            packed,
+            n_chips,
+            delays[group],
+            amplitudes[group],
+            ray_hz[group],
+            t0,
+            dt,
+            code_rate,
+            code_rate_rate,
+            if_hz,
+            doppler_rate,
+        )
+        first = last
