@@ -32,6 +32,7 @@ import numpy as np
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.records import Band, ChipSequence, CorrelatorBank, Handover, SampleBatch
+from vestige.records.packed_chips import bits_of_packed, packed_bits
 from vestige.sample_processor.correlator import correlate
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
 from vestige.signal_generator.noise_kernel import fill_normals, noise_key
@@ -102,7 +103,8 @@ def vestige_bank(batch: SampleBatch, chips: ChipSequence) -> CorrelatorBank:
         svid=chips.svid,
         transmit_time=chips.transmit_time + 2 * PAD / CHIP_RATE,
         chip_rate_hz=CHIP_RATE,
-        chips=chips.chips[2 * PAD : -2 * PAD],
+        n_chips=N_CHIPS,
+        packed=packed_bits(bits_of_packed(chips.packed, (N_CHIPS + 4 * PAD) // 8), N_CHIPS, skip=2 * PAD),
     )
     handover = Handover(
         svid=11,

@@ -51,7 +51,7 @@ def validated_key(time: GalileoTime, data: bytes = bytes(range(16)), chain_id: i
 
 def random_chips(rng: np.random.Generator, n: int, svid: int = 11) -> ChipSequence:
     chips = (1 - 2 * rng.integers(0, 2, n)).astype(np.int8)
-    return ChipSequence(svid=svid, transmit_time=START, chip_rate_hz=E6C.chip_rate_hz, chips=chips)
+    return ChipSequence.of(svid=svid, transmit_time=START, chip_rate_hz=E6C.chip_rate_hz, chips=chips)
 
 
 def handover_at(chips: ChipSequence, start_s: float, doppler_hz: float = 0.0, rate: float = 0.0) -> Handover:

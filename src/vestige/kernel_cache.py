@@ -17,8 +17,8 @@ import numba
 
 from vestige.source_version import PACKAGE
 
-# Modules whose functions other modules inline; kernels elsewhere are used only in their own module.
-KERNELS = ("*_kernel.py", "*_vectors.py", "vector_ir.py", "vector_code.py")
+# Modules whose functions or layout other modules inline; kernels elsewhere are used only in their own module.
+KERNELS = ("packed_chips.py", "*_kernel.py", "*_vectors.py", "vector_ir.py", "vector_code.py")
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:

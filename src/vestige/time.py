@@ -105,9 +105,9 @@ class GalileoTime:
         return self.week * SECONDS_PER_WEEK + self.second
 
     @classmethod
-    def from_gst_seconds(cls, seconds: int) -> GalileoTime:
-        """Return the time of `seconds` whole seconds since the GST epoch."""
-        return cls(*divmod(seconds, SECONDS_PER_WEEK))
+    def from_gst_seconds(cls, seconds: int, fraction: float = 0.0) -> GalileoTime:
+        """Return the time of `seconds` whole seconds since the GST epoch, and a fraction of a second."""
+        return cls(*divmod(seconds, SECONDS_PER_WEEK), fraction)
 
     @classmethod
     def from_calendar(cls, moment: datetime) -> GalileoTime:

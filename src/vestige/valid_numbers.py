@@ -17,12 +17,18 @@ def require_finite(owner: str, **values: float) -> None:
     """
     for name, value in values.items():
         if not math.isfinite(value):
-            raise VestigeError(f"{owner}: {name}: found {value}, expected a finite number")
+            raise _not_finite(owner, name, value)
 
 
 def require_finite_if_known(owner: str, **values: float) -> None:
     """Check that no value is infinite; NaN means "not measured". The errors are those of `require_finite`."""
-    require_finite(owner, **{name: value for name, value in values.items() if not math.isnan(value)})
+    for name, value in values.items():
+        if math.isinf(value):
+            raise _not_finite(owner, name, value)
+
+
+def _not_finite(owner: str, name: str, value: float) -> VestigeError:
+    return VestigeError(f"{owner}: {name}: found {value}, expected a finite number")
 
 
 def require_time_uncertainty(seconds: float) -> None:

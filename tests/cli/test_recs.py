@@ -38,7 +38,7 @@ def write_recs(folder: Path, mode: CipherMode = CipherMode.CBC) -> Path:
     chain = make_chain(b"test of vestige recs", START, 3)
     segments = [
         recs.encrypt(
-            ChipSequence(svid=11, transmit_time=START + 30 * i, chip_rate_hz=5.115e6, chips=CHIPS[i]),
+            ChipSequence.of(svid=11, transmit_time=START + 30 * i, chip_rate_hz=5.115e6, chips=CHIPS[i]),
             chain.keys[i].data,
             mode=mode,
         )

@@ -52,7 +52,7 @@ def segment(svid: int, time: GalileoTime, key_delay: int = 0, n_chips: int = 511
     """Return a genuine RECS."""
     keys = {key.time: key.data for key in CHAIN.keys}
     chips = np.random.default_rng(svid).choice(np.array([-1, 1], np.int8), n_chips)
-    sequence = ChipSequence(svid=svid, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
+    sequence = ChipSequence.of(svid=svid, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
     return recs.encrypt(sequence, keys[recs.key_time(time, key_delay)], key_delay=key_delay)
 
 

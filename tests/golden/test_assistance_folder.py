@@ -33,7 +33,7 @@ def folder(osnma_data: Path, tmp_path: Path) -> Path:
     cut = [header, *(f"{svid},{240 * PAGES},{digits[: 60 * PAGES]}" for svid, _, digits in rows)]
     (tmp_path / name).write_text("\n".join(cut))
     shutil.copy(osnma_data / f"{NAME}_merkle_tree.xml", tmp_path)
-    chips = ChipSequence(svid=11, transmit_time=EPOCH, chip_rate_hz=5.115e6, chips=np.ones(81_840, np.int8))
+    chips = ChipSequence.of(svid=11, transmit_time=EPOCH, chip_rate_hz=5.115e6, chips=np.ones(81_840, np.int8))
     path = recs_file.write_recs_file(recs_file.from_segments([recs.encrypt(chips, KEY)]), tmp_path)
     assert path.read_bytes()[16:32].hex() == "17626b2fc56947d056cd143137d1258a"
     return tmp_path

@@ -202,7 +202,7 @@ def _doppler_error(samples: SampleBatch, handover: Handover) -> float:
     code = tiered_code(E6C, handover.svid)
     prompts = []
     for period in range(-45, 15):
-        chips = ChipSequence(
+        chips = ChipSequence.of(
             svid=handover.svid,
             transmit_time=handover.chips.transmit_time,
             chip_rate_hz=E6C.chip_rate_hz,
@@ -227,7 +227,7 @@ def test_any_other_key_gives_no_detection(snapshot: tuple[Snapshot, Assistance])
     for key in others:
         segments = []
         for segment in assistance.segments:
-            chips = ChipSequence(
+            chips = ChipSequence.of(
                 svid=segment.svid,
                 transmit_time=segment.transmit_time,
                 chip_rate_hz=E6C.chip_rate_hz,

@@ -77,7 +77,7 @@ def sixteen_milliseconds(batch: SampleBatch, signal: Acquisition) -> ChipSequenc
     phase_ms = round((snapshot.transmit_phase_s - (snapshot.time - batch.start) + 0.025) * 1e3) % 100
     code = np.roll(tiered_code(E6C, signal.svid), -phase_ms * 5115)[:81_840]
     at = START + phase_ms * 1e-3
-    return ChipSequence(svid=signal.svid, transmit_time=at, chip_rate_hz=E6C.chip_rate_hz, chips=code)
+    return ChipSequence.of(svid=signal.svid, transmit_time=at, chip_rate_hz=E6C.chip_rate_hz, chips=code)
 
 
 def decide(e1: SampleBatch, e6: SampleBatch, signals: list[Acquisition], chips: ChipSequence) -> VestigialDecision:

@@ -14,6 +14,7 @@ from vestige.crypto.recs import recs_segment as recs
 from vestige.crypto.recs.recs_file import RecsFile, RecsFileKind
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.records import ChipSequence, EncryptedSegment
+from vestige.records.packed_chips import bits_of_packed
 from vestige.time import GalileoTime
 
 KEY = bytes.fromhex("be7801d2d4eb75a7e686054a18c58141")
@@ -42,7 +43,7 @@ def chips(code_tables: Path) -> ChipSequence:
     table = {tuple(line.split()[:2]): line for line in lines if not line.startswith("#")}
     primary, secondary = bits(table["E6C", str(SVID)]), bits(table["CS100", str(SVID)])
     code = np.concatenate([primary ^ secondary[period] for period in range(16)])
-    return ChipSequence(
+    return ChipSequence.of(
         svid=SVID, transmit_time=EPOCH, chip_rate_hz=5.115e6, chips=np.where(code == 0, 1, -1).astype(np.int8)
     )
 
@@ -66,7 +67,7 @@ def test_zero_bytes_independent_of_the_code_tables() -> None:
 
 
 def test_code_sequence(chips: ChipSequence) -> None:
-    ecs = recs.pack_chips(chips.chips) + bytes(10)
+    ecs = bits_of_packed(chips.packed, 10_240)
     assert len(ecs) == 10_240
     assert ecs[:32].hex() == "f4c4b94772ce84695325cb3aeef60bd564147adee80541c6fe5f5653dff51aa0"
     assert sha(ecs) == "a2793859607cddf29b458823efd79a1e712154271ea4933db6411791ab925489"

@@ -26,7 +26,7 @@ sent = vs.GalileoTime.parse("2026-11-21T12:00:16 GST")
 chips = primary_code(E6C, 11)  # 5115 chips, in place of encrypted chips
 secret = bytes(range(16))
 segment = encrypt(
-    ChipSequence(svid=11, transmit_time=sent, chip_rate_hz=E6C.chip_rate_hz, chips=chips), secret, key_delay=1
+    ChipSequence.of(svid=11, transmit_time=sent, chip_rate_hz=E6C.chip_rate_hz, chips=chips), secret, key_delay=1
 )
 print(f"{len(segment.cipher)} bytes, key of {segment.key_time}")
 

@@ -190,7 +190,7 @@ class _DecryptedHandovers:
         handover = hand_over(observation, time, chips, delay_m=delay_m)
         self.expected_s[epoch, satellite] = handover.start_time - time
         self.doppler_e6_hz[epoch, satellite] = handover.doppler_hz
-        duration_s = chips.chips.size / chips.chip_rate_hz
+        duration_s = chips.duration_s
         end = handover.start_time + (duration_s + processor.late_reach_m / SPEED_OF_LIGHT_MPS)
         uncertainty_s = float(self.snapshots.time_uncertainty_s[epoch])
         if not provably_before_disclosure(key.disclosed_at - end, uncertainty_s):

@@ -19,7 +19,7 @@ loop followed. Spoofing signals, noise and jamming are then in E6 (`sampled_atta
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -36,36 +36,23 @@ from vestige.receiver.correlators.e1_loop import REACQUISITION_S
 from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
 from vestige.receiver.draws import DRAW_BLOCK, rows_of
 from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.sampled_attack import add_jammers, spoofing_signals, true_signal
-from vestige.receiver.samples.sampled_epoch import (
-    Arrival,
-    arrival,
-    e6_samples,
-    osnma_keys,
-    osnma_operator,
-    received_signal,
-    recorded_until_s,
-    window,
-)
+from vestige.receiver.samples.sampled_epoch import Arrival, arrival, osnma_keys, osnma_operator, recorded_until_s
 from vestige.receiver.sky.elevation import ElevationEffects
 from vestige.receiver.sky.replayed_past import SpooferUnderSky, replay_delay_m
 from vestige.receiver.truth import TruthBlock, TruthProcess
 from vestige.receiver.undisturbed_truth import ErrorModels
-from vestige.records import ChipSequence, EncryptedSegment, FrontEndStatus, SampleBatch
+from vestige.records import ChipSequence, EncryptedSegment
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
-from vestige.signal_generator.noise_kernel import noise_key
 from vestige.signal_generator.range_model import RangeHistory
-from vestige.signal_generator.synthesis import amplitude
 from vestige.signals.definitions import E6C
 from vestige.spoofer.spoofer import NO_SPOOFER, Spoofer
-from vestige.streams import stream, stream_key
+from vestige.streams import stream
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
 Fidelity = Literal["samples", "correlators"]
 
 SVID = 11  # the paper's single line of sight needs a name
-_E6_NOISE = 6  # stream number of the E6 noise
 KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # alpha does not change the time at which a key is sent
 CLOCK_FOLLOWS_S = 0.1  # a travel time grows by less, so a larger delay is an error of the clock
 _STREAMS_A_SATELLITE = 1 << 16
@@ -124,7 +111,7 @@ class Simulation:
         return () if self.elevation is None else (self.svid,)
 
     @property
-    def _first_stream(self) -> int:
+    def first_stream(self) -> int:
         """First stream number of the noise in samples."""
         return 0 if self.elevation is None else _STREAMS_A_SATELLITE * self.svid
 
@@ -237,46 +224,14 @@ class Simulation:
             )
         return taps, noise_power
 
-    def samples(self, number: int, row: int, truth: TruthBlock, arrived: Arrival) -> tuple[SampleBatch, FrontEndStatus]:
-        """Return the E6 samples around a RECS, on a clock that no attacker moves, and the status of the front end.
-
-        `row` is the row of the RECS in `truth` and in `arrived`, the `arrival` of these RECS.
-        """
-        sent, secret = self.transmit_time(number), encryption_key(self.seed)
-        strength = amplitude(self.cn0_dbhz, self.front_end.input_rate_hz) * float(truth.geometry.amplitude[row])
-        direct = rows_of(arrived, slice(row, row + 1))
-        signal = received_signal(self._chips(sent), direct, truth, row, amplitude=strength)
-        taken = window(signal.start_s + float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS, self.n_chips, self.front_end)
-        where = (self.svid, sent, self.line_of_sight, truth, row, taken)
-        forged = stream_key(self.seed, "chips that an attacker makes up")
-        return e6_samples(
-            (
-                true_signal(secret, *where, amplitude=strength) or signal,
-                *spoofing_signals((secret, forged), *where, amplitude=strength),
-            ),
-            sent,
-            taken,
-            front_end=self.front_end,
-            noise_key=noise_key(self.seed, number, self._first_stream + _E6_NOISE),
-            noise_power=1.0 + float(truth.e6.white[row]),
-            jam=partial(
-                add_jammers,
-                jammers=truth.e6.jammers,
-                row=row,
-                rate_hz=self.front_end.input_rate_hz,
-                seed=self.seed,
-                epoch=number,
-                first_stream=self._first_stream,
-            ),
-        )
-
     def segment(self, number: int, mode: CipherMode | None = None) -> tuple[EncryptedSegment, ValidatedKey]:
         """Return a RECS by its number, and its key; `mode` replaces the service's own mode."""
-        chips = self._chips(self.transmit_time(number))
+        chips = self.chips(self.transmit_time(number))
         key = self.key(chips.transmit_time)
         return encrypt(chips, key.data, key_delay=self.key_delay, mode=mode or self.cipher_mode), key
 
-    def _chips(self, sent: GalileoTime) -> ChipSequence:
+    def chips(self, sent: GalileoTime) -> ChipSequence:
+        """Return the chips of the RECS that is sent at a time."""
         return _chips_sent(self.seed, self.svid, sent, self.n_chips)
 
     def withheld(self, subframe_s: float) -> bool:

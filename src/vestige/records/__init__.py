@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Complex64, Complex128, Float, Int8
+from jaxtyping import Complex64, Complex128, Float, Int8, UInt32
 
 from vestige.errors import VestigeError
+from vestige.records.packed_chips import packed_chips, unpacked_chips
 from vestige.records.verdict import CheckResult as CheckResult
 from vestige.records.verdict import Outcome as Outcome
 from vestige.records.verdict import Status as Status
@@ -108,22 +110,53 @@ class FrontEndStatus:
     saturated: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ChipSequence:
-    """The E6-C chips of one decrypted RECS.
+    """The E6-C chips of one decrypted RECS, or other chips of ±1; `of` makes a sequence from such chips.
 
     Attributes
     ----------
     transmit_time
         Satellite time at which the first chip leaves the satellite.
-    chips
-        int8[n_chips] of ±1: logic 0 is +1, logic 1 is −1.
+    n_chips
+        Number of chips.
+    packed
+        The chips as bits (`vestige.records.packed_chips`): logic 0 is +1, logic 1 is −1.
     """
 
     svid: int
     transmit_time: GalileoTime
     chip_rate_hz: float
-    chips: Int8[np.ndarray, " n_chips"]
+    n_chips: int
+    packed: UInt32[np.ndarray, " n_words"]
+
+    @classmethod
+    def of(
+        cls, *, svid: int, transmit_time: GalileoTime, chip_rate_hz: float, chips: Int8[np.ndarray, " n_chips"]
+    ) -> ChipSequence:
+        """Return a sequence of chips of ±1.
+
+        Raises `ValueError` if a chip is neither +1 nor −1.
+        """
+        if not np.all(np.abs(chips) == 1):
+            raise ValueError("chips must be +1 or -1")
+        return cls(
+            svid=svid,
+            transmit_time=transmit_time,
+            chip_rate_hz=chip_rate_hz,
+            n_chips=chips.size,
+            packed=packed_chips(chips),
+        )
+
+    @cached_property
+    def chips(self) -> Int8[np.ndarray, " n_chips"]:
+        """The chips as int8 of ±1."""
+        return unpacked_chips(self.packed, self.n_chips)
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of the chips at the chip rate, in s."""
+        return self.n_chips / self.chip_rate_hz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

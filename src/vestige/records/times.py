@@ -50,8 +50,7 @@ class GalileoTimes:
 
     def at(self, *place: int) -> GalileoTime:
         """Return the time at an index."""
-        whole = GalileoTime.from_gst_seconds(int(self.second[place]))
-        return GalileoTime(whole.week, whole.second, float(self.fraction[place]))
+        return GalileoTime.from_gst_seconds(int(self.second[place]), float(self.fraction[place]))
 
     def __getitem__(self, part: slice | np.ndarray) -> GalileoTimes:
         """Return a part of the array, cut along the first axis."""

@@ -29,9 +29,8 @@ from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import CorrelatorBank, Handover, SampleBatch, SampleSource
-from vestige.sample_processor.correlator_kernel import REACH_CHIPS, correlate_block, middle_chips
+from vestige.sample_processor.correlator_kernel import REACH_CHIPS, bank_span, correlate_block
 from vestige.sample_processor.search.sample_source import BatchSource
-from vestige.signals.chip_window_kernel import packed_chips
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
@@ -78,13 +77,12 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     chips = handover.chips
     carrier_hz = CARRIER_HZ[batch.band]
     offsets_chips = offsets_m / SPEED_OF_LIGHT_MPS * chips.chip_rate_hz
-    earliest, latest = (offsets_chips.min(), offsets_chips.max()) if offsets_chips.size else (0.0, 0.0)
-    middle = middle_chips(offsets_chips)
+    earliest, middle, latest = bank_span(offsets_chips)
     if max(middle - earliest, latest - middle) > REACH_CHIPS:
         raise ValueError(f"correlators reach farther than {REACH_CHIPS} chips from the middle of the bank")
 
     code_rate = chips.chip_rate_hz * (1.0 + handover.doppler_hz / carrier_hz)
-    integration_s = chips.chips.size / code_rate
+    integration_s = chips.n_chips / code_rate
     start = (handover.start_time - batch.start) * batch.sample_rate_hz
     length = integration_s * batch.sample_rate_hz
     first = start + min(earliest / code_rate * batch.sample_rate_hz, 0.0)
@@ -97,8 +95,8 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     if_hz = carrier_hz - batch.center_frequency_hz + handover.doppler_hz
     taps, chip_power = correlate_block(
         np.ascontiguousarray(batch.samples[low:high]).view(np.float32),
-        chips.chips,
-        packed_chips(chips.chips),
+        chips.packed,
+        chips.n_chips,
         offsets_chips,
         t0,
         1.0 / batch.sample_rate_hz,

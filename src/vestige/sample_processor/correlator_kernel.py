@@ -26,6 +26,7 @@ from vestige.kernel_cache import njit
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
     WINDOW_REACH_CHIPS,
+    chip_at,
     fill_chip_numbers,
     fill_windows,
     float_of,
@@ -84,7 +85,7 @@ def _products(chip, y_re, y_im, earlier_chip, earlier_re, earlier_im):
 
 
 @njit(cache=True, nogil=True)
-def _edge_sums(chips, u0, step, offsets, y_re, y_im, chip, turn, out):
+def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, chip, turn, out):
     """Add samples at an end of the segment, where each tap has its own first or last sample; the taps' middle is u0.
 
     Samples whose own chip is not in the segment count as 0 for the noise floor.
@@ -93,13 +94,13 @@ def _edge_sums(chips, u0, step, offsets, y_re, y_im, chip, turn, out):
         total = 0.0 + 0.0j
         for i in range(y_re.size):
             j = np.int64(np.floor(u0 + i * step - offsets[k]))
-            if 0 <= j < chips.size:
-                total += chips[j] * (y_re[i] + 1j * y_im[i])
+            if 0 <= j < n_chips:
+                total += chip_at(packed, j) * (y_re[i] + 1j * y_im[i])
         out[k] += total * turn
     for i in range(y_re.size):
         j = np.int64(np.floor(u0 + i * step))
         chip[i] = j & 31
-        if not 0 <= j < chips.size:
+        if not 0 <= j < n_chips:
             y_re[i], y_im[i] = 0.0, 0.0
 
 
@@ -116,15 +117,23 @@ def middle_chips(offsets):
 
 
 @njit(cache=True, nogil=True)
-def correlate_block(x, chips, packed, offsets, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
+def bank_span(offsets):
+    """Return the earliest tap, the middle of the bank and the latest tap in chips; 0 for a bank without taps."""
+    if offsets.size == 0:
+        return 0.0, 0.0, 0.0
+    return offsets.min(), middle_chips(offsets), offsets.max()
+
+
+@njit(cache=True, nogil=True)
+def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
     """Return (taps complex128[n_taps], Σ_j |y_j|²), both not normalised.
 
     Parameters
     ----------
     x
         float32[2 · n_samples], real and imaginary parts in turn.
-    chips, packed
-        int8[n_chips] of ±1 and their `packed_chips`.
+    packed, n_chips
+        Packed chips and their number.
     offsets
         float64[n_taps] in chips, positive is later, within REACH_CHIPS of `middle_chips`.
     t0, dt
@@ -163,7 +172,7 @@ def correlate_block(x, chips, packed, offsets, t0, dt, code_rate, code_rate_rate
         slope, curve = 2 * np.pi * doppler_rate * tm * dt, np.pi * doppler_rate * dt * dt
         yr, yi, c = y_re[lags : lags + n], y_im[lags : lags + n], chip[lags : lags + n]
         _wipe(x[2 * b0 : 2 * (b0 + n)], cos, sin, np.float32(slope), np.float32(curve), yr, yi)
-        i0, i1 = interior(u0, step, reach, chips.size, n)
+        i0, i1 = interior(u0, step, reach, n_chips, n)
         if i1 > i0:
             w, f = window[: i1 - i0], fraction[: i1 - i0]
             fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
@@ -175,8 +184,8 @@ def correlate_block(x, chips, packed, offsets, t0, dt, code_rate, code_rate_rate
                 out[k] += (re_1 + 1j * im_1) * turn
                 if other > k:
                     out[other] += (re_2 + 1j * im_2) * turn
-        _edge_sums(chips, u0, step, around, yr[:i0], yi[:i0], c[:i0], turn, out)
-        _edge_sums(chips, u0 + i1 * step, step, around, yr[i1:], yi[i1:], c[i1:], turn, out)
+        _edge_sums(packed, n_chips, u0, step, around, yr[:i0], yi[:i0], c[:i0], turn, out)
+        _edge_sums(packed, n_chips, u0 + i1 * step, step, around, yr[i1:], yi[i1:], c[i1:], turn, out)
 
         chip_power += _products(c, yr, yi, c, yr, yi)
         for lag in range(1, lags + 1):

@@ -63,7 +63,7 @@ def period_taps(
     per_chip = 1
     if signal.pulse != BPSK:  # BOC(1,1) as a code of twice the rate: every chip is followed by its opposite
         chips, per_chip = np.kron(chips, np.array([1, -1], np.int8)).astype(np.int8), 2
-    sequence = ChipSequence(
+    sequence = ChipSequence.of(
         svid=svid, transmit_time=batch.start, chip_rate_hz=per_chip * signal.chip_rate_hz, chips=chips
     )
     offsets_m = taps_chips / signal.chip_rate_hz * SPEED_OF_LIGHT_MPS

@@ -13,14 +13,16 @@ The chips replace primary and secondary code together, because a random code tim
 from __future__ import annotations
 
 import hashlib
+from functools import lru_cache
 
 import numpy as np
 from cryptography.hazmat.primitives.ciphers import Cipher
 from cryptography.hazmat.primitives.ciphers.algorithms import AES
 from cryptography.hazmat.primitives.ciphers.modes import CTR
-from jaxtyping import Int8, Int64
+from jaxtyping import Int8, Int64, UInt32
 
 from vestige.records import ChipSequence
+from vestige.records.packed_chips import packed_bits, unpacked_chips
 from vestige.signal_generator.waveform import Component
 from vestige.signals.definitions import E6C
 from vestige.streams import stream_key
@@ -31,9 +33,16 @@ _BLOCK_CHIPS = 128  # one AES block
 _GRID_CHIPS = 1e-3  # in a float64, the chips after a whole second are exact to 1e-9 chip
 
 
+@lru_cache(maxsize=16)
 def encryption_key(seed: int) -> bytes:
     """Return the secret of the simulated service, from which the key of every satellite follows."""
     return stream_key(seed, "E6-C encryption")
+
+
+@lru_cache(maxsize=16)
+def forged_key(seed: int) -> bytes:
+    """Return the secret of the chips that an attacker makes up, because the attacker does not know the true chips."""
+    return stream_key(seed, "chips that an attacker makes up")
 
 
 def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: int) -> ChipSequence:
@@ -51,7 +60,8 @@ def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: 
         svid=svid,
         transmit_time=transmit_time,
         chip_rate_hz=E6C.chip_rate_hz,
-        chips=_keystream(key, svid, first, n_chips),
+        n_chips=n_chips,
+        packed=_keystream(key, svid, first, n_chips),
     )
 
 
@@ -65,7 +75,7 @@ def encrypted_component(key: bytes, svid: int, reference: GalileoTime) -> Compon
     origin = reference.gst_seconds * _CHIPS_PER_SECOND
 
     def stretch(first: int, n: int) -> Int8[np.ndarray, " n"]:
-        return _keystream(key, svid, origin + first, n)
+        return unpacked_chips(_keystream(key, svid, origin + first, n), n)
 
     def chip(index: Int64[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
         if not index.size:
@@ -76,11 +86,13 @@ def encrypted_component(key: bytes, svid: int, reference: GalileoTime) -> Compon
     return Component(signal=E6C, chip=chip, stretch=stretch)
 
 
-def _keystream(key: bytes, svid: int, first: int, n: int) -> Int8[np.ndarray, " n"]:
-    """Return chips number `first` to `first + n − 1` since the start of Galileo time."""
-    satellite_key = hashlib.sha256(b"vestige E6-C" + bytes([svid]) + key).digest()
+def _keystream(key: bytes, svid: int, first: int, n: int) -> UInt32[np.ndarray, " n_words"]:
+    """Return chips number `first` to `first + n − 1` since the start of Galileo time as packed chips."""
     block, skip = divmod(first, _BLOCK_CHIPS)
-    encryptor = Cipher(AES(satellite_key), CTR(block.to_bytes(16, "big"))).encryptor()
-    stream = encryptor.update(bytes((skip + n + 7) // 8))
-    bits = np.unpackbits(np.frombuffer(stream, np.uint8), count=skip + n)[skip:].view(np.int8)
-    return np.int8(1) - bits - bits  # numpy subtracts int8 ten times as fast as it shifts them
+    encryptor = Cipher(_satellite_cipher(key, svid), CTR(block.to_bytes(16, "big"))).encryptor()
+    return packed_bits(encryptor.update(bytes((skip + n + 7) // 8)), n, skip)
+
+
+@lru_cache(maxsize=64)
+def _satellite_cipher(key: bytes, svid: int) -> AES:
+    return AES(hashlib.sha256(b"vestige E6-C" + bytes([svid]) + key).digest())

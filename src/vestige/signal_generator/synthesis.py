@@ -30,8 +30,7 @@ from jaxtyping import Complex64, Complex128, Float
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records import ChipSequence
 from vestige.signal_generator.noise_kernel import fill_normals
-from vestige.signal_generator.synthesis_kernel import add_rays
-from vestige.signals.chip_window_kernel import WINDOW_REACH_CHIPS, packed_chips
+from vestige.signal_generator.synthesis_kernel import add_paths
 from vestige.signals.definitions import E6C
 from vestige.signals.rotator_kernel import BLOCK
 
@@ -43,8 +42,8 @@ class ReceivedSignal:
     """One received signal: its chips, their start, and the paths by which they arrive."""
 
     chips: ChipSequence  # rectangular (BPSK) chips; there is no signal before the first and after the last chip
-    # time from sample 0, or the `origin_sample` of `synthesize`, to chip number `lead_chips` by a path without
-    # delay, in s; may be negative
+    # time at which chip number `lead_chips` arrives by a path without delay, in s; it counts from sample 0 unless
+    # `synthesize` says otherwise, and may be negative
     start_s: float
     doppler_hz: float  # on the carrier, at `start_s`
     doppler_rate_hz_per_s: float  # rate of change of the Doppler
@@ -68,6 +67,7 @@ def synthesize(
     noise_power: float = 1.0,
     first_sample: int = 0,
     origin_sample: int = 0,
+    origin_s: float = 0.0,
     carrier_hz: float = E6C.carrier_hz,
     center_frequency_hz: float = E6C.carrier_hz,
 ) -> Complex64[np.ndarray, " n_samples"]:
@@ -82,8 +82,9 @@ def synthesize(
     noise_key
         Key of the noise (`noise_kernel.noise_key`); None for no noise.
     origin_sample
-        Sample from which `start_s` of the signals counts. The sample lies near the signals, because float64 rounds in a
-        long recording.
+        Sample at `origin_s`. The sample lies near the signals, because float64 rounds in a long recording.
+    origin_s
+        Time of `origin_sample` on the axis of the signals' `start_s`.
     noise_power
         Variance of the noise. Amplitudes refer to variance 1, so a larger variance means additional white interference.
     carrier_hz
@@ -103,7 +104,7 @@ def synthesize(
         _add(
             x,
             signal,
-            (first - origin_sample) / sample_rate_hz,
+            (first - origin_sample) / sample_rate_hz - (signal.start_s - origin_s),
             sample_rate_hz,
             carrier_hz,
             carrier_hz - center_frequency_hz,
@@ -114,32 +115,24 @@ def synthesize(
 def _add(
     x: Float[np.ndarray, " n"],
     signal: ReceivedSignal,
-    first_s: float,
+    t0: float,
     sample_rate_hz: float,
     carrier_hz: float,
     if_hz: float,
 ) -> None:
-    """Add a signal to samples, group by group of paths that lie within one chip window."""
+    """Add a signal to samples, the first of which is taken at `t0` after the signal's `start_s`."""
     rate = signal.chips.chip_rate_hz
-    code_rate = rate * (1.0 + signal.doppler_hz / carrier_hz)
-    code_rate_rate = rate * signal.doppler_rate_hz_per_s / carrier_hz
-    delay_chips = signal.delay_m / SPEED_OF_LIGHT_MPS * rate - signal.lead_chips
-    order = np.argsort(delay_chips, kind="stable")
-    packed = packed_chips(signal.chips.chips)
-    while order.size:
-        near = delay_chips[order] - delay_chips[order[0]] <= 2 * WINDOW_REACH_CHIPS
-        group, order = order[near], order[~near]
-        add_rays(
-            x,
-            signal.chips.chips,
-            packed,
-            delay_chips[group],
-            signal.amplitude[group],
-            signal.ray_doppler_hz[group],
-            first_s - signal.start_s,
-            1.0 / sample_rate_hz,
-            code_rate,
-            code_rate_rate,
-            if_hz + signal.doppler_hz,
-            float(signal.doppler_rate_hz_per_s),
-        )
+    add_paths(
+        x,
+        signal.chips.packed,
+        signal.chips.n_chips,
+        signal.delay_m / SPEED_OF_LIGHT_MPS * rate - signal.lead_chips,
+        signal.amplitude,
+        signal.ray_doppler_hz,
+        t0,
+        1.0 / sample_rate_hz,
+        rate * (1.0 + signal.doppler_hz / carrier_hz),
+        rate * signal.doppler_rate_hz_per_s / carrier_hz,
+        if_hz + signal.doppler_hz,
+        float(signal.doppler_rate_hz_per_s),
+    )

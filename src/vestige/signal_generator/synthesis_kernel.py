@@ -21,7 +21,9 @@ import numpy as np
 from vestige.kernel_cache import njit
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
+    WINDOW_REACH_CHIPS,
     bits_of,
+    chip_at,
     fill_windows,
     float_of,
     interior,
@@ -82,37 +84,20 @@ def _add_turned(window, fraction, shift, cos, sin, a, r, s_re, s_im, slope, curv
 
 
 @njit(cache=True, nogil=True)
-def _add_edge_ray(chips, u0, step, delay, cos, sin, a, s_re, s_im):
+def _add_edge_ray(packed, n_chips, u0, step, delay, cos, sin, a, s_re, s_im):
     """Add a path with some samples outside the chips."""
     a_re, a_im = np.float32(a.real), np.float32(a.imag)
     for i in range(s_re.size):
         j = np.int64(np.floor(u0 + i * step - delay))
-        if 0 <= j < chips.size:
-            s_re[i] += chips[j] * (a_re * cos[i] - a_im * sin[i])
-            s_im[i] += chips[j] * (a_re * sin[i] + a_im * cos[i])
+        if 0 <= j < n_chips:
+            chip = chip_at(packed, j)
+            s_re[i] += chip * (a_re * cos[i] - a_im * sin[i])
+            s_im[i] += chip * (a_re * sin[i] + a_im * cos[i])
 
 
 @njit(cache=True, nogil=True)
-def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
-    """Add a group of paths of one signal to samples.
-
-    Parameters
-    ----------
-    x
-        float32[2 · n_samples], real and imaginary parts in turn.
-    chips, packed
-        int8[n_chips] of ±1 and their `packed_chips`; there is no signal before and after them.
-    delays
-        float64[n_rays] in chips, positive is later; they differ by 2 · WINDOW_REACH_CHIPS at most.
-    amplitudes, ray_hz
-        complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each path relative to the group.
-    t0, dt
-        Time of the first sample after the start of the code, and the sampling interval, in s.
-    code_rate, code_rate_rate
-        Received chips/s at the start of the code, and its rate of change in chips/s².
-    if_hz, doppler_rate
-        Carrier frequency in the samples at the start of the code in Hz, and its rate of change in Hz/s.
-    """
+def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
+    """Add paths of one signal to samples; parameters as in `add_paths`, delays within 2 · WINDOW_REACH_CHIPS."""
     n_samples, n_rays = x.size // 2, delays.size
     middle, reach = (delays.max() + delays.min()) / 2, (delays.max() - delays.min()) / 2
     last = (n_rays - 1) // 2 * 2  # first path of the last pair
@@ -130,9 +115,9 @@ def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, co
         tm = t + MIDDLE * dt
         step = (code_rate + code_rate_rate * tm) * dt
         u0 = code_rate * t + 0.5 * code_rate_rate * t * t - middle
-        if u0 + step * n + reach < 0 or u0 - reach > chips.size:
+        if u0 + step * n + reach < 0 or u0 - reach > n_chips:
             continue
-        i0, i1 = interior(u0, step, reach, chips.size, n)
+        i0, i1 = interior(u0, step, reach, n_chips, n)
         if i1 > i0:
             fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
         s_re[:] = 0
@@ -145,9 +130,54 @@ def add_rays(x, chips, packed, delays, amplitudes, ray_hz, t0, dt, code_rate, co
         if not inside:
             for r in range(n_rays):
                 d, u1 = delays[r] - middle, u0 + i1 * step
-                _add_edge_ray(chips, u0, step, d, cos[r, :i0], sin[r, :i0], a[r], s_re[:i0], s_im[:i0])
-                _add_edge_ray(chips, u1, step, d, cos[r, i1:n], sin[r, i1:n], a[r], s_re[i1:n], s_im[i1:n])
+                _add_edge_ray(packed, n_chips, u0, step, d, cos[r, :i0], sin[r, :i0], a[r], s_re[:i0], s_im[:i0])
+                _add_edge_ray(packed, n_chips, u1, step, d, cos[r, i1:n], sin[r, i1:n], a[r], s_re[i1:n], s_im[i1:n])
             a[last], a[last + 1] = 0, 0  # the sum already contains all paths
         slope, curve = np.float32(2 * np.pi * doppler_rate * tm * dt), np.float32(np.pi * doppler_rate * dt * dt)
         part = x[2 * b0 : 2 * (b0 + n)]
         _add_turned(window, fraction, shift, cos, sin, a, last, s_re, s_im, slope, curve, part)
+
+
+@njit(cache=True, nogil=True)
+def add_paths(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
+    """Add all paths of one signal to samples, group by group of paths that lie within one chip window.
+
+    Parameters
+    ----------
+    x
+        float32[2 · n_samples], real and imaginary parts in turn.
+    packed, n_chips
+        Packed chips and their number; there is no signal before and after the chips.
+    delays
+        float64[n_rays] in chips, positive is later.
+    amplitudes, ray_hz
+        complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each path relative to the signal.
+    t0, dt
+        Time of the first sample after the start of the code, and the sampling interval, in s.
+    code_rate, code_rate_rate
+        Received chips/s at the start of the code, and its rate of change in chips/s².
+    if_hz, doppler_rate
+        Carrier frequency in the samples at the start of the code in Hz, and its rate of change in Hz/s.
+    """
+    order = np.argsort(delays, kind="mergesort")  # stable
+    first = 0
+    while first < order.size:
+        last = first + 1
+        while last < order.size and delays[order[last]] - delays[order[first]] <= 2 * WINDOW_REACH_CHIPS:
+            last += 1
+        group = order[first:last]
+        _add_group(
+            x,
+            packed,
+            n_chips,
+            delays[group],
+            amplitudes[group],
+            ray_hz[group],
+            t0,
+            dt,
+            code_rate,
+            code_rate_rate,
+            if_hz,
+            doppler_rate,
+        )
+        first = last

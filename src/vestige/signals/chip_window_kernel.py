@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-**Packed chips.** A code is packed into one bit per chip, 32 chips to a word. A set bit means −1. A window is 32
-consecutive chips. A left shift by s brings chip s of the window into the sign bit. The sign bit, XORed into a float32,
-multiplies the float32 by the chip.
+**Packed chips.** A code is packed into one bit per chip, 32 chips to a word (`vestige.records.packed_chips`). A set bit
+means −1. A window is 32 consecutive chips. A left shift by s brings chip s of the window into the sign bit. The sign
+bit, XORed into a float32, multiplies the float32 by the chip.
 
 **One window for many samples.** A window has the chips of all samples that lie within 15 chips, at every delay within
 `WINDOW_REACH_CHIPS` of a common middle. A window serves 32 samples from 2.2 samples per chip on, and eight samples from
@@ -26,11 +26,11 @@ import numpy as np
 from jaxtyping import Int8, UInt32
 
 from vestige.kernel_cache import njit
+from vestige.records.packed_chips import PAD, packed_chips
 
 GROUP = 32  # samples that share a window at most; the length of `window` is a multiple
 _SMALL_GROUP = 8
 _GROUP_SPAN = 14  # chips from the first to the last sample of a group at most, so that they meet 15
-PAD = 32  # bits before the first chip in packed chips; as many follow the last chip
 # largest delay from the middle: with the chips of a group, 31 of a window's 32 chips are used
 WINDOW_REACH_CHIPS = 8.0
 FRACTION_BITS = 27  # bits of a delay; five bits are left for 32 chips
@@ -50,12 +50,11 @@ def float_of(bits):
     return np.int32(bits).view(np.float32)
 
 
-def packed_chips(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_words"]:
-    """Return chips as bits: chip i is bit 31 − i mod 32 of word 1 + ⌊i / 32⌋; bits without a chip mean +1."""
-    packed = np.packbits(chips < 0)
-    words = np.zeros((chips.size + 2 * PAD) // 32 + 3, ">u4")
-    words.view(np.uint8)[PAD // 8 : PAD // 8 + packed.size] = packed
-    return words.astype(np.uint32)
+@njit(inline="always")
+def chip_at(packed, j):
+    """Return chip number j, ±1 as int8, of packed chips."""
+    word = np.int64(packed[np.int64(j + PAD) >> 5])
+    return np.int8(1 - 2 * ((word >> (31 - (j & 31))) & 1))
 
 
 def chip_windows(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_windows"]:

@@ -47,7 +47,7 @@ def _world(
 ) -> tuple[Snapshot, Assistance]:
     """One satellite: E6 samples, its E1 observation, the RECS, the key."""
     rng = np.random.default_rng(seed)
-    chips = ChipSequence(
+    chips = ChipSequence.of(
         svid=11,
         transmit_time=START,
         chip_rate_hz=5.115e6,

@@ -25,7 +25,7 @@ keys = st.sampled_from(sorted(KEY_BITS.values())).flatmap(
 
 def random_chips(n_chips: int, *, time: GalileoTime = EPOCH, seed: int = 1) -> ChipSequence:
     chips = np.random.default_rng(seed).choice(np.array([-1, 1], np.int8), n_chips)
-    return ChipSequence(svid=11, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
+    return ChipSequence.of(svid=11, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
 
 
 @pytest.mark.parametrize("length", LENGTHS, ids=lambda length: f"{length.duration_ms}ms")
@@ -61,24 +61,6 @@ def test_week_enters_modulo_4096() -> None:
     assert recs.initialization_vector(gst_sf, 0) != recs.initialization_vector(gst_sf, 1)
     with pytest.raises(ValueError, match="not the start of a subframe"):
         recs.iv_preimage(EPOCH, 0)
-
-
-@given(st.binary(min_size=1, max_size=64), st.data())
-def test_packing_is_most_significant_bit_first_and_zero_is_plus_one(packed: bytes, data: st.DataObject) -> None:
-    n_chips = data.draw(st.integers(0, 8 * len(packed)))
-    bits = "".join(f"{byte:08b}" for byte in packed)[:n_chips]
-    chips = recs.unpack_chips(packed, n_chips)
-    assert chips.dtype == np.int8
-    assert chips.tolist() == [1 if bit == "0" else -1 for bit in bits]
-    repacked = recs.pack_chips(chips)
-    assert "".join(f"{byte:08b}" for byte in repacked) == bits.ljust(8 * len(repacked), "0")
-
-
-def test_packing_refuses_what_is_not_a_chip() -> None:
-    with pytest.raises(ValueError, match=r"\+1 or -1"):
-        recs.pack_chips(np.array([1, 0, -1], np.int8))
-    with pytest.raises(ValueError, match="do not hold 9 chips"):
-        recs.unpack_chips(b"\0", 9)
 
 
 @given(

@@ -78,7 +78,7 @@ AN_AGGREGATE = recs_file.serialize_recs_file(
 
 def random_chips(length: SegmentLength, time: GalileoTime) -> ChipSequence:
     chips = np.random.default_rng(time.second).choice(np.array([-1, 1], np.int8), length.n_chips)
-    return ChipSequence(svid=11, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
+    return ChipSequence.of(svid=11, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
 
 
 @given(files)

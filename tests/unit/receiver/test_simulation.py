@@ -82,8 +82,8 @@ def test_without_a_front_end_samples_are_signal_and_noise_alone() -> None:
     batch = block.e6.samples(0, 0)
     chips = encrypted_chips(encryption_key(simulation.seed), 11, block.time.at(0), simulation.n_chips)
     strength = amplitude(simulation.cn0_dbhz, 12.5e6)
-    direct = arrival(simulation.line_of_sight, truth, slice(3, 4))
-    signal = received_signal(chips, direct, truth, 3, amplitude=strength)
+    arrived = arrival(simulation.line_of_sight, truth)
+    signal = received_signal(chips, arrived, truth, 3, amplitude=strength)
     expected = synthesize(
         (replace(signal, start_s=signal.start_s - batch.first_sample / 12.5e6),),
         sample_rate_hz=12.5e6,

@@ -40,7 +40,7 @@ TRUST = "osnma.pem"
 
 def random_chips(svid: int, time: GalileoTime) -> ChipSequence:
     chips = np.random.default_rng(svid).choice(np.array([-1, 1], np.int8), 5115)
-    return ChipSequence(svid=svid, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
+    return ChipSequence.of(svid=svid, transmit_time=time, chip_rate_hz=5.115e6, chips=chips)
 
 
 def segment_of(chain: SimulatedChain, svid: int, time: GalileoTime, key_delay: int = 0) -> EncryptedSegment:

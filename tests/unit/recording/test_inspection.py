@@ -48,7 +48,7 @@ def write_observations(folder: Path, *, second: float) -> None:
 
 def write_recs(folder: Path, transmit_time: GalileoTime) -> None:
     chips = np.random.default_rng(1).choice(np.array([-1, 1], np.int8), 5115)
-    sequence = ChipSequence(svid=11, transmit_time=transmit_time, chip_rate_hz=5.115e6, chips=chips)
+    sequence = ChipSequence.of(svid=11, transmit_time=transmit_time, chip_rate_hz=5.115e6, chips=chips)
     recs_file.write_recs_file(
         recs_file.from_segments([recs.encrypt(sequence, bytes(16), key_delay=1)], provider="GSCX"), folder
     )

@@ -38,7 +38,7 @@ class SampledE6:
                 owner, largest = f"E6 of E{handover.svid:02d}", float(np.abs(bank.taps).sum())
                 require_finite(owner, taps=largest, noise_power=bank.noise_power)
                 taps[epoch, satellite], noise_power[epoch, satellite] = bank.taps, bank.noise_power
-                integration_s[epoch, satellite] = handover.chips.chips.size / E6C.chip_rate_hz
+                integration_s[epoch, satellite] = handover.chips.n_chips / E6C.chip_rate_hz
         return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
 
 

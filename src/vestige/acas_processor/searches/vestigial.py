@@ -91,7 +91,7 @@ def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: 
         if one.svid == chips.svid and one.transmit_time == chips.transmit_time
     }
     disclosed_at = min(key.disclosed_at for key in assistance.keys if key.time in times)
-    duration_s = chips.chips.size / chips.chip_rate_hz
+    duration_s = chips.duration_s
     return ReceptionProof(disclosed_at=disclosed_at, duration_s=duration_s, time_uncertainty_s=uncertainty_s)
 
 
@@ -193,7 +193,7 @@ def handover_peaks(
         return (), search_budget(0.0, E1_CODE_PERIOD_S, overall_pfa=overall_pfa, doppler_step_hz=0.0)
     places = sum(handover_positions(e6, one.line, one.first_start, one.last_start).size for one in stretches)
     chips = stretches[0].line.chips
-    integration_s = chips.chips.size / chips.chip_rate_hz
+    integration_s = chips.duration_s
     budget = search_budget(float(places * taps), integration_s, overall_pfa=overall_pfa, doppler_step_hz=0.0)
     peaks = [
         peak

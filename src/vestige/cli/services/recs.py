@@ -170,7 +170,7 @@ def _decrypt_segments(
     import hashlib
 
     from vestige.crypto.recs.recs_segment import decrypt as decrypt_segment
-    from vestige.crypto.recs.recs_segment import pack_chips
+    from vestige.records.packed_chips import bits_of_packed
 
     packed, rows = bytearray(), []
     for segment in segments:
@@ -182,7 +182,8 @@ def _decrypt_segments(
             "decrypted": segment.key_time in keys,
         }
         if key := keys.get(segment.key_time):
-            chips = pack_chips(decrypt_segment(segment, key, mode=mode).chips)
+            sequence = decrypt_segment(segment, key, mode=mode)
+            chips = bits_of_packed(sequence.packed, -(-sequence.n_chips // 8))
             row |= {"offset": len(packed), "n_bytes": len(chips), "sha256": hashlib.sha256(chips).hexdigest()}
             packed += chips
         rows.append(row)

@@ -37,7 +37,10 @@ def provably_before_disclosure(
     time_uncertainty_s
         Upper limit of the error of that clock in s, 0 or more; infinite if unknown, so that no reception is provable.
     """
-    require_time_uncertainty(float(np.min(time_uncertainty_s, initial=np.inf)))
+    if isinstance(time_uncertainty_s, np.ndarray):
+        require_time_uncertainty(float(np.min(time_uncertainty_s, initial=np.inf)))
+    else:
+        require_time_uncertainty(time_uncertainty_s)
     return lead_s > time_uncertainty_s
 
 

@@ -21,15 +21,15 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 
-import numpy as np
 from cryptography.hazmat.primitives.ciphers import Cipher, CipherContext
 from cryptography.hazmat.primitives.ciphers.algorithms import AES
 from cryptography.hazmat.primitives.ciphers.modes import CBC, CTR
-from jaxtyping import Int8
 
 from vestige.constants import SUBFRAME_S
 from vestige.records import ChipSequence, EncryptedSegment
+from vestige.records.packed_chips import bits_of_packed, packed_bits
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey, is_validated
@@ -85,7 +85,7 @@ def key_time(transmit_time: GalileoTime, key_delay: int) -> GalileoTime:
     """
     if key_delay not in (0, 1):
         raise ValueError(f"key delay indicator {key_delay} is neither 0 nor 1")
-    return transmit_time.subframe + key_delay * SUBFRAME_S
+    return GalileoTime.from_gst_seconds((transmit_time.gst_seconds // SUBFRAME_S + key_delay) * SUBFRAME_S)
 
 
 def wrapping_key(key_data: bytes) -> bytes:
@@ -98,7 +98,7 @@ def iv_preimage(gst_sf: GalileoTime, random_offset: int) -> bytes:
 
     `gst_sf` is the start of the subframe that transmits the key, not the epoch of the RECS.
     """
-    if gst_sf != gst_sf.subframe:
+    if gst_sf.second % SUBFRAME_S or gst_sf.fraction:
         raise ValueError(f"{gst_sf} is not the start of a subframe")
     word = (gst_sf.week % WEEK_MODULUS) << 20 | gst_sf.second
     return word.to_bytes(4, "big") + random_offset.to_bytes(1, "big") + bytes(11)
@@ -129,21 +129,6 @@ def decrypt_body(
     return _through(_cipher(key_data, gst_sf, random_offset, mode).decryptor(), body)
 
 
-def pack_chips(chips: Int8[np.ndarray, " n_chips"]) -> bytes:
-    """Return chips of ±1 as bits, most significant first, +1 as 0; zero bits fill the last byte [SASLIB]."""
-    if not np.all(np.abs(chips) == 1):
-        raise ValueError("chips must be +1 or -1")
-    return np.packbits(chips < 0).tobytes()
-
-
-def unpack_chips(packed: bytes, n_chips: int) -> Int8[np.ndarray, " n_chips"]:
-    """Return the first `n_chips` chips of ±1 in `packed`; the inverse of `pack_chips` [SASLIB]."""
-    if not 0 <= n_chips <= 8 * len(packed):
-        raise ValueError(f"{len(packed)} bytes do not hold {n_chips} chips")
-    bits = np.unpackbits(np.frombuffer(packed, np.uint8), count=n_chips).view(np.int8)
-    return np.int8(1) - bits - bits  # numpy shifts int8 ten times as slowly as it subtracts
-
-
 def encrypt(
     chips: ChipSequence,
     key_data: bytes,
@@ -157,11 +142,11 @@ def encrypt(
     `chips` are 1, 2, 4, 8 or 16 ms of E6-C. `key_data` is the key of the subframe that `key_time` gives; the server
     knows the key before its disclosure.
     """
-    length = LENGTH_BY_CHIPS.get(chips.chips.size)
+    length = LENGTH_BY_CHIPS.get(chips.n_chips)
     if length is None:
-        raise ValueError(f"no RECS has {chips.chips.size} chips; lengths are {sorted(LENGTH_BY_CHIPS)}")
+        raise ValueError(f"no RECS has {chips.n_chips} chips; lengths are {sorted(LENGTH_BY_CHIPS)}")
     gst_sf = key_time(chips.transmit_time, key_delay)
-    ecs = pack_chips(chips.chips).ljust(length.n_bytes, b"\0")
+    ecs = bits_of_packed(chips.packed, length.n_bytes)
     return EncryptedSegment(
         svid=chips.svid,
         transmit_time=chips.transmit_time,
@@ -195,11 +180,14 @@ def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = 
         svid=segment.svid,
         transmit_time=segment.transmit_time,
         chip_rate_hz=E6C.chip_rate_hz,
-        chips=unpack_chips(ecs, segment.n_chips),
+        n_chips=segment.n_chips,
+        packed=packed_bits(ecs, segment.n_chips),
     )
 
 
+@lru_cache(maxsize=16)
 def _cipher(key_data: bytes, gst_sf: GalileoTime, random_offset: int, mode: CipherMode) -> Cipher[CBC | CTR]:
+    """Return the cipher that all RECS of a subframe share."""
     iv = initialization_vector(gst_sf, random_offset)
     return Cipher(AES(wrapping_key(key_data)), CBC(iv) if mode is CipherMode.CBC else CTR(iv))
 

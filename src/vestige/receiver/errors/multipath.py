@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf
 from types import MappingProxyType
 from typing import Literal
@@ -43,7 +44,7 @@ MAX_EXCESS_M = SPEED_OF_LIGHT_MPS * 500e-9  # longest echo of the measured chann
 MAX_RAYS, MAX_POWER_DB = 10_000, 60.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class RayBlock:
     """The reflections of a block of epochs, all relative to the line of sight.
 
@@ -61,6 +62,17 @@ class RayBlock:
     amplitude: Complex128[np.ndarray, "n n_rays"]
     amplitude_e1: Complex128[np.ndarray, "n n_rays"]
     doppler_hz: Float[np.ndarray, "n n_rays"]
+
+    @cached_property
+    def with_line_of_sight(self) -> RayBlock:
+        """All paths: the line of sight as path 0, and the reflections."""
+        zero = np.zeros((self.delay_m.shape[0], 1))
+        return RayBlock(
+            delay_m=np.concatenate([zero, self.delay_m], axis=1),
+            amplitude=np.concatenate([zero + 1.0, self.amplitude], axis=1),
+            amplitude_e1=np.concatenate([zero + 1.0, self.amplitude_e1], axis=1),
+            doppler_hz=np.concatenate([zero, self.doppler_hz], axis=1),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -168,7 +168,7 @@ def _signals(
         mine = present & (shift == one)
         found.append(
             ReceivedSignal(
-                chips=_sequence(svid, _on_air(svid, one % _PERIOD_CHIPS, n_chips)),
+                chips=_on_air(svid, one % _PERIOD_CHIPS, n_chips),
                 start_s=start_s,
                 doppler_hz=doppler_hz,
                 doppler_rate_hz_per_s=0.0,
@@ -206,26 +206,18 @@ def _samples(
     return samples
 
 
+@lru_cache(maxsize=64)
 def e1c_replica(svid: int) -> ChipSequence:
     """Return E1-C as BOC(1,1) with its secondary code over its period of 0.1 s, as half chips."""
-    return _sequence(svid, _half_chips(svid))
-
-
-@lru_cache(maxsize=64)
-def _half_chips(svid: int) -> Int8[np.ndarray, " n_chips"]:
-    """Return E1-C with its secondary code and BOC(1,1), one period of 0.1 s."""
-    chips = np.kron(tiered_code(E1C, svid), np.array([1, -1], np.int8)).astype(np.int8)
-    chips.flags.writeable = False
-    return chips
+    return _sequence(svid, np.kron(tiered_code(E1C, svid), np.array([1, -1], np.int8)).astype(np.int8))
 
 
 @lru_cache(maxsize=32)
-def _on_air(svid: int, shift: int, n_chips: int) -> Int8[np.ndarray, " n_chips"]:
+def _on_air(svid: int, shift: int, n_chips: int) -> ChipSequence:
     """Return the chips of a signal delayed by `shift` half chips, with spare chips before and after."""
-    chips = _half_chips(svid)[(np.arange(-_SPARE_CHIPS, n_chips + _SPARE_CHIPS) - shift) % _PERIOD_CHIPS]
-    chips.flags.writeable = False
-    return chips
+    number = np.arange(-_SPARE_CHIPS, n_chips + _SPARE_CHIPS) - shift
+    return _sequence(svid, e1c_replica(svid).chips[number % _PERIOD_CHIPS])
 
 
 def _sequence(svid: int, chips: Int8[np.ndarray, " n_chips"]) -> ChipSequence:
-    return ChipSequence(svid=svid, transmit_time=_ANY_TIME, chip_rate_hz=_CHIP_RATE_HZ, chips=chips)
+    return ChipSequence.of(svid=svid, transmit_time=_ANY_TIME, chip_rate_hz=_CHIP_RATE_HZ, chips=chips)

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Complex64
 
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
+from vestige.receiver.draws import rows_of
 from vestige.receiver.samples.sampled_epoch import Window, arrival, received_signal
 from vestige.receiver.truth import TruthBlock
 from vestige.signal_generator.keystream import encrypted_chips
@@ -49,7 +50,9 @@ def spoofing_signals(
     """
     effects, metres_a_hz = truth.e6, SPEED_OF_LIGHT_MPS / E6_CARRIER_HZ
     signals = []
-    for k in np.flatnonzero(effects.power_db[row] > -math.inf):
+    for k in range(effects.power_db.shape[1]):
+        if effects.power_db[row, k] == -math.inf:
+            continue
         delay_m, delay_rate_mps = float(effects.delay_m[row, k]), float(effects.delay_rate_mps[row, k])
         doppler_hz = float(effects.doppler_hz[row, k])
         first, n_chips = _on_air(taken, line_of_sight, truth, row, delay_m)
@@ -93,8 +96,9 @@ def true_signal(
     first, n_chips = _on_air(taken, line_of_sight, truth, row, 0.0)
     later_s = first / E6C.chip_rate_hz
     chips = encrypted_chips(key, svid, sent + later_s, n_chips)
-    direct = arrival(line_of_sight, truth, slice(row, row + 1), later_s)
-    return received_signal(chips, direct, truth, row, amplitude=amplitude, later_s=later_s)
+    alone = rows_of(truth, slice(row, row + 1))
+    arrived = arrival(line_of_sight, alone, later_s=later_s)
+    return received_signal(chips, arrived, alone, 0, amplitude=amplitude, later_s=later_s)
 
 
 def add_jammers(

@@ -11,9 +11,10 @@ recording has the same phase in the middle of each RECS (`continuous`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from jaxtyping import Complex64, Complex128, Float
@@ -35,7 +36,7 @@ _SUBFRAMES_BEFORE = 12  # subframes needed before the run: the slow tags of ADKD
 _MARGIN_S = 5e-6  # duration of samples on either side of the RECS: 1.5 km, for taps, reflections and errors
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Arrival:
     """Arrival of chips by the line of sight in E6: time since their transmission, L6, and the rates of both."""
 
@@ -44,7 +45,7 @@ class Arrival:
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
 
-    @property
+    @cached_property
     def carrier(self) -> Complex128[np.ndarray, " n"]:
         """e^{−j2π f6 L6/c} at the arrival."""
         cycles = E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * self.carrier_range_m
@@ -72,27 +73,26 @@ def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(
 
 def received_signal(
     chips: ChipSequence,
-    direct: Arrival,
+    arrived: Arrival,
     truth: TruthBlock,
     row: int,
     *,
     amplitude: float,
     later_s: float = 0.0,
 ) -> ReceivedSignal:
-    """Return the received line of sight and its reflections; `start_s` counts from the epoch.
+    """Return the received line of sight and its reflections at row `row` of a block; `start_s` counts from the epoch.
 
-    The first chip is sent `later_s` after the epoch; `direct` is the arrival of this chip alone.
+    The first chip is sent `later_s` after the epoch; `arrived` is the arrival of these chips.
     """
-    to_hz = -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS
-    phasor = amplitude * complex(direct.carrier[0])
+    to_hz, paths = -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS, truth.rays.with_line_of_sight
     return ReceivedSignal(
         chips=chips,
-        start_s=later_s + float(direct.dt_s[0]),
-        doppler_hz=to_hz * float(direct.rate_mps[0]),
-        doppler_rate_hz_per_s=to_hz * float(direct.acceleration_mps2[0]),
-        delay_m=np.concatenate([[0.0], truth.rays.delay_m[row]]),
-        amplitude=phasor * np.concatenate([[1.0], truth.rays.amplitude[row]]),
-        ray_doppler_hz=np.concatenate([[0.0], truth.rays.doppler_hz[row]]),
+        start_s=later_s + float(arrived.dt_s[row]),
+        doppler_hz=to_hz * float(arrived.rate_mps[row]),
+        doppler_rate_hz_per_s=to_hz * float(arrived.acceleration_mps2[row]),
+        delay_m=paths.delay_m[row],
+        amplitude=amplitude * complex(arrived.carrier[row]) * paths.amplitude[row],
+        ray_doppler_hz=paths.doppler_hz[row],
     )
 
 
@@ -114,13 +114,13 @@ def recorded_until_s(expected_s: Float[np.ndarray, " n"], n_chips: int, front_en
 
 
 def _n_samples(n_chips: int, front_end: FrontEnd) -> int:
-    return int(np.ceil((n_chips / E6C.chip_rate_hz + 3 * _MARGIN_S) * front_end.sample_rate_hz))
+    return math.ceil((n_chips / E6C.chip_rate_hz + 3 * _MARGIN_S) * front_end.sample_rate_hz)
 
 
 def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
     """Return the samples from a little before a RECS is expected to a little after its end."""
     rate_hz = front_end.sample_rate_hz
-    first = int(np.floor((expected_s - _MARGIN_S) * rate_hz))
+    first = math.floor((expected_s - _MARGIN_S) * rate_hz)
     n_samples = _n_samples(n_chips, front_end)
     margin_s = front_end.margin_samples / front_end.input_rate_hz
     return Window(
@@ -137,7 +137,7 @@ def recording_window(expected_s: float, n_chips: int, front_end: FrontEnd) -> ra
 
     `expected_s` is the time at which the receiver expects the first chip, in s after the start.
     """
-    first = int(np.floor((expected_s - _MARGIN_S) * front_end.sample_rate_hz))
+    first = math.floor((expected_s - _MARGIN_S) * front_end.sample_rate_hz)
     return range(first, first + _n_samples(n_chips, front_end))
 
 
@@ -158,12 +158,13 @@ def e6_samples(
     """
     rate_hz, input_hz = front_end.sample_rate_hz, front_end.input_rate_hz
     at_antenna = synthesize(
-        tuple(replace(signal, start_s=signal.start_s - taken.first / rate_hz) for signal in signals),
+        signals,
         sample_rate_hz=input_hz,
         n_samples=front_end.input_samples(taken.n_samples),
         noise_key=noise_key,
         noise_power=noise_power,
         first_sample=-front_end.margin_samples,
+        origin_s=taken.first / rate_hz,
     )
     jam(at_antenna)
     samples, status = front_end.process(at_antenna)

@@ -13,10 +13,10 @@ from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.simulation import Simulation
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
-from vestige.signal_generator.keystream import encrypted_component, encryption_key
+from vestige.signal_generator.keystream import encrypted_component, encryption_key, forged_key
 from vestige.signal_generator.waveform import Component, Sequence, coded_component, open_component
 from vestige.signals.definitions import E1B, E1C, E6B
-from vestige.streams import stream, stream_key
+from vestige.streams import stream
 
 _BGD_LSB = (6, 21)  # range in units of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m between the bands
 
@@ -70,8 +70,7 @@ class SatelliteOnAir:
             pseudorange=self.path,
             propagation=self.path.propagation(band, simulation.integration_s),
         )
-        secret = stream_key(simulation.seed, "chips that an attacker makes up")
-        forged = (encrypted_component(secret, simulation.svid, simulation.start),)
+        forged = (encrypted_component(forged_key(simulation.seed), simulation.svid, simulation.start),)
         return true, *spoofing_satellites(true, self.path, simulation.spoofer, band, forged, seed=simulation.seed)
 
     def _components(self, band: Band) -> tuple[Component, ...]:

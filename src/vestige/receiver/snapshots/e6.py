@@ -13,6 +13,7 @@ from vestige.constants import E6_CARRIER_HZ, GAMMA_E1_E6, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_taps import e6_power_rise_db, power_noise_db
 from vestige.receiver.correlators.other_signals import other_signals_density
 from vestige.receiver.draws import rows_of
+from vestige.receiver.samples.line_of_sight_samples import LineOfSightSamples
 from vestige.receiver.snapshots.e1 import pseudorange_m, range_acceleration_mps2, range_rate_mps, single
 from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.receiver.snapshots.sky_samples import SkySamples
@@ -115,9 +116,7 @@ class SimulatedE6Samples:
         """Return the requested banks; NaN elsewhere, and where the samples do not cover the RECS."""
         of = self.of
         taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
-        with_recs = np.zeros(of.shape, np.bool_)
-        with_recs[of.rows] = of.in_view[of.rows]
-        for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(asked & with_recs)), strict=True):
+        for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(asked & self._made)), strict=True):
             handover = handovers.at(epoch, column)
             if handover is None:
                 continue
@@ -134,9 +133,9 @@ class SimulatedE6Samples:
         If E1 is seconds late under a sky, these seconds are subtracted (`_without_delay`).
         """
         of = self.of
-        simulation, truth, row = of.simulations[column], of.of_recs[column], (epoch - of.rows.start) // of.every
+        simulation, row = of.simulations[column], (epoch - of.rows.start) // of.every
         if simulation.elevation is None:
-            batch, status = simulation.samples(of.first_recs + row, row, truth, of.arrived[column])
+            batch, status = self._lines_of_sight[column].around(row)
             later_s = -float(self._seconds_late_m[column][epoch]) / SPEED_OF_LIGHT_MPS
         else:
             expected_s = self._expected_s(row, column)
@@ -146,8 +145,23 @@ class SimulatedE6Samples:
         return replace(batch, start=batch.start + later_s) if later_s else batch
 
     @cached_property
+    def _made(self) -> Bool[np.ndarray, "n m"]:
+        """Whether a satellite has samples at an epoch: it is in view, and it sends a RECS."""
+        made = np.zeros(self.of.shape, np.bool_)
+        made[self.of.rows] = self.of.in_view[self.of.rows]
+        return made
+
+    @cached_property
     def _sky(self) -> SkySamples:
         return SkySamples(of=self.of, band=Band.E6)
+
+    @cached_property
+    def _lines_of_sight(self) -> tuple[LineOfSightSamples, ...]:
+        of = self.of
+        return tuple(
+            LineOfSightSamples(simulation=simulation, truth=truth, arrived=arrived, first=of.first_recs)
+            for simulation, truth, arrived in zip(of.simulations, of.of_recs, of.arrived, strict=True)
+        )
 
     def _expected_s(self, row: int, column: int) -> float:
         """Return the time of arrival that E1 predicts for RECS number `row` of a satellite, in s after the start."""
@@ -223,12 +237,16 @@ class SimulatedE6Samples:
         of = self.of
         power_db, gain_db = np.full((2, of.n), np.nan)
         saturated = np.zeros(of.n, np.bool_)
-        for epoch in of.recs_rows.tolist():
-            own = [self._status(epoch, column) for column in np.flatnonzero(of.in_view[epoch]).tolist()]
-            if own:
-                power_db[epoch] = np.mean([one.total_power_db for one in own])
-                gain_db[epoch] = np.mean([one.agc_gain_db for one in own])
-                saturated[epoch] = any(one.saturated for one in own)
+        epochs, columns = np.nonzero(self._made)
+        own = [self._status(*place) for place in zip(epochs.tolist(), columns.tolist(), strict=True)]
+        own_power_db = np.array([one.total_power_db for one in own], np.float64)
+        own_gain_db = np.array([one.agc_gain_db for one in own], np.float64)
+        satellites = np.count_nonzero(self._made, axis=1)
+        for count in np.unique(satellites[satellites > 0]).tolist():
+            rows = satellites == count
+            power_db[rows] = own_power_db[rows[epochs]].reshape(-1, count).mean(axis=1)
+            gain_db[rows] = own_gain_db[rows[epochs]].reshape(-1, count).mean(axis=1)
+        saturated[epochs[np.array([one.saturated for one in own], np.bool_)]] = True
         return _reported(gain_db, power_db, saturated)
 
     def _status(self, epoch: int, column: int) -> FrontEndStatus:

@@ -74,7 +74,7 @@ def make_segments(
             continue
         for svid in svids:
             # a period of the secondary code starts at every decisecond of Galileo time [E6-CODES]
-            chips = ChipSequence(
+            chips = ChipSequence.of(
                 svid=svid,
                 transmit_time=time,
                 chip_rate_hz=E6C.chip_rate_hz,

@@ -60,7 +60,7 @@ def exact_peak(
     best = int(np.argmax(magnitudes))
     if magnitudes[best] <= threshold:
         return None
-    fine_hz = bins_hz[best] + _FINE_BINS * CHIP_RATE_HZ / (2 * cell.code.chips.size)
+    fine_hz = bins_hz[best] + _FINE_BINS * CHIP_RATE_HZ / (2 * cell.code.n_chips)
     doppler_hz = cell.middle_hz + float(fine_hz[np.argmax(np.abs(doppler_spectrum(wiped, fine_hz)))])
     handover = Handover(
         svid=cell.code.svid,
@@ -74,7 +74,7 @@ def exact_peak(
 
 def wiped_chips(source: SampleSource, cell: Cell) -> tuple[Complex128[np.ndarray, " chips"], float]:
     """Return the samples of each chip of the segment times that chip, and Σ|chip|², the noise power of the sum."""
-    n = cell.code.chips.size
+    n = cell.code.n_chips
     head = source.read(source.first_sample, 1)
     rate, carrier_hz = head.sample_rate_hz, CARRIER_HZ[head.band]
     code_rate = CHIP_RATE_HZ * (1 + cell.middle_hz / carrier_hz)

@@ -160,7 +160,7 @@ class ExhaustiveSearch:
             If the engine does not run on this machine.
         """
         chips = tuple(shortened(one, self.n_chips) for one in codes)
-        if any(one.chips.size < self.n_chips for one in chips):
+        if any(one.n_chips < self.n_chips for one in chips):
             raise ValueError(f"a RECS has fewer than the {self.n_chips} chips of the integration time")
         begin, uncertainty_s = searchable(source, self.integration_s, first_start, last_start)
         total = self.hypotheses(uncertainty_s, len(chips))

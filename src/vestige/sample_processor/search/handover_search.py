@@ -184,7 +184,7 @@ class _Replica:
         """Return the replica for `taps` taps half a chip apart."""
         row_chips, n_quarters = _row_chips(chips), _rows(chips)
         code = np.zeros(n_quarters * row_chips + 2 * taps, np.float32)
-        code[taps : taps + chips.chips.size] = chips.chips
+        code[taps : taps + chips.n_chips] = chips.chips
         late = np.arange(taps) - taps // 2
         tap_of = (np.flatnonzero(late % 2 == 0), np.flatnonzero(late % 2 == 1))
         quarters = taps + row_chips * np.arange(n_quarters)[:, None]
@@ -266,4 +266,4 @@ def _row_chips(chips: ChipSequence) -> int:
 
 
 def _rows(chips: ChipSequence) -> int:
-    return -(-chips.chips.size // _row_chips(chips))
+    return -(-chips.n_chips // _row_chips(chips))

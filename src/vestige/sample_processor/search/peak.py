@@ -54,7 +54,7 @@ def peak_at(source: SampleSource, handover: Handover, threshold: float) -> Peak 
         Threshold that the cell exceeded, in standard deviations of the noise per dimension.
     """
     chips = handover.chips
-    duration_s = (chips.chips.size + 4) / chips.chip_rate_hz + 2 * _MARGIN_S
+    duration_s = (chips.n_chips + 4) / chips.chip_rate_hz + 2 * _MARGIN_S
     head = source.read(source.first_sample, 1)
     rate = head.sample_rate_hz
     first = head.first_sample + int((handover.start_time - head.start - _MARGIN_S) * rate)
@@ -84,11 +84,11 @@ def peak_at(source: SampleSource, handover: Handover, threshold: float) -> Peak 
 
 def shortened(chips: ChipSequence, n_chips: int) -> ChipSequence:
     """Return the first `n_chips` of a sequence."""
-    return ChipSequence(
+    return ChipSequence.of(
         svid=chips.svid,
         transmit_time=chips.transmit_time,
         chip_rate_hz=chips.chip_rate_hz,
-        chips=np.ascontiguousarray(chips.chips[:n_chips]),
+        chips=chips.chips[:n_chips],
     )
 
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -15,7 +14,7 @@ from vestige.sample_processor.search.engines.choice import make_engine
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
 from vestige.sample_processor.search.exact_cell import Cell, doppler_spectrum, wiped_chips
 from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable
-from vestige.sample_processor.search.peak import Peak, separated
+from vestige.sample_processor.search.peak import Peak, separated, shortened
 from vestige.sample_processor.search.sample_source import BatchSource
 
 CHIPS = random_chips(np.random.default_rng(8), 81_840)
@@ -77,7 +76,7 @@ def test_the_threshold_is_on_the_correlator_at_the_grid_point(
     """A signal on a point of either grid, at 0 Hz: found under its magnitude there, and not over it."""
     start_s = half_chips / 2 * CHIP_S
     source = e6_source([arrival(CHIPS, start_s, 52.0)], 0.008, 3)
-    bank = correlate(source.batch, handover_at(replace(CHIPS, chips=CHIPS.chips[:20_460]), start_s), np.zeros(1))
+    bank = correlate(source.batch, handover_at(shortened(CHIPS, 20_460), start_s), np.zeros(1))
     assert bank is not None
     magnitude = float(np.abs(bank.taps[0]) / np.sqrt(bank.noise_power / 2))
     search = ExhaustiveSearch(integration_s=4e-3, doppler_span_hz=1000.0, engine=engine)
@@ -165,7 +164,7 @@ def test_passes_keep_the_code_doppler_loss_below_0_3_db() -> None:
 def test_the_exact_cell_is_the_plain_sum() -> None:
     rng = np.random.default_rng(2)
     source = e6_source([], 0.006, 3)
-    cell = Cell(code=replace(CHIPS, chips=CHIPS.chips[:20_460]), start_time=START + 0.0011, middle_hz=1234.5)
+    cell = Cell(code=shortened(CHIPS, 20_460), start_time=START + 0.0011, middle_hz=1234.5)
     wiped, noise = wiped_chips(source, cell)
     t = np.arange(source.batch.samples.size) / source.batch.sample_rate_hz - 0.0011
     chip = np.floor(5.115e6 * (1 + 1234.5 / 1278.75e6) * t).astype(int)
@@ -191,7 +190,7 @@ def test_what_cannot_be_asked() -> None:
         ExhaustiveSearch(integration_s=3e-3)
     with pytest.raises(ValueError, match="span"):
         ExhaustiveSearch(doppler_span_hz=0.0)
-    short = replace(CHIPS, chips=CHIPS.chips[:1000])
+    short = shortened(CHIPS, 1000)
     with pytest.raises(ValueError, match="fewer than the 20460"):
         next(ExhaustiveSearch().run(source, [short], START, START + 1, 7.0))
     assert set(GRIDS) == {5115 * ms for ms in (1, 2, 4, 8, 16)}
