@@ -91,18 +91,6 @@ def missed_detection(noncentrality: Float[np.ndarray, " n"], freedom: int, p_fa:
     return np.where(noncentrality > 0, fault, 1 - chdtrc(freedom, threshold))
 
 
-def slopes(parts: Redundancy) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
-    """Return the horizontal and the vertical slope of each satellite, for a geometry in local axes.
-
-    The horizontal slope √(S₁ᵢ² + S₂ᵢ²)/√Pᵢᵢ is the error of the fix in m for each m in the residuals; infinite if the
-    error does not appear in the residuals.
-    """
-    horizontal, vertical = np.hypot(parts.gain[:, 0], parts.gain[:, 1]), np.abs(parts.gain[:, 2])
-    seen = parts.unexplained > _UNSEEN
-    root = np.sqrt(np.where(seen, parts.unexplained, 1.0))
-    return np.where(seen, horizontal / root, np.inf), np.where(seen, vertical / root, np.inf)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
     """Differences of the fixes without each satellite from the full fix, in the axes of the geometry; NaN if undefined.

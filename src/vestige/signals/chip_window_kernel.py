@@ -58,22 +58,6 @@ def packed_chips(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_words"
     return words.astype(np.uint32)
 
 
-def chip_windows(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_windows"]:
-    """Return at least n + 64 windows: window i + PAD has chips i … i + 31, with chip i in the sign bit."""
-    return _windows(packed_chips(chips))
-
-
-@njit(cache=True, nogil=True)
-def _windows(words):
-    windows = np.empty(32 * (words.size - 1), np.uint32)
-    for k in range(words.size - 1):
-        pair = np.uint64((np.uint64(words[k]) << np.uint64(32)) | np.uint64(words[k + 1]))
-        part = windows[32 * k : 32 * k + 32]
-        for s in range(32):
-            part[s] = np.uint32(pair >> np.uint64(32 - s))
-    return windows
-
-
 @njit(cache=True, nogil=True)
 def window_delay(delay):
     """Return −delay (chips from the middle, within WINDOW_REACH_CHIPS) as fixed point, modulo 32 chips."""

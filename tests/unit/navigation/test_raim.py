@@ -16,7 +16,6 @@ from vestige.navigation.raim import (
     missed_detection,
     redundancy,
     separation_factor,
-    slopes,
     solution_separation,
 )
 from vestige.streams import stream
@@ -69,12 +68,6 @@ def test_missed_detection(satellite: int, bias_m: float, noncentrality: float, p
 def test_missed_detection_without_a_fault() -> None:
     assert missed_detection(np.zeros(1), 4, 1e-3)[0] == pytest.approx(1 - 1e-3)
     assert missed_detection(np.array([1e-9]), 4, 1e-3)[0] == pytest.approx(1 - 1e-3)
-
-
-def test_slopes() -> None:
-    horizontal, vertical = slopes(PARTS)
-    assert horizontal.max() == pytest.approx(0.9933, abs=5e-5)
-    assert vertical.max() == pytest.approx(1.5485, abs=5e-5)
 
 
 def test_solution_separation_thresholds() -> None:
