@@ -270,11 +270,11 @@ class Simulation:
             ),
         )
 
-    def segment(self, number: int, mode: CipherMode | None = None) -> tuple[EncryptedSegment, ValidatedKey]:
-        """Return a RECS by its number, and its key; `mode` replaces the service's own mode."""
+    def segment(self, number: int) -> tuple[EncryptedSegment, ValidatedKey]:
+        """Return a RECS by its number, and its key."""
         chips = self._chips(self.transmit_time(number))
         key = self.key(chips.transmit_time)
-        return encrypt(chips, key.data, key_delay=self.key_delay, mode=mode or self.cipher_mode), key
+        return encrypt(chips, key.data, key_delay=self.key_delay, mode=self.cipher_mode), key
 
     def _chips(self, sent: GalileoTime) -> ChipSequence:
         return _chips_sent(self.seed, self.svid, sent, self.n_chips)

@@ -90,30 +90,30 @@ class HeavyTailedIonosphere:
             raise ValueError(f"the share of the late tail is not in [0, 1]: {self.late_tail_share}")
 
     @classmethod
-    def solar_maximum_2014(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+    def solar_maximum_2014(cls) -> HeavyTailedIonosphere:
         """Return the residual of 2014, elevation 5 to 30°: rms 1.73 m, and |e| > 10 m with 1e-4 on each side."""
-        return cls(core_sigma_m=1.24, tail_start_m=2.65, tail_scale_m=1.17, correlation=correlation)
+        return cls(core_sigma_m=1.24, tail_start_m=2.65, tail_scale_m=1.17)
 
     @classmethod
-    def solar_maximum_2014_late(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+    def solar_maximum_2014_late(cls) -> HeavyTailedIonosphere:
         """Return the residual of 2014 without its early tail: in the paper's histogram the right flank is higher."""
-        both = cls.solar_maximum_2014(correlation=correlation)
+        both = cls.solar_maximum_2014()
         return replace(both, tail_probability=both.tail_probability / 2, late_tail_share=1.0)
 
     @classmethod
-    def average_2017(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+    def average_2017(cls) -> HeavyTailedIonosphere:
         """Return the residual of 2017, elevation 5 to 30°: rms 1.06 m."""
-        return cls(core_sigma_m=0.76, tail_start_m=1.55, tail_scale_m=0.78, correlation=correlation)
+        return cls(core_sigma_m=0.76, tail_start_m=1.55, tail_scale_m=0.78)
 
     @classmethod
-    def solar_maximum_2014_high(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+    def solar_maximum_2014_high(cls) -> HeavyTailedIonosphere:
         """Return the residual of 2014, elevation 30 to 90°: rms 1.0 m."""
-        return cls(core_sigma_m=0.72, tail_start_m=1.51, tail_scale_m=0.70, correlation=correlation)
+        return cls(core_sigma_m=0.72, tail_start_m=1.51, tail_scale_m=0.70)
 
     @classmethod
-    def average_2017_high(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+    def average_2017_high(cls) -> HeavyTailedIonosphere:
         """Return the residual of 2017, elevation 30 to 90°: rms 0.63 m."""
-        return cls(core_sigma_m=0.44, tail_start_m=0.95, tail_scale_m=0.46, correlation=correlation)
+        return cls(core_sigma_m=0.44, tail_start_m=0.95, tail_scale_m=0.46)
 
     def exceedance(self, x_m: Float[np.ndarray, " n"], *, late: bool = True) -> Float[np.ndarray, " n"]:
         """Return P(e > x), or on the early side P(e < −x), for each x ≥ 0 in m."""
