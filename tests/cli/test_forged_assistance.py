@@ -17,12 +17,12 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from night import TWO_SATELLITES, invoke
+from signed_files import sign
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.services.recs_make import command as recs_make
 from vestige.constants import DAY_S, SPEED_OF_LIGHT_MPS
-from vestige.crypto.recs import file_signature
-from vestige.crypto.recs.group_delay import inter_frequency_delay_s, read_group_delay_file, write_group_delay_file
+from vestige.crypto.recs.group_delay import inter_frequency_delay_s, parse_group_delay_file, write_group_delay_file
 from vestige.crypto.recs.recs_file import RecsFile, read_recs_file, serialize_recs_file, write_recs_file
 from vestige.recording.assistance.folder import read_assistance
 from vestige.records import GroupDelay
@@ -187,7 +187,7 @@ def test_chips_of_the_attackers_own_need_the_certificate_of_the_server(
     forged = {path: path.read_bytes() for path, _ in files(assistance)}
     random_chips(assistance)  # those of the satellites, which the attacker does not know
     for path in (*forged, *assistance.glob("*.BGD")):
-        file_signature.sign(path, SERVER)
+        sign(path, SERVER)
     signed = ("--certificate", certificate)
     assert statuses(recording, assistance, *signed) == NOT_FOUND
     for path, data in forged.items():
@@ -230,7 +230,7 @@ def test_samples_of_40_s_ago_are_told_by_the_clock_alone(
 
 def forge_group_delays(assistance: Path, bgd_s: float, later_s: float = 0.0) -> None:
     (path,) = assistance.glob("*.BGD")
-    delays = read_group_delay_file(path).delays
+    delays = parse_group_delay_file(path.read_bytes(), path).delays
     path.unlink()
     write_group_delay_file(
         [GroupDelay(svid=one.svid, bgd_e1_e6_s=bgd_s, valid_from=one.valid_from + later_s) for one in delays],

@@ -12,10 +12,11 @@ from click.testing import CliRunner, Result
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
+from signed_files import sign
 from simulated_chain import make_chain
 from vestige.cli.services.recs import command
 from vestige.crypto.keys.key_file import write_key_file
-from vestige.crypto.recs import file_signature, recs_file
+from vestige.crypto.recs import recs_file
 from vestige.crypto.recs import recs_segment as recs
 from vestige.crypto.recs.recs_segment import CipherMode
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
@@ -85,7 +86,7 @@ def test_info_as_json(file: Path) -> None:
 
 
 def test_info_says_who_signed(file: Path, tmp_path: Path) -> None:
-    file_signature.sign(file, SERVER_KEY)
+    sign(file, SERVER_KEY)
     assert "E11, signed, not verified: no certificate" in run("info", file).stdout
     assert "E11, verified" in run("info", "--certificate", pem(tmp_path / "server.pem", SERVER_KEY), file).stdout
     other = pem(tmp_path / "other.pem", ec.derive_private_key(7, ec.SECP256R1()))

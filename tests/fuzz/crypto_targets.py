@@ -31,7 +31,9 @@ from fuzz.authority import (
 from fuzz.engine import Files, Target, WrongAcceptanceError, spoil_files
 from fuzz.mutation import NUMBERS, spoil_bytes
 from page_files import inav_block, sbf_block, vector_csv
+from signed_files import sign, verify_file
 from simulated_chain import SimulatedChain
+from vestige.crypto.file_bytes import read_bytes
 from vestige.crypto.keys.key_file import read_key_file, write_key_file
 from vestige.crypto.keys.merkle_tree import verify_public_key
 from vestige.crypto.keys.public_key import PublicKey
@@ -39,7 +41,7 @@ from vestige.crypto.keys.public_key_file import load_public_keys, read_merkle_tr
 from vestige.crypto.osnma.operator.key_tree import read_private_key
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.recs import group_delay, recs_file
-from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key, sign, verify_file
+from vestige.crypto.recs.file_signature import SignatureStatus, load_public_key
 from vestige.crypto.recs.recs_name import parse_name
 from vestige.crypto.recs.recs_segment import LENGTHS
 from vestige.navigation.inav.page import InavPage, page_checksum
@@ -154,7 +156,8 @@ def _group_delays() -> Sequence[Files]:
 
 def _read_group_delays(folder: Path) -> None:
     for path in sorted(folder.iterdir()):
-        file = group_delay.read_group_delay_file(path, reference=START)
+        data = read_bytes(path, at_most=group_delay.MAX_GROUP_DELAY_FILE_BYTES)
+        file = group_delay.parse_group_delay_file(data, path, reference=START)
         again = group_delay.parse_group_delay_file(group_delay.serialize_group_delay_file(file), path, reference=START)
         if again.delays != file.delays:
             raise WrongAcceptanceError("group delays are not what was read of them")

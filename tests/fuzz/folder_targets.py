@@ -24,6 +24,7 @@ from fuzz.authority import (
 from fuzz.engine import Files, Special, Target, WrongAcceptanceError, spoil_files
 from fuzz.mutation import NUMBERS
 from page_files import inav_block
+from signed_files import sign_files
 from vestige.cli.main import main
 from vestige.errors import VestigeError
 from vestige.recording.assistance.assistance_writer import write_assistance
@@ -50,7 +51,7 @@ def _assistance_folders() -> Sequence[Files]:
         ionosphere_e1_m={3: 2.5, 11: 4.0},
     )
     trusted = {_PUBLIC_KEY: pem(CHAIN.private_key.public_key()), _CERTIFICATE: pem(SERVER_KEY.public_key())}
-    files = files_of(lambda folder: write_assistance(folder, whole, roots=[CHAIN.root], server_key=SERVER_KEY))
+    files = files_of(lambda folder: sign_files(write_assistance(folder, whole, roots=[CHAIN.root]), SERVER_KEY))
     folder = {f"assistance/{name}": data for name, data in files.items()}
     pages = b"".join(map(inav_block, PAGES[:60]))
     return [trusted | folder, trusted | folder | {"assistance/osnma/pages.sbf": pages}]

@@ -41,7 +41,6 @@ INSIDE = {
     "cli/recordings/process_options.py: check_named_inputs": "the readers of keys and trees, which other targets try",
     "cli/recordings/search.py: _log": "`SearchLog.open`, which the target `search-log` tries",
     "cli/recordings/simulate.py: _to_pipe": "the null device, to write to",
-    "crypto/recs/file_signature.py: sign": "the server's side: it signs what it has written",
     "own_parts.py: _digest": "a file that the user names with --parts, which is run as it is",
     "recording/assistance/made_recs.py: make_assistance": _OWN,
     "recording/outputs/position_file.py: PositionFile.__init__": "compares head and tail with its own",

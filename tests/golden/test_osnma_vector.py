@@ -24,7 +24,7 @@ from vestige.crypto.keys.public_key_file import load_public_keys
 from vestige.crypto.osnma.messages.dsm import NmaHeader, parse_kroot
 from vestige.crypto.osnma.messages.root_key import RootKey, verify_root_key
 from vestige.crypto.osnma.messages.tesla import Chain, Key, validate
-from vestige.crypto.osnma.osnma_receiver import verify_pages
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.osnma_report import Count
 from vestige.errors import AuthenticationError, VestigeError
 from vestige.navigation.inav.page import InavPage
@@ -264,7 +264,7 @@ def _in_page(page: InavPage, first: int, index: int) -> bool:
 def test_a_changed_bit_of_a_key_on_air_fails_with_the_reason(osnma_data: Path, bit: int) -> None:
     first_five_minutes = islice(read_pages(osnma_data / VECTOR, start=VECTOR_START), 26 * 150)
     pages = _flip_osnma(first_five_minutes, lambda page: bit if _in_page(page, 277_320, 10) else None)
-    report = verify_pages(pages, keys_of(osnma_data, VECTOR_FILES))
+    report = OsnmaReceiver(keys_of(osnma_data, VECTOR_FILES)).process_all(pages)
     assert len(report.keys) == 9
     assert report.chain_steps == Count(ok=8, failed=1)
     with pytest.raises(AuthenticationError, match=r"1251:277320 key: E02.* does not chain to"):
@@ -277,7 +277,7 @@ def test_a_changed_bit_of_the_root_key_on_air_leaves_nothing(osnma_data: Path, p
         islice(read_pages(osnma_data / VECTOR, start=VECTOR_START), 26 * 75),
         lambda page: 7 if page.time.second % 30 == 1 + 2 * page_index else None,
     )
-    report = verify_pages(pages, keys_of(osnma_data, VECTOR_FILES))
+    report = OsnmaReceiver(keys_of(osnma_data, VECTOR_FILES)).process_all(pages)
     assert report.keys == ()
     with pytest.raises(AuthenticationError):
         report.raise_if_failed()
@@ -285,13 +285,15 @@ def test_a_changed_bit_of_the_root_key_on_air_leaves_nothing(osnma_data: Path, p
 
 def test_a_wrong_start_time_is_not_believed(osnma_data: Path) -> None:
     pages = islice(read_pages(osnma_data / VECTOR, start=GalileoTime(1251, 277_231)), 26 * 75)
-    report = verify_pages(pages, keys_of(osnma_data, VECTOR_FILES))
+    report = OsnmaReceiver(keys_of(osnma_data, VECTOR_FILES)).process_all(pages)
     assert report.keys == ()
     assert report.time_stamps.ok == 0
 
 
 def test_keys_of_the_other_operation_are_refused(osnma_data: Path) -> None:
-    report = verify_pages(islice(read_pages(osnma_data / RECORDED), 4000), keys_of(osnma_data, VECTOR_FILES))
+    report = OsnmaReceiver(keys_of(osnma_data, VECTOR_FILES)).process_all(
+        islice(read_pages(osnma_data / RECORDED), 4000)
+    )
     assert report.keys == ()
     with pytest.raises(AuthenticationError, match="PKID 2, which was not given"):
         report.raise_if_failed()

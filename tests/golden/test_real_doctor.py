@@ -39,7 +39,7 @@ def test_the_real_recording_has_one_fault(tmp_path: Path, recording_data: Path) 
     assert sorted(one.svid for one in found.e1) == IN_THE_SKY
     assert all(one.e6c_open and one.secondary_fits for one in found.e6)
     assert len(found.e6) == 6
-    (one,) = found.faults
+    (one,) = (finding for finding in found.findings if finding.is_fault)
     assert (one.kind, one.band) == (FindingKind.LOST_SAMPLES, Band.E1)
     assert "(966 samples) are missing" in one.line or "(965 samples) are missing" in one.line
     assert {one.kind for one in found.findings if not one.is_fault} == {FindingKind.E6C_OPEN, FindingKind.DURATION}

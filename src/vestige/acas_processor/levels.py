@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-A level is a table of checks. Each row gives the paper's step, the status after a failure, the scope (one satellite or
-the whole receiver), and how often the check runs.
+A level is a table of checks. Each row gives the status after a failure, the scope (one satellite or the whole
+receiver), and how often the check runs.
 
 * Level 1 is the minimum defence, steps 1 and 2: the true E6 signal is received, and its range agrees with E1.
 * Level 2 adds power and C/N0 monitoring (3), the vestigial search on E1 with hand-over to E6 (4), and the position fix:
@@ -94,7 +94,6 @@ CheckMaker = Callable[["AcasProcessor", float], Check | None]
 class CheckSpec:
     """All properties of a check of a level that the processor needs."""
 
-    step: int  # number of the step in [WFO, Sec. IV]
     name: CheckName | str  # the check; a text for a check that a user wrote
     failure: Status  # status after a failure
     # function that makes the check; None for the searches, which `assess` makes, and for checks that a user wrote
@@ -128,9 +127,8 @@ def _e6_power(processor: AcasProcessor, p_fa: float) -> Check:
     return E6MissesCheck(p_fa=p_fa, prediction=processor.miss_prediction)
 
 
-_MINIMUM = (
+_MINIMUM = (  # steps 1 and 2 of [WFO, Sec. IV]
     CheckSpec(
-        step=1,
         name=CheckName.E6_POWER,
         failure=Status.NOT_DETECTED,
         make=_e6_power,
@@ -138,7 +136,6 @@ _MINIMUM = (
         own_p_fa=lambda assumed: 1 - assumed.pd,
     ),
     CheckSpec(
-        step=2,
         name=CheckName.E1_E6_RANGE,
         failure=_SPOOFED,
         make=lambda processor, _: RangeCheck(budget=processor.budget, kappa=processor.range_kappa),
@@ -147,9 +144,8 @@ _MINIMUM = (
         fixed_p_fa=lambda assumed: assumed.bank_p_fa,
     ),
 )
-_POWER = (
+_POWER = (  # step 3
     CheckSpec(
-        step=3,
         name=CheckName.E1_RECEIVED_POWER,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.e1_power, p_fa=p_fa),
@@ -157,7 +153,6 @@ _POWER = (
         needs_references=True,
     ),
     CheckSpec(
-        step=3,
         name=CheckName.E6_RECEIVED_POWER,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.e6_power, p_fa=p_fa),
@@ -166,14 +161,12 @@ _POWER = (
         needs_references=True,
     ),
     CheckSpec(
-        step=3,
         name=CheckName.E1_CN0,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.e1_cn0, p_fa=p_fa),
         needs_references=True,
     ),
     CheckSpec(
-        step=3,
         name=CheckName.E6_CN0,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.e6_cn0, p_fa=p_fa),
@@ -181,7 +174,6 @@ _POWER = (
         needs_references=True,
     ),
     CheckSpec(
-        step=3,
         name=CheckName.NOISE_FLOOR,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.noise_floor, p_fa=p_fa),
@@ -199,18 +191,15 @@ def _second_signal(processor: AcasProcessor, p_fa: float) -> Check | None:
     return replace(settings.second_signal, p_fa=p_fa, reach_m=processor.late_reach_m)
 
 
-_HANDOVER_SEARCH = (
-    CheckSpec(step=4, name=CheckName.E6_SECOND_SIGNAL, failure=_SPOOFED, make=_second_signal, cadence=_RECS),
-    CheckSpec(
-        step=4, name=CheckName.E1_VESTIGIAL_SEARCH, failure=_SPOOFED, cadence=_RECS, suspects_all_satellites=True
-    ),
+_HANDOVER_SEARCH = (  # step 4 of level 2
+    CheckSpec(name=CheckName.E6_SECOND_SIGNAL, failure=_SPOOFED, make=_second_signal, cadence=_RECS),
+    CheckSpec(name=CheckName.E1_VESTIGIAL_SEARCH, failure=_SPOOFED, cadence=_RECS, suspects_all_satellites=True),
 )
 
 
 def _clock(name: CheckName) -> CheckSpec:
     """Return the row of one of the three tests of the receiver clock."""
     return CheckSpec(
-        step=5,
         name=name,
         failure=_SUSPECT,
         make=lambda processor, p_fa: ClockCheck(name=name, monitor=replace(processor.monitoring.clock, p_fa=3 * p_fa)),
@@ -220,12 +209,11 @@ def _clock(name: CheckName) -> CheckSpec:
     )
 
 
-_FIX = (
+_FIX = (  # step 5
     _clock(CheckName.CLOCK_INNOVATION),
     _clock(CheckName.CLOCK_CONSISTENCY),
     _clock(CheckName.CLOCK_SLOPE),
     CheckSpec(
-        step=5,
         name=CheckName.CLOCK_LIMIT,
         failure=_SUSPECT,
         make=lambda _, p_fa: ClockLimitMonitor(p_fa=p_fa),
@@ -234,7 +222,6 @@ _FIX = (
         settable=False,
     ),
     CheckSpec(
-        step=5,
         name=CheckName.RAIM,
         failure=_SUSPECT,
         make=lambda _, p_fa: RaimMonitor(p_fa=p_fa),
@@ -242,16 +229,14 @@ _FIX = (
         exact=True,
     ),
     CheckSpec(
-        step=5,
         name=CheckName.SOLUTION_SEPARATION,
         failure=_SUSPECT,
         make=lambda _, p_fa: SolutionSeparationMonitor.of_budget(p_fa),
         scope=_RECEIVER,
     ),
 )
-_SECOND_CHANNEL = (
+_SECOND_CHANNEL = (  # step 4 of level 3
     CheckSpec(
-        step=4,
         name=CheckName.OSNMA_AVAILABILITY,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.osnma_availability, p_fa=p_fa),
@@ -259,7 +244,6 @@ _SECOND_CHANNEL = (
         cadence=_SUBFRAME,
     ),
     CheckSpec(
-        step=4,
         name=CheckName.OSNMA_RECEPTION,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.osnma_reception, p_fa=p_fa),
@@ -267,7 +251,6 @@ _SECOND_CHANNEL = (
         cadence=_SUBFRAME,
     ),
     CheckSpec(
-        step=4,
         name=CheckName.OSNMA_AGREEMENT,
         failure=_SPOOFED,
         make=lambda _processor, _p_fa: OsnmaAgreementMonitor(),
@@ -277,18 +260,16 @@ _SECOND_CHANNEL = (
         settable=False,
     ),
 )
-_EXHAUSTIVE_SEARCH = (
+_EXHAUSTIVE_SEARCH = (  # step 5 of level 3
     CheckSpec(
-        step=5,
         name=CheckName.E6_EXHAUSTIVE_SEARCH,
         failure=_SPOOFED,
         cadence=TestCadence.SEARCH,
         suspects_all_satellites=True,
     ),
 )
-_BRIDGING = (
+_BRIDGING = (  # step 7
     CheckSpec(
-        step=7,
         name=CheckName.POWER_DISTORTION,
         failure=_SUSPECT,
         make=lambda processor, _: processor.monitoring.power_distortion,
@@ -297,7 +278,6 @@ _BRIDGING = (
         needs_references=True,
     ),
     CheckSpec(
-        step=7,
         name=CheckName.INERTIAL_RANGE_RATE,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.inertial, p_fa=p_fa),
@@ -326,7 +306,6 @@ def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor 
         return 0 if monitor is None else monitor.window - 1
 
     return CheckSpec(
-        step=8,  # after the steps of [WFO, Sec. IV]: the paper treats the phase in Sec. VI-B
         name=name,
         failure=_SUSPECT,
         make=make,

@@ -139,11 +139,6 @@ class MeasurementBlock:
         """The position fix of each epoch; None without orbits."""
         return None if self.fixes is None else self.fixes.block
 
-    @property
-    def n_epochs(self) -> int:
-        """Number of epochs."""
-        return len(self.snapshots.time)
-
     def single_precision(self) -> MeasurementBlock:
         """Return the block with the E6 measurements in single precision, as results store them.
 

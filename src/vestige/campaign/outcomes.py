@@ -10,7 +10,7 @@ The correlation function of E6-C is a triangle of ±1 chip. The sum of two trian
 of the triangles is more than about half of the base. The default resolution is one chip, 58.6 m: at this distance,
 neither triangle reaches the peak of the other. From about this distance on, the early detector can see both peaks.
 
-A spoofing signal counts if its power relative to the true signal exceeds `floor_db`. A weaker spoofing signal moves a
+A spoofing signal counts if its power relative to the true signal exceeds `FLOOR_DB`. A weaker spoofing signal moves a
 detection by less than 1 m on average. A spoofing signal with invented chips makes no peak and never counts.
 
 With status AUTHENTIC the receiver accepts its E1 pseudorange, including the error of this pseudorange:
@@ -57,15 +57,14 @@ def classify(
     spoofer_power_db: Float[np.ndarray, "n n_attacks"],
     *,
     resolution_m: float = RESOLUTION_M,
-    floor_db: float = FLOOR_DB,
 ) -> Int8[np.ndarray, " n"]:
     """Return the `DetectedSignal` of every epoch.
 
     `range_offset_m` is NaN where nothing was detected. `prediction_error_m` is the delay of the line of sight after its
-    prediction. Two signals closer than `resolution_m` make one peak; a spoofing signal up to `floor_db` does not count.
+    prediction. Two signals closer than `resolution_m` make one peak; a spoofing signal up to `FLOOR_DB` does not count.
     """
     found_m = range_offset_m - prediction_error_m
-    counts = spoofer_power_db > floor_db
+    counts = spoofer_power_db > FLOOR_DB
     distance_m = np.where(counts, np.abs(found_m[:, None] - spoofer_offset_m), np.inf)
     spoofer = np.min(distance_m, axis=1, initial=np.inf) < np.abs(found_m)
     near = counts & (np.abs(spoofer_offset_m) < resolution_m)
@@ -74,9 +73,7 @@ def classify(
     return np.where(np.isnan(range_offset_m), DetectedSignal.NONE, outcome).astype(np.int8)
 
 
-def outcomes(
-    results: xarray.Dataset, *, resolution_m: float = RESOLUTION_M, floor_db: float = FLOOR_DB
-) -> xarray.DataArray:
+def outcomes(results: xarray.Dataset, *, resolution_m: float = RESOLUTION_M) -> xarray.DataArray:
     """Return the `DetectedSignal` over (detector, epoch, satellite)."""
     offset = results["range_offset_m"].transpose("detector", "epoch", "satellite")
     values = np.full(offset.shape, DetectedSignal.NONE, np.int8)
@@ -84,7 +81,7 @@ def outcomes(
         truth = _truth(results.isel(satellite=satellite))
         for detector in range(offset.sizes["detector"]):
             found_m = offset.values[detector, :, satellite].astype(np.float64)
-            values[detector, :, satellite] = classify(found_m, *truth, resolution_m=resolution_m, floor_db=floor_db)
+            values[detector, :, satellite] = classify(found_m, *truth, resolution_m=resolution_m)
     flags = {
         "flag_values": [int(one) for one in DetectedSignal],
         "flag_meanings": " ".join(one.name for one in DetectedSignal),
@@ -129,12 +126,10 @@ class AttackReport:
     e1_captured: float  # share of the attacked epochs in which E1 tracking was on a spoofing signal
 
 
-def report(
-    results: xarray.Dataset, detector: str = "early", *, satellite: int = 0, share: float = SHARE
-) -> AttackReport | None:
+def report(results: xarray.Dataset, detector: str = "early", *, satellite: int = 0) -> AttackReport | None:
     """Return the outcome of the attack on a satellite; None if no verdict was due under attack.
 
-    `satellite` is the index on the axis of satellites. From the time of mitigation on, at least the part `share` of the
+    `satellite` is the index on the axis of satellites. From the time of mitigation on, at least the part `SHARE` of the
     detections belongs to the true signal. The first such time counts.
     """
     if "truth_spoofed" not in results:
@@ -155,7 +150,7 @@ def report(
         epochs=int(np.count_nonzero(due)),
         shares={kind: float(np.mean(outcome[due] == kind)) for kind in DetectedSignal},
         time_to_detect_s=float(time_s[np.argmax(alarm)] - time_s[0]) if alarm.any() else float("nan"),
-        time_to_mitigate_s=_time_to_mitigate_s(time_s, outcome, share),
+        time_to_mitigate_s=_time_to_mitigate_s(time_s, outcome),
         worst_accepted_m=_worst(one["truth_e1_worst_error_m"].values[attacked][accepted]),
         e1_captured=float(np.mean(one["truth_e1_captured"].values[attacked])),
     )
@@ -174,11 +169,11 @@ def _truth(one: xarray.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return one["truth_prediction_error_m"].values, offset_m, power_db
 
 
-def _time_to_mitigate_s(time_s: Float[np.ndarray, " n"], outcome: Int8[np.ndarray, " n"], share: float) -> float:
+def _time_to_mitigate_s(time_s: Float[np.ndarray, " n"], outcome: Int8[np.ndarray, " n"]) -> float:
     detected: Bool[np.ndarray, " n"] = outcome != DetectedSignal.NONE
     true_after = np.cumsum((outcome == DetectedSignal.TRUE)[::-1])[::-1]
     found_after = np.cumsum(detected[::-1])[::-1]
-    held = (true_after >= share * found_after) & (found_after > 0)
+    held = (true_after >= SHARE * found_after) & (found_after > 0)
     return float(time_s[np.argmax(held)] - time_s[0]) if held.any() else float("nan")
 
 

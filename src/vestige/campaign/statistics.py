@@ -8,7 +8,7 @@ error, such as an ionosphere with a time constant of hours, are not independent 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -138,12 +138,7 @@ def detectors_of(results: xarray.Dataset) -> tuple[str, ...]:
     return tuple(str(name) for name in results["detector"].values)
 
 
-def summarise(
-    results: xarray.Dataset,
-    detector: str = "early",
-    *,
-    percentiles: Sequence[float] = PERCENTILES,
-) -> Summary:
+def summarise(results: xarray.Dataset, detector: str = "early") -> Summary:
     """Return the detections, misses and range offsets of one detector.
 
     Epochs and satellites with NaN as `noise_power` do not count, because they were not correlated.
@@ -162,7 +157,7 @@ def summarise(
     offset_m: Float[np.ndarray, " n"] = np.concatenate(offsets or [np.zeros(0)]).astype(np.float64)
     detections = offset_m.size
     in_cluster = int(np.count_nonzero((offset_m >= CLUSTER_M[0]) & (offset_m <= CLUSTER_M[1])))
-    at = np.percentile(offset_m, percentiles) if detections else np.full(len(percentiles), np.nan)
+    at = np.percentile(offset_m, PERCENTILES) if detections else np.full(len(PERCENTILES), np.nan)
     return Summary(
         detector=detector,
         epochs=results.sizes["epoch"],
@@ -172,7 +167,7 @@ def summarise(
         cluster_m=CLUSTER_M,
         range_offset_mean_m=float(offset_m.mean()) if detections else float("nan"),
         range_offset_std_m=float(offset_m.std()) if detections else float("nan"),
-        percentiles_m=dict(zip(map(float, percentiles), at.tolist(), strict=True)),
+        percentiles_m=dict(zip(PERCENTILES, at.tolist(), strict=True)),
     )
 
 

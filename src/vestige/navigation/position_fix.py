@@ -133,7 +133,6 @@ def position_fix(
     pseudorange_m: Float[np.ndarray, "n m"],
     sigma_m: Float[np.ndarray, "n m"],
     *,
-    correction_m: Float[np.ndarray, "n m"] | None = None,
     common_m: Float[np.ndarray, "n m"] | None = None,
 ) -> Fix:
     """Return the weighted least-squares fixes.
@@ -146,12 +145,10 @@ def position_fix(
         Pseudoranges; NaN where not measured.
     sigma_m
         Standard deviation of each pseudorange.
-    correction_m
-        Predicted delays (ionosphere, troposphere), which are subtracted.
     common_m
         c, contribution of 1σ of the common part to each pseudorange; `sigma_m` includes this part.
     """
-    measured = pseudorange_m + sent.clock_m - (0.0 if correction_m is None else correction_m)
+    measured = pseudorange_m + sent.clock_m
     used, weight = _weights(measured, sigma_m)
     position, clock = _position_and_clock(sent, measured, used, weight)
     geometry, predicted = _predict(sent.position_m, position, used)

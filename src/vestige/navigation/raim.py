@@ -23,7 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.special import chdtrc, chdtri, chndtr, ndtri
 
 from vestige.navigation.position_fix import UNKNOWNS, inverse_normal
@@ -91,18 +91,6 @@ def missed_detection(noncentrality: Float[np.ndarray, " n"], freedom: int, p_fa:
     return np.where(noncentrality > 0, fault, 1 - chdtrc(freedom, threshold))
 
 
-def slopes(parts: Redundancy) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
-    """Return the horizontal and the vertical slope of each satellite, for a geometry in local axes.
-
-    The horizontal slope √(S₁ᵢ² + S₂ᵢ²)/√Pᵢᵢ is the error of the fix in m for each m in the residuals; infinite if the
-    error does not appear in the residuals.
-    """
-    horizontal, vertical = np.hypot(parts.gain[:, 0], parts.gain[:, 1]), np.abs(parts.gain[:, 2])
-    seen = parts.unexplained > _UNSEEN
-    root = np.sqrt(np.where(seen, parts.unexplained, 1.0))
-    return np.where(seen, horizontal / root, np.inf), np.where(seen, vertical / root, np.inf)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
     """Differences of the fixes without each satellite from the full fix, in the axes of the geometry; NaN if undefined.
@@ -136,29 +124,10 @@ def separation_factor(p_fa: float, n_modes: int) -> float:
     return float(-ndtri(p_fa / (2 * n_modes)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Exclusion:
-    """Exclusion of the single satellite that explains an alarm.
-
-    Attributes
-    ----------
-    excluded
-        Column of the excluded satellite; −1 where no exclusion was needed or none helped.
-    statistic
-        T after the exclusion (or without one).
-    consistent
-        Whether T is below its threshold after the exclusion.
-    """
-
-    excluded: Int[np.ndarray, " n"]
-    statistic: Float[np.ndarray, " n"]
-    consistent: Bool[np.ndarray, " n"]
-
-
 def exclude_one(
     parts: Redundancy, residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"], p_fa: float
-) -> Exclusion:
-    """Return the test and, where it fails, the single satellite without which it passes.
+) -> Int[np.ndarray, " n"]:
+    """Return the column of the single satellite without which a failed test passes; `NOT_EXCLUDED` where none does.
 
     An exclusion needs six satellites, because any four of five satellites fit exactly.
 
@@ -176,8 +145,4 @@ def exclude_one(
     best = np.argmax(gained, axis=1)
     reduced = statistic - np.take_along_axis(gained, best[:, None], axis=1)[:, 0]
     helps = ~passed & (reduced <= chi_square_threshold(freedom - 1, p_fa))
-    return Exclusion(
-        excluded=np.where(helps, best, NOT_EXCLUDED),
-        statistic=np.where(helps, reduced, statistic),
-        consistent=passed | helps,
-    )
+    return np.where(helps, best, NOT_EXCLUDED)

@@ -38,12 +38,19 @@ def referred_to(ephemeris: Ephemeris, toe: GalileoTime) -> Ephemeris:
     motion = math.sqrt(GRAVITATION_M3PS2 / ephemeris.sqrt_a**6) + ephemeris.delta_n_radps
     week_s = (toe.week - ephemeris.toe.week) * SECONDS_PER_WEEK
     return replace(
-        ephemeris,
+        with_clock_moved(ephemeris, t),
         toe=toe,
-        toc=ephemeris.toc + t,
         m0_rad=_wrapped(ephemeris.m0_rad + motion * t),
         omega0_rad=_wrapped(ephemeris.omega0_rad + ephemeris.omega_dot_radps * t - ROTATION_RADPS * week_s),
         i0_rad=ephemeris.i0_rad + ephemeris.i_dot_radps * t,
+    )
+
+
+def with_clock_moved(ephemeris: Ephemeris, t: float) -> Ephemeris:
+    """Return the same orbit and clock, the clock given `t` seconds later."""
+    return replace(
+        ephemeris,
+        toc=ephemeris.toc + t,
         af0_s=ephemeris.af0_s + ephemeris.af1 * t + ephemeris.af2_per_s * t**2,
         af1=ephemeris.af1 + 2 * ephemeris.af2_per_s * t,
     )

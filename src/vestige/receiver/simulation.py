@@ -224,11 +224,11 @@ class Simulation:
             )
         return taps, noise_power
 
-    def segment(self, number: int, mode: CipherMode | None = None) -> tuple[EncryptedSegment, ValidatedKey]:
-        """Return a RECS by its number, and its key; `mode` replaces the service's own mode."""
+    def segment(self, number: int) -> tuple[EncryptedSegment, ValidatedKey]:
+        """Return a RECS by its number, and its key."""
         chips = self.chips(self.transmit_time(number))
         key = self.key(chips.transmit_time)
-        return encrypt(chips, key.data, key_delay=self.key_delay, mode=mode or self.cipher_mode), key
+        return encrypt(chips, key.data, key_delay=self.key_delay, mode=self.cipher_mode), key
 
     def chips(self, sent: GalileoTime) -> ChipSequence:
         """Return the chips of the RECS that is sent at a time."""

@@ -26,7 +26,6 @@ SEGMENT = 1024  # samples of one spectrum
 class AdcStatistics:
     """Statistics of the first samples."""
 
-    n_samples: int  # number of samples used
     deviation: float  # standard deviation of the samples (both components together)
     rms: float  # root mean square of the components
     mean: complex  # mean of the components, complex for complex samples
@@ -38,16 +37,15 @@ class AdcStatistics:
     spectral_center_hz: float | None
 
 
-def adc_statistics(reader: SampleReader, *, at_most: int = LOOKED_AT) -> AdcStatistics:
-    """Return the statistics of the first `at_most` samples.
+def adc_statistics(reader: SampleReader) -> AdcStatistics:
+    """Return the statistics of the first `LOOKED_AT` samples.
 
     Raises `InputFileError` if the samples cannot be read, or are not finite numbers.
     """
-    samples = reader.samples(reader.first_sample, min(at_most, reader.n_samples))
+    samples = reader.samples(reader.first_sample, min(LOOKED_AT, reader.n_samples))
     components = samples.view(np.float32) if reader.file.form.is_complex else samples.real
     magnitudes = np.abs(components)
     return AdcStatistics(
-        n_samples=len(samples),
         rms=float(np.sqrt(np.mean(components.astype(np.float64) ** 2))),
         mean=complex(np.mean(samples, dtype=np.complex128)),
         deviation=float(np.std(samples.astype(np.complex128))),

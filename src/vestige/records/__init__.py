@@ -284,11 +284,6 @@ class Snapshot:
                 f"later, {self.e6.received_until}"
             )
 
-    @property
-    def unseen(self) -> frozenset[int]:
-        """Satellites of the RECS that E1 does not show."""
-        return self.recs.difference(self.observations)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EncryptedSegment:

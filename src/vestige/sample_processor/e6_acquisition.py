@@ -33,6 +33,7 @@ from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E6C, SignalDefinition
 
 OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has at most 0.1
+_PFA = 1e-6  # probability that noise alone gives an acquisition
 _MIN_PERIODS = 25  # periods of 1 ms; with fewer, the 100 phases of the secondary code cannot be distinguished
 _TRANSFORM = 1024  # points over the periods, for the residual Doppler
 # iterations of measuring the code phase; at 5 MHz the first iteration ends at the last tap, 0.45 chip away
@@ -58,7 +59,6 @@ def acquire_e6(
     doppler_hz: float = 0.0,
     doppler_span_hz: float = 500.0,
     max_stretches: int = 20,
-    pfa: float = 1e-6,
 ) -> E6Acquisition | None:
     """Return one satellite's `signal` (E6-B or E6-C) in `batch`, or None if nothing exceeds the threshold.
 
@@ -70,8 +70,6 @@ def acquire_e6(
         Middle and half width of the searched Dopplers on E6.
     max_stretches
         K, largest number of code periods that are added.
-    pfa
-        Probability that noise alone gives an acquisition.
     """
     fs, period_s = batch.sample_rate_hz, signal.period_s
     n, phases = round(2 * period_s * fs), int(period_s * fs)
@@ -88,7 +86,7 @@ def acquire_e6(
         _add(row, np.roll(spectra, -shift, axis=1) * code, shift * spacing - carrier_hz, starts, fs, signal)
     noise = np.mean(powers, axis=1, keepdims=True) / (2 * len(starts))
     powers /= np.maximum(noise, np.finfo(np.float32).tiny)
-    threshold = 2.0 * float(special.gammainccinv(len(starts), pfa / powers.size))
+    threshold = 2.0 * float(special.gammainccinv(len(starts), _PFA / powers.size))
     best, column = np.unravel_index(int(np.argmax(powers)), powers.shape)
     statistic = float(powers[best, column])
     if statistic <= threshold:

@@ -23,10 +23,9 @@ edge is exact to 2^-27 chip (0.4 µm): a plain double loop in float64 finds the 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Int8, UInt32
 
 from vestige.kernel_cache import njit
-from vestige.records.packed_chips import PAD, packed_chips
+from vestige.records.packed_chips import PAD
 
 GROUP = 32  # samples that share a window at most; the length of `window` is a multiple
 _SMALL_GROUP = 8
@@ -55,22 +54,6 @@ def chip_at(packed, j):
     """Return chip number j, ±1 as int8, of packed chips."""
     word = np.int64(packed[np.int64(j + PAD) >> 5])
     return np.int8(1 - 2 * ((word >> (31 - (j & 31))) & 1))
-
-
-def chip_windows(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_windows"]:
-    """Return at least n + 64 windows: window i + PAD has chips i … i + 31, with chip i in the sign bit."""
-    return _windows(packed_chips(chips))
-
-
-@njit(cache=True, nogil=True)
-def _windows(words):
-    windows = np.empty(32 * (words.size - 1), np.uint32)
-    for k in range(words.size - 1):
-        pair = np.uint64((np.uint64(words[k]) << np.uint64(32)) | np.uint64(words[k + 1]))
-        part = windows[32 * k : 32 * k + 32]
-        for s in range(32):
-            part[s] = np.uint32(pair >> np.uint64(32 - s))
-    return windows
 
 
 @njit(cache=True, nogil=True)

@@ -63,8 +63,6 @@ BOC61 = Pulse("BOC(6,1)", tuple(boc_levels(12).tolist()))
 CBOC_PLUS = Pulse("CBOC(6,1,1/11,+)", _cboc(+1.0))
 CBOC_MINUS = Pulse("CBOC(6,1,1/11,-)", _cboc(-1.0))
 
-ALL_PULSES = (BPSK, BOC11, BOC61, CBOC_PLUS, CBOC_MINUS)
-
 
 def spectrum(pulse: Pulse, frequency_hz: Float[np.ndarray, " n"], chip_rate_hz: float) -> Float[np.ndarray, " n"]:
     """Return the power spectral density S(f) in 1/Hz, of unit area over all frequencies, for a random code.

@@ -26,12 +26,12 @@ from vestige.theory.thresholds import threshold
 _NODES, _WEIGHTS = np.polynomial.laguerre.laggauss(48)
 
 
-def code_offsets(time_uncertainty_s: float, chip_s: float = 1 / E6C.chip_rate_hz, per_chip: float = 2.0) -> float:
-    """Return the number of code offsets within the time uncertainty.
+def code_offsets(time_uncertainty_s: float, chip_s: float = 1 / E6C.chip_rate_hz) -> float:
+    """Return the number of code offsets, half a chip apart, within the time uncertainty.
 
     `time_uncertainty_s` is ΔT, the whole width of the uncertainty.
     """
-    return time_uncertainty_s / chip_s * per_chip
+    return time_uncertainty_s / chip_s * 2.0
 
 
 def doppler_bins(doppler_span_hz: float, integration_s: float) -> float:
@@ -47,18 +47,17 @@ def exhaustive_hypotheses(
     integration_s: float,
     doppler_span_hz: float,
     chip_s: float = 1 / E6C.chip_rate_hz,
-    per_chip: float = 2.0,
 ) -> float:
     """Return N of a search over all code offsets and Doppler bins [WFO, Sec. III-D]."""
-    return code_offsets(time_uncertainty_s, chip_s, per_chip) * doppler_bins(doppler_span_hz, integration_s)
+    return code_offsets(time_uncertainty_s, chip_s) * doppler_bins(doppler_span_hz, integration_s)
 
 
-def handover_hypotheses(time_uncertainty_s: float, taps: int = 1, period_s: float = E1C.period_s) -> float:
+def handover_hypotheses(time_uncertainty_s: float, taps: int = 1) -> float:
     """Return N of a search on E6 at the code phase and Doppler that E1 gives [WFO, Sec. III-E].
 
     `taps` code offsets are tested at each position; positions repeat with the period of the E1 code.
     """
-    return time_uncertainty_s / period_s * taps
+    return time_uncertainty_s / E1C.period_s * taps
 
 
 def effective_taps(pfa: Reals, taps: int, correlation: float) -> Reals:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import erf
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.signals.definitions import E6C, SignalDefinition
+from vestige.signals.definitions import E6C
 from vestige.signals.pulse import band_limited_autocorrelation
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
@@ -50,26 +50,26 @@ def doppler_grid_loss(step_hz: float, integration_s: float) -> GridLoss:
     return GridLoss(-20 * float(np.log10(worst)), -10 * float(np.log10(mean_power)))
 
 
-def acceleration_loss_db(acceleration_mps2: float, integration_s: float, signal: SignalDefinition = E6C) -> float:
+def acceleration_loss_db(acceleration_mps2: float, integration_s: float) -> float:
     """Return the loss by an acceleration along the line of sight, with the right frequency in the middle."""
     time_s = integration_s / 2 * _NODES
-    phase = np.pi * acceleration_mps2 / SPEED_OF_LIGHT_MPS * signal.carrier_hz * time_s**2
+    phase = np.pi * acceleration_mps2 / SPEED_OF_LIGHT_MPS * E6C.carrier_hz * time_s**2
     return -20 * float(np.log10(np.abs(np.exp(1j * phase) @ _WEIGHTS) / 2))
 
 
-def code_doppler_loss_db(doppler_hz: float, integration_s: float, signal: SignalDefinition = E6C) -> float:
+def code_doppler_loss_db(doppler_hz: float, integration_s: float) -> float:
     """Return the loss of a replica without code Doppler, aligned in the middle of the integration."""
-    slide_chips = abs(doppler_hz) / signal.carrier_hz * signal.chip_rate_hz * integration_s
+    slide_chips = abs(doppler_hz) / E6C.carrier_hz * E6C.chip_rate_hz * integration_s
     return -20 * float(np.log10(1 - slide_chips / 4))
 
 
-def front_end_loss_db(bandwidth_hz: float, signal: SignalDefinition = E6C) -> float:
+def front_end_loss_db(bandwidth_hz: float) -> float:
     """Return the loss of an ideal front-end filter, replica unfiltered: the share of the power that passes.
 
     The bandwidth is two-sided.
     """
     passed = band_limited_autocorrelation(
-        signal.pulse, np.zeros(1), chip_rate_hz=signal.chip_rate_hz, bandwidth_hz=bandwidth_hz
+        E6C.pulse, np.zeros(1), chip_rate_hz=E6C.chip_rate_hz, bandwidth_hz=bandwidth_hz
     )
     return -10 * float(np.log10(passed[0]))
 

@@ -61,7 +61,7 @@ def _received() -> tuple[Snapshot, AcasTestCase]:
 def _assistance(mode: CipherMode, convention: GroupDelayConvention = OS_ICD_CONVENTION) -> Assistance:
     """The RECS in a cipher mode, and a group delay of 1 µs that only the right convention cancels the bias with."""
     _, case = _received()
-    segment, key = case.simulation.segment(0, mode)
+    segment, key = replace(case.simulation, cipher_mode=mode).segment(0)
     delay = GroupDelay(svid=SVID, bgd_e1_e6_s=1e-6, valid_from=case.simulation.start)
     sent_late_s = inter_frequency_delay_s(case.satellites[0].bgd_s)  # as the samples have it
     return Assistance(

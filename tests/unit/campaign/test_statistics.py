@@ -117,11 +117,13 @@ def results_by_hand() -> xarray.Dataset:
 
 
 def test_summary() -> None:
-    summary = summarise(results_by_hand(), percentiles=(0, 50, 100))
+    summary = summarise(results_by_hand())
     assert (summary.epochs, summary.detections.successes, summary.detections.trials, summary.misses) == (5, 7, 9, 2)
     assert (summary.detections.low, summary.detections.high) == binomial_interval(7, 9)
     assert (summary.cluster.successes, summary.cluster.trials) == (1, 7)
-    assert summary.percentiles_m == {0.0: -22.5, 50.0: 2.0, 100.0: 5.0}
+    assert summary.percentiles_m[50.0] == 2.0
+    assert summary.percentiles_m[0.01] == pytest.approx(-22.5 + 0.0006 * 22.5)
+    assert summary.percentiles_m[99.99] == pytest.approx(5.0 - 0.0006)
     assert summary.range_offset_mean_m == pytest.approx((0 + 1 - 22.5 + 2 + 3 + 4 + 5) / 7)
 
 

@@ -10,7 +10,6 @@ import pytest
 
 from vestige.crypto.file_bytes import read_bytes, read_text
 from vestige.crypto.recs import recs_file
-from vestige.crypto.recs.file_signature import verify_file
 from vestige.errors import InputFileError
 from vestige.plots.curves.sweep import read_sweep
 from vestige.receiver.errors.empirical_ionosphere import read_residuals
@@ -27,7 +26,6 @@ READERS = (
     read_sweep,
     read_threat_table,
     recs_file.read_recs_file,
-    verify_file,
 )
 
 

@@ -65,7 +65,7 @@ def test_write_and_read(tmp_path: Path) -> None:
     delays = [GroupDelay(svid=svid, bgd_e1_e6_s=svid * 1e-9, valid_from=VALID_FROM) for svid in (30, 2)]
     path = group_delay.write_group_delay_file(delays, tmp_path)
     assert path.name == "GSCX01_232280500160.BGD"
-    read = group_delay.read_group_delay_file(path).delays
+    read = group_delay.parse_group_delay_file(path.read_bytes(), path).delays
     assert [delay.svid for delay in read] == [2, 30]
     assert [delay.bgd_e1_e6_s for delay in read] == pytest.approx([2e-9, 30e-9], abs=2.0**-33)
 

@@ -14,7 +14,7 @@ from vestige.crypto.keys.public_key import PublicKey, Trust
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
 from vestige.crypto.osnma.messages.subframe import PageStatus
 from vestige.crypto.osnma.operator.signed_messages import sign_kroot
-from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify_pages
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.osnma_report import Count, OsnmaReport, ProblemKind
 from vestige.errors import AuthenticationError
 from vestige.navigation.inav.page import InavPage
@@ -34,7 +34,7 @@ PAGES = Broadcast(CHAIN, n_subframes=N).pages()
 
 
 def run(pages: list[InavPage], chain: SimulatedChain = CHAIN) -> OsnmaReport:
-    return verify_pages(pages, (chain.public_key,), chain.tree)
+    return OsnmaReceiver((chain.public_key,), chain.tree).process_all(pages)
 
 
 REPORT = run(PAGES)
@@ -297,7 +297,7 @@ def test_one_satellite_with_a_false_root_key_does_not_stop_the_others() -> None:
 
 def test_a_root_key_of_another_public_key_is_not_used() -> None:
     other = PublicKey(pkid=9, point=CHAIN.public_key.point, trust=Trust.USER)
-    report = verify_pages(PAGES, (other,))
+    report = OsnmaReceiver((other,)).process_all(PAGES)
     assert report.keys == ()
     with pytest.raises(AuthenticationError, match=r"no root key is verified: .*PKID 4, which was not given"):
         report.raise_if_failed()
@@ -337,7 +337,7 @@ def test_a_new_root_key_of_the_same_chain_and_a_new_chain() -> None:
 
     next_chain = make_chain(b"next", START + N * 30, 8, chain_id=2, pkid=5)
     third = Broadcast(next_chain, n_subframes=8).pages()
-    report = verify_pages([*first, *second, *third], (CHAIN.public_key, next_chain.public_key))
+    report = OsnmaReceiver((CHAIN.public_key, next_chain.public_key)).process_all([*first, *second, *third])
     assert [key.chain_id for key in report.keys] == [1] * N + [2] * 8
     assert report.failures == ()
 
@@ -355,11 +355,11 @@ def test_broadcast_public_keys_that_are_not_used() -> None:
         ((CHAIN.public_key,), MerkleTree(nodes={(4, 0): bytes(32)}), "not the trusted 0000"),
         ((CHAIN.public_key,), None, "no Merkle tree was given to verify it"),
     ):
-        report = verify_pages(pages, known, tree)
+        report = OsnmaReceiver(known, tree).process_all(pages)
         assert any(words in problem.text for problem in report.problems)
         assert {problem.kind for problem in report.problems} == {ProblemKind.IGNORED}
     for known in ((CHAIN.public_key,), (CHAIN.public_key, older.public_key, newer)):  # newer than those, and in use
-        assert verify_pages(pages, known, older.tree).problems == ()
+        assert OsnmaReceiver(known, older.tree).process_all(pages).problems == ()
 
 
 def test_a_recording_with_shifted_clock_is_noticed_and_not_believed() -> None:

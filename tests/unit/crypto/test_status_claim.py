@@ -7,7 +7,7 @@ import pytest
 from osnma_builder import Broadcast, make_page
 from simulated_chain import make_chain
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
-from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify_pages
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
@@ -22,7 +22,7 @@ KEYS = [key.data for key in CHAIN.keys]
 
 
 def run(pages: list[InavPage]) -> OsnmaReport:
-    return verify_pages(pages, (CHAIN.public_key,), CHAIN.tree)
+    return OsnmaReceiver((CHAIN.public_key,), CHAIN.tree).process_all(pages)
 
 
 def with_header(pages: list[InavPage], svid: int, index: int, value: int) -> list[InavPage]:

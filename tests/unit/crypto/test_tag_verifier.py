@@ -3,7 +3,7 @@ from __future__ import annotations
 from osnma_builder import Broadcast, make_page
 from simulated_chain import make_chain
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
-from vestige.crypto.osnma.osnma_receiver import verify_pages
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.osnma_report import OsnmaReport
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
@@ -17,7 +17,7 @@ PAGES = Broadcast(CHAIN, n_subframes=N).pages()
 
 
 def run(pages: list[InavPage]) -> OsnmaReport:
-    return verify_pages(pages, (CHAIN.public_key,), CHAIN.tree)
+    return OsnmaReceiver((CHAIN.public_key,), CHAIN.tree).process_all(pages)
 
 
 REPORT = run(PAGES)

@@ -137,15 +137,6 @@ def test_too_few_satellites_are_no_fix_and_do_not_disturb_others() -> None:
     assert np.isnan(velocity[3]).all()
 
 
-def test_corrections_are_taken_off() -> None:
-    _, sent, pseudorange, _ = _scene(TIMES[:2])
-    delay = np.linspace(1.0, 9.0, pseudorange.shape[1]) * np.ones((2, 1))
-    sigma = np.full_like(pseudorange, 5.0)
-    a = position_fix(sent, pseudorange, sigma)
-    b = position_fix(sent, pseudorange + delay, sigma, correction_m=delay)
-    np.testing.assert_allclose(a.position_m, b.position_m, atol=1e-6)
-
-
 def test_local_geometry_is_that_of_the_sky() -> None:
     view, sent, pseudorange, _ = _scene(TIMES[:1])
     fix: Fix = position_fix(sent, pseudorange, np.full_like(pseudorange, 5.0))

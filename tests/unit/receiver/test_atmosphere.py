@@ -14,7 +14,7 @@ from vestige.constants import GAMMA_E1_E6
 from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonosphere
 from vestige.navigation.troposphere import SaastamoinenTroposphere
 from vestige.receiver.samples.continuous import ContinuousTruth
-from vestige.receiver.sky.atmosphere import NO_ATMOSPHERE, Atmosphere, AtmosphericDelay, through_atmosphere
+from vestige.receiver.sky.atmosphere import Atmosphere, AtmosphericDelay, through_atmosphere
 from vestige.receiver.sky.elevation import SatelliteRange
 from vestige.receiver.sky.trajectory import StaticTrajectory
 from vestige.records import Band
@@ -39,7 +39,7 @@ def path_of(one: ExportedSatellite) -> SatelliteRange:
 
 
 def test_the_troposphere_is_in_the_pseudorange_and_its_rates() -> None:
-    with_it, without = satellite().path, satellite(NO_ATMOSPHERE).path
+    with_it, without = satellite().path, satellite(Atmosphere()).path
     t_s = np.linspace(10.0, 19.9, 40)
     added_m = with_it.range_m(t_s) - without.range_m(t_s)
     assert added_m == pytest.approx(with_it.troposphere_m(t_s), abs=1e-7)
@@ -53,7 +53,7 @@ def test_the_troposphere_is_in_the_pseudorange_and_its_rates() -> None:
 
 
 def test_the_ionosphere_delays_the_code_and_advances_the_carrier() -> None:
-    with_it, without = satellite().path, satellite(NO_ATMOSPHERE).path
+    with_it, without = satellite().path, satellite(Atmosphere()).path
     e1_m = with_it.truth.broadcast_ionosphere_e1_m
     assert np.all(e1_m > 0.5)
     for band, ratio in ((Band.E1, 1.0), (Band.E6, GAMMA_E1_E6)):
@@ -67,7 +67,7 @@ def test_the_ionosphere_delays_the_code_and_advances_the_carrier() -> None:
 
 
 def test_without_an_atmosphere_not_a_bit_changes() -> None:
-    plain = satellite(NO_ATMOSPHERE)
+    plain = satellite(Atmosphere())
     bare = ContinuousTruth(
         line_of_sight=plain.path.line_of_sight,
         truth=plain.path.truth,
@@ -108,8 +108,8 @@ def test_a_receiver_high_up_has_less_troposphere() -> None:
 
 def test_no_model_is_no_delay() -> None:
     t_s = np.zeros(2)
-    assert (NO_ATMOSPHERE.there, NO_ATMOSPHERE.broadcast) == (False, NO_IONOSPHERE)
-    nothing = AtmosphericDelay(atmosphere=NO_ATMOSPHERE, path=path_of(satellite()))
+    assert (Atmosphere().there, Atmosphere().broadcast) == (False, NO_IONOSPHERE)
+    nothing = AtmosphericDelay(atmosphere=Atmosphere(), path=path_of(satellite()))
     assert not nothing.troposphere_m(t_s).any()
     assert not nothing.ionosphere_e1_m(t_s).any()
     assert not any(one.any() for one in nothing.troposphere_rates(t_s))

@@ -106,7 +106,7 @@ def test_presets_have_the_rms_of_what_they_stand_for(model: HeavyTailedIonospher
 def test_memory_does_not_change_the_first_value() -> None:
     """Both kinds go through the same inverse distribution function, from the same stream."""
     iid, slow = (
-        HeavyTailedIonosphere.solar_maximum_2014(correlation=correlation).process(named_streams(1, 3))
+        replace(HeavyTailedIonosphere.solar_maximum_2014(), correlation=correlation).process(named_streams(1, 3))
         for correlation in ("iid", "gauss-markov")
     )
     times_s = np.arange(600.0)

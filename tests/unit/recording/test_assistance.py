@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from builders import validated_key
 from osnma_builder import Broadcast
+from signed_files import sign_files
 from simulated_chain import SimulatedChain, make_chain
 from vestige.crypto.keys.key_file import write_key_file
 from vestige.crypto.osnma.messages.dsm import NmaHeader
@@ -70,7 +71,7 @@ def assistance(chain: SimulatedChain) -> Assistance:
 @pytest.fixture(scope="module")
 def original(tmp_path_factory: pytest.TempPathFactory, chain: SimulatedChain, assistance: Assistance) -> Path:
     folder = tmp_path_factory.mktemp("original")
-    write_assistance(folder, assistance, roots=[chain.root], server_key=SERVER_KEY)
+    sign_files(write_assistance(folder, assistance, roots=[chain.root]), SERVER_KEY)
     point = chain.private_key.public_key()
     (folder / TRUST).write_bytes(point.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo))
     return folder

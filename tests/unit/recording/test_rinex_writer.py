@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -54,12 +53,14 @@ def epochs(draw: st.DrawFn) -> list[ObservationEpoch]:
     return result
 
 
-@pytest.mark.parametrize(("version", "signal"), [("3.05", "1C"), ("4.00", "1B")])
+@pytest.mark.parametrize(("version", "signal"), [("3.05", "1C"), ("4.00", "1B")])  # the reader takes both
 @given(original=epochs())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
 def test_what_is_written_is_read(tmp_path: Path, version: str, signal: str, original: list[ObservationEpoch]) -> None:
     path = tmp_path / "observations.rnx"
-    write_rinex_observations(path, original, version=version, signal=signal)
+    write_rinex_observations(path, original)
+    header, *body = path.read_text(encoding="ascii").partition("END OF HEADER")
+    path.write_text("".join([header.replace("3.05", version, 1).replace("1C", signal), *body]), encoding="ascii")
     again = list(_read(path))
     for before, after in zip(original, again, strict=True):
         assert before.time == after.time
@@ -78,9 +79,7 @@ def test_columns_are_those_of_the_standard(tmp_path: Path) -> None:
         time=GalileoTime(1161, 348018, 0.9999999), observations={3: observation}, slipped=frozenset({3})
     )
     path = tmp_path / "o.rnx"
-    write_rinex_observations(
-        path, [epoch], approximate_position_m=(4e6, -1e5, 3e6), created=datetime(2026, 11, 21, 2, 3, 4)
-    )
+    write_rinex_observations(path, [epoch], approximate_position_m=(4e6, -1e5, 3e6))
     lines = path.read_text().splitlines()
     labels = [line[60:] for line in lines[: lines.index(" " * 60 + "END OF HEADER")]]
     assert {  # mandatory records of RINEX 3.05, Table A2
@@ -90,7 +89,7 @@ def test_columns_are_those_of_the_standard(tmp_path: Path) -> None:
     } <= set(labels)  # fmt: skip
     assert all(len(line) <= 80 for line in lines)
     assert lines[0] == "     3.05           OBSERVATION DATA    E: Galileo          RINEX VERSION / TYPE"
-    assert lines[1][40:60] == "20261121 020304 UTC "
+    assert lines[1] == "vestige                                                     PGM / RUN BY / DATE"
     assert "  4000000.0000  -100000.0000  3000000.0000                  APPROX POSITION XYZ" in lines
     assert "E    4 C1C L1C D1C S1C                                      SYS / # / OBS TYPES" in lines
     assert "  2021    11    25     0    40   18.9999999     GAL         TIME OF FIRST OBS" in lines
@@ -110,10 +109,6 @@ def test_what_rinex_cannot_hold_is_our_mistake(tmp_path: Path) -> None:
         write_rinex_observations(path, [])
     with pytest.raises(ValueError, match="multiple of"):
         write_rinex_observations(path, [ObservationEpoch(time=GalileoTime(1, 1, 1.5e-7), observations={})])
-    with pytest.raises(ValueError, match="not written"):
-        write_rinex_observations(path, [], signal="1X")
-    with pytest.raises(ValueError, match="not written"):
-        write_rinex_observations(path, [], version="2.11")
     huge = E1Observation(
         svid=3,
         pseudorange_m=1e10,

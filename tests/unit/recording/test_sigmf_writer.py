@@ -91,7 +91,7 @@ def test_the_sigmf_library_opens_and_validates_it(tmp_path: Path) -> None:
         assert opened.get_captures()[0]["core:datetime"] == "2021-11-25T00:40:00.123456Z"
         assert opened.get_captures()[0]["core:global_index"] == 77
         assert np.allclose(opened.read_samples(), np.round(samples * 1000) / 32768, atol=1e-7)
-    collection = write_collection(tmp_path / "both", metas, description="two bands")
+    collection = write_collection(tmp_path / "both", metas)
     opened = sigmf.fromfile(collection)
     assert opened.get_stream_names() == ["E1", "E6"]
     assert opened.get_SigMFFile(stream_name="E6").get_global_field("core:datatype") == "ci16_le"

@@ -9,7 +9,6 @@ from builders import START, batch_of, handover_at, metres_to_seconds, random_chi
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.records import Handover, SampleBatch
 from vestige.sample_processor.correlator import correlate
-from vestige.signals.chip_window_kernel import PAD, chip_windows
 
 RATE = 5.115e6
 
@@ -129,16 +128,6 @@ def test_noise_power_is_the_mean_over_wrong_codes() -> None:
         assert bank is not None
         powers.append(np.abs(bank.taps[0]) ** 2)
     assert np.mean(powers) == pytest.approx(measured.noise_power, abs=5 * np.std(powers) / np.sqrt(2000))
-
-
-@given(st.integers(1, 400), st.integers(0, 100))
-def test_chip_windows_hold_the_neighbours(n: int, seed: int) -> None:
-    chips = random_chips(np.random.default_rng(seed), n).chips
-    windows = chip_windows(chips)
-    for j in range(n):
-        bits = [(int(windows[j + PAD]) >> (31 - k)) & 1 for k in range(32)]
-        expected = [int(j + k < n and chips[j + k] < 0) for k in range(32)]
-        assert bits == expected
 
 
 @pytest.mark.parametrize("start_s", [-1e-6, 0.3e-3])

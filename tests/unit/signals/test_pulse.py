@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vestige.signals.pulse import (
-    ALL_PULSES,
     BOC11,
     BOC61,
     BPSK,
@@ -20,17 +19,18 @@ from vestige.signals.pulse import (
 )
 
 F0 = 1.023e6
+PULSES = (BPSK, BOC11, BOC61, CBOC_PLUS, CBOC_MINUS)
 BANDWIDTHS_MHZ = (4.092, 10.23, 14, 20.46, 24.552, 40.92)
 
 
-@pytest.mark.parametrize("pulse", ALL_PULSES, ids=lambda pulse: pulse.name)
+@pytest.mark.parametrize("pulse", PULSES, ids=lambda pulse: pulse.name)
 def test_unit_area_and_unit_power(pulse: Pulse) -> None:
     share = band_limited_autocorrelation(pulse, np.zeros(1), chip_rate_hz=F0, bandwidth_hz=4000e6)[0]
     assert share == pytest.approx(1.0, abs=2e-2 if pulse is not BPSK else 1e-3)
     assert autocorrelation(pulse, np.zeros(1))[0] == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("pulse", ALL_PULSES, ids=lambda pulse: pulse.name)
+@pytest.mark.parametrize("pulse", PULSES, ids=lambda pulse: pulse.name)
 @given(delay=st.floats(-1.5, 1.5))
 def test_autocorrelation_equals_the_integral_over_a_chip(pulse: Pulse, delay: float) -> None:
     """R(τ) = (1/T) ∫ p(t) p(t+τ) dt, integrated as a Riemann sum that is exact on the sub-chip grid."""

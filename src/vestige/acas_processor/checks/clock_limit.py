@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float
 
 from vestige.acas_processor.checks.check import Monitor, series_of, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
@@ -43,34 +42,11 @@ class ClockLimitMonitor(Monitor):
     ----------
     p_fa
         False-alarm probability of one test, an upper limit if the stated limit of the clock's error is right.
-
-    Examples
-    --------
-    >>> monitor = ClockLimitMonitor()
-    >>> f"{monitor.smallest_delay_s(time_uncertainty_s=1e-3, sigma_clock_m=5.0) * 1e3:.4f} ms"
-    '1.0018 ms'
     """
 
     name: ClassVar = CheckName.CLOCK_LIMIT
     unit: ClassVar = "s"
     p_fa: float = CLOCK_LIMIT_P_FA
-
-    def smallest_delay_s(self, *, time_uncertainty_s: float, sigma_clock_m: float) -> float:
-        """Return the smallest delay in s of a replay that fails with a position fix, if the clock itself is right.
-
-        Parameters
-        ----------
-        time_uncertainty_s
-            Upper limit of the error of the receiver's clock in s.
-        sigma_clock_m
-            Standard deviation of the fix's clock in m.
-        """
-        return float(self._with_fix_s(np.array([time_uncertainty_s]), np.array([sigma_clock_m]))[0])
-
-    def _with_fix_s(
-        self, limit_s: Float[np.ndarray, " n"], sigma_m: Float[np.ndarray, " n"]
-    ) -> Float[np.ndarray, " n"]:
-        return limit_s + (MARGIN_M + two_sided_factor(self.p_fa) * sigma_m) / SPEED_OF_LIGHT_MPS
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block."""
@@ -78,7 +54,8 @@ class ClockLimitMonitor(Monitor):
         limit_s = np.where(np.isfinite(stated_s), stated_s, np.nan)
         shown = clock_error(evidence.measured)
         late_s, fixed = shown.error_s, shown.of_fix
-        threshold_s = np.where(fixed, self._with_fix_s(limit_s, shown.sigma_m), limit_s + TRAVEL_SPREAD_S)
+        with_fix_s = (MARGIN_M + two_sided_factor(self.p_fa) * shown.sigma_m) / SPEED_OF_LIGHT_MPS
+        threshold_s = limit_s + np.where(fixed, with_fix_s, TRAVEL_SPREAD_S)
 
         def explain(epoch: int, satellite: int) -> str:  # noqa: ARG001  (of the receiver)
             if np.isnan(limit_s[epoch]):

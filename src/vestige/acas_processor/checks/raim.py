@@ -62,7 +62,7 @@ class RaimMonitor(Monitor):
                 return f"{used[epoch]} satellites give a position, but no further range to compare"
             one = fix.at(epoch)
             parts = redundancy(one.geometry, one.weight)
-            culprit = int(exclude_one(parts, one.residual_m, one.weight, self.p_fa).excluded[0])
+            culprit = int(exclude_one(parts, one.residual_m, one.weight, self.p_fa)[0])
             if culprit == NOT_EXCLUDED:
                 return "the pseudoranges do not agree, and no single satellite explains it"
             return f"the pseudoranges do not agree; without E{snapshots.svids[culprit]:02d} they do"

@@ -20,7 +20,7 @@ from vestige.records import Status
 from vestige.time import GalileoTime
 
 HOLD_S = 90.0  # 3 RECS of the service, one each 30 s
-_AUTHENTIC, _NOT_AVAILABLE = POSITION[Status.AUTHENTIC], POSITION[Status.NOT_AVAILABLE]
+_NOT_AVAILABLE = POSITION[Status.NOT_AVAILABLE]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -65,8 +65,7 @@ def store_name(settings: Mapping[str, Value]) -> str:
 
     Raises `VestigeError` if the name is too long for a file.
     """
-    text = ",".join(f"{key}={_toml(value)}" for key, value in settings.items())
-    name = quote(text, safe="=,+", errors="surrogateescape") + ".zarr"
+    name = quote(",".join(as_settings(settings)), safe="=,+", errors="surrogateescape") + ".zarr"
     if len(name) > _MAX_NAME:
         raise VestigeError(f"--sweep: {name[:40]}…: found {len(name)} characters, expected at most {_MAX_NAME}")
     return name

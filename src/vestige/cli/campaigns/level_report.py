@@ -8,13 +8,13 @@ import numpy as np
 import xarray
 
 from vestige.campaign.levels import LevelVerdicts
+from vestige.campaign.run_outcome import worst_of
 from vestige.records import Status
 
 
 def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any]:
     """Return the outcome of a campaign at the level of the scenario."""
     time_s = results["time_s"].values
-    error_m = found.range_error_m[np.isfinite(found.range_error_m)]
     due = found.recs[:, None] & found.seen
     return {
         "level": found.level,
@@ -29,10 +29,10 @@ def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any
             status.name: int(np.count_nonzero((found.state == place) & due)) for place, status in enumerate(Status)
         },
         "exhaustive_searches": int(np.count_nonzero(found.searched)),
-        "ranges_in_use": int(error_m.size),
+        "ranges_in_use": int(np.count_nonzero(np.isfinite(found.range_error_m))),
         "ranges_due": int(np.count_nonzero(due)),
         "ranges_of_the_earlier_signal": int(np.count_nonzero(found.earlier)),
-        "worst_range_in_use_m": float(error_m[np.argmax(np.abs(error_m))]) if error_m.size else float("nan"),
+        "worst_range_in_use_m": worst_of(found.range_error_m),
     }
 
 

@@ -22,6 +22,7 @@ from vestige.errors import AuthenticationError
 HEIGHT = 4  # [OSNMA-ICD, 6.2]
 LEAVES = 1 << HEIGHT
 NODE_BYTES = 32
+LEAF_AT = 1 + NODE_BYTES * HEIGHT  # byte of a DSM-PKR at which the content of the leaf begins
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +53,11 @@ def path_root(leaf: int, value: bytes, siblings: Sequence[bytes]) -> bytes:
         pair = sibling + value if leaf >> height & 1 else value + sibling
         value = hashlib.sha256(pair).digest()
     return value
+
+
+def siblings_in(message: bytes) -> list[bytes]:
+    """Return the siblings that a DSM-PKR sends, the lowest first."""
+    return [message[1 + NODE_BYTES * k : 1 + NODE_BYTES * (k + 1)] for k in range(HEIGHT)]
 
 
 def nodes_over(leaves: Sequence[bytes]) -> dict[tuple[int, int], bytes]:
@@ -159,8 +165,7 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree, known: Sequence[Publi
     blocks = pkr_blocks(message[0]) if message else 0
     if not blocks or len(message) != blocks * DSM_BLOCK_BYTES:
         raise AuthenticationError(f"DSM-PKR: {len(message)} bytes, but NB says {blocks} blocks of {DSM_BLOCK_BYTES}")
-    siblings = [message[1 + NODE_BYTES * k : 1 + NODE_BYTES * (k + 1)] for k in range(HEIGHT)]
-    at = 1 + NODE_BYTES * HEIGHT
+    siblings, at = siblings_in(message), LEAF_AT
     scheme = scheme_of_type(message[at] >> 4)
     end = at + 1 + scheme.point_bytes
     if len(message) < end:

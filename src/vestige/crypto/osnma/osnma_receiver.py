@@ -374,13 +374,6 @@ class OsnmaReceiver:
         return chains[0], None
 
 
-def verify_pages(
-    pages: Iterable[InavPage], public_keys: Sequence[PublicKey], tree: MerkleTree | None = None
-) -> OsnmaReport:
-    """Return the OSNMA report on a finite series of pages; see `OsnmaReceiver` for the parameters."""
-    return OsnmaReceiver(public_keys, tree).process_all(pages)
-
-
 def _gaps(keys: Sequence[ValidatedKey]) -> tuple[KeyGap, ...]:
     pairs = pairwise(keys)
     steps = ((after.time, before.time, round(before.time - after.time) // SUBFRAME_S) for after, before in pairs)

@@ -7,7 +7,7 @@ signature proves a RECS that was downloaded late.
 Assumptions, since neither the signed bytes nor the certificate chain are public:
 
 * ECDSA over the whole file, with the hash that FIPS 186-5 pairs with the curve (SHA-256, SHA-384, SHA-512).
-* The signature is the DER of X9.62, or r || s at the curve's length. vestige reads both and writes DER.
+* The signature is the DER of X9.62, or r || s at the curve's length. vestige reads both.
 * The user vouches for the certificates: their chain, purpose and period of validity are not checked.
 """
 
@@ -16,7 +16,6 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
@@ -29,10 +28,9 @@ from cryptography.hazmat.primitives.serialization import load_pem_public_key
 from cryptography.utils import CryptographyDeprecationWarning
 
 from vestige.crypto.file_bytes import list_folder, read_bytes
-from vestige.crypto.recs.recs_file import MAX_RECS_FILE_BYTES
 from vestige.errors import AuthenticationError, InputFileError
 
-_NAME = re.compile(r"(?P<signed>.+)_(?P<certificate>\d{2})\.(?P<curve>p256|p384|p521)", re.ASCII | re.DOTALL)
+_NAME = re.compile(r"(?P<signed>.+)_\d{2}\.(?:p256|p384|p521)", re.ASCII | re.DOTALL)
 
 # suffix -> hash [FIPS 186-5] and bytes of r and of s [SEC 2]
 _CURVES: dict[str, tuple[hashes.HashAlgorithm, int]] = {
@@ -52,26 +50,6 @@ class SignatureStatus(Enum):
     NO_CERTIFICATE = "signed, not verified: no certificate or public key for the signature was given"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SignatureName:
-    """Name of a signature file: name of the signed file, number of the certificate, and curve (`p256` …)."""
-
-    signed: str
-    certificate: int
-    curve: str
-
-    def __str__(self) -> str:
-        return f"{self.signed}_{self.certificate:02d}.{self.curve}"
-
-
-def parse_signature_name(name: str) -> SignatureName | None:
-    """Return the fields of a signature's file name; None if the name has another form."""
-    match = _NAME.fullmatch(name)
-    if match is None:
-        return None
-    return SignatureName(signed=match["signed"], certificate=int(match["certificate"]), curve=match["curve"])
-
-
 def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
     """Return the signatures in `folder`, sorted by name, by the name of the signed file.
 
@@ -79,8 +57,8 @@ def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
     """
     found: dict[str, tuple[Path, ...]] = {}
     for path in list_folder(folder):
-        if name := parse_signature_name(path.name):
-            found[name.signed] = (*found.get(name.signed, ()), path)
+        if name := _NAME.fullmatch(path.name):
+            found[name["signed"]] = (*found.get(name["signed"], ()), path)
     return found
 
 
@@ -106,27 +84,6 @@ def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
         found = key.curve.name if isinstance(key, ec.EllipticCurvePublicKey) else type(key).__name__
         raise InputFileError(path, "public key", found, "an elliptic curve key of P-256, P-384 or P-521")
     return key
-
-
-def sign(path: Path, private_key: ec.EllipticCurvePrivateKey, *, certificate: int = 1) -> Path:
-    """Sign the file `path` as a server does, write the signature beside the file, and return its path.
-
-    `certificate` is KN, the number of the certificate, 0 … 99.
-    """
-    curve = _SUFFIX[private_key.curve.name]
-    name = SignatureName(signed=path.name, certificate=certificate, curve=curve)
-    signature = private_key.sign(path.read_bytes(), ec.ECDSA(_CURVES[curve][0]))
-    (path.parent / str(name)).write_bytes(signature)
-    return path.parent / str(name)
-
-
-def verify_file(path: Path, public_keys: Sequence[ec.EllipticCurvePublicKey] = ()) -> SignatureStatus:
-    """Return the signature status of the file `path`, from the signatures beside the file.
-
-    See `verify_data` for parameters and errors.
-    """
-    data = read_bytes(path, at_most=MAX_RECS_FILE_BYTES)
-    return verify_data(data, path, signatures_in(path.parent).get(path.name, ()), public_keys)
 
 
 def verify_data(

@@ -37,7 +37,6 @@ from pathlib import Path
 import numpy as np
 
 from vestige.constants import GAMMA_E1_E6, MAX_SVID
-from vestige.crypto.file_bytes import read_bytes
 from vestige.crypto.recs.recs_file import resolve_week
 from vestige.crypto.recs.recs_name import (
     DECISECONDS_PER_WEEK,
@@ -117,8 +116,8 @@ class GroupDelayFile:
         return f"{self.provider}{BGD_INTERFACE_VERSION:02d}_{format_time_code(self.valid_from)}.BGD"
 
 
-def read_group_delay_file(path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
-    """Return the BGD file at `path`.
+def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
+    """Return the BGD file from its content `data`; `path` is for error messages.
 
     `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without `reference` the week
     is 0 … 4095.
@@ -126,11 +125,6 @@ def read_group_delay_file(path: Path, *, reference: GalileoTime | None = None) -
     Raises `InputFileError` if the file does not have the layout above, or a value is beyond the range ± 119 ns of the
     field. Raises `UnsupportedError` if the interface version is unknown.
     """
-    return parse_group_delay_file(read_bytes(path, at_most=MAX_GROUP_DELAY_FILE_BYTES), path, reference=reference)
-
-
-def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
-    """Return the BGD file from its content `data`; `path` is for error messages. See `read_group_delay_file`."""
     if len(data) < _SHORTEST_BYTES:
         raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_SHORTEST_BYTES} bytes")
     provider, interface, week, atow, validity, mask, filling = _HEADER.unpack_from(data)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 from vestige.constants import SECONDS_PER_WEEK
 from vestige.errors import VestigeError
@@ -17,7 +16,7 @@ from vestige.navigation.ephemeris import NO_ACCURACY, Ephemeris
 from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonosphere
 from vestige.navigation.inav.word_table import EPHEMERIS_WORDS, WORD_LAYOUTS
 from vestige.navigation.inav.words import InavWord
-from vestige.navigation.reissue import referred_to
+from vestige.navigation.reissue import referred_to, with_clock_moved
 from vestige.time import GalileoTime
 
 STATUS_WORD = 5
@@ -156,13 +155,7 @@ def as_broadcast(ephemeris: Ephemeris) -> Ephemeris:
         If a value does not fit into its field; the message names the satellite.
     """
     moved = referred_to(ephemeris, ephemeris.toe + -_past_minute_s(ephemeris.toe))
-    past_s = _past_minute_s(moved.toc)
-    clock = replace(
-        moved,
-        toc=moved.toc + -past_s,
-        af0_s=moved.af0_s - moved.af1 * past_s + moved.af2_per_s * past_s**2,
-        af1=moved.af1 - 2 * moved.af2_per_s * past_s,
-    )
+    clock = with_clock_moved(moved, -_past_minute_s(moved.toc))
     words = {**ephemeris_words(clock), STATUS_WORD: status_word(clock, moved.toe)}
     decoded = ephemeris_from_words(words, moved.toe)
     if decoded is None:

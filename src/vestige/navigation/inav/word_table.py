@@ -22,9 +22,9 @@ DUMMY_WORD = 63  # word type of a dummy page [OS-ICD, 4.3.5]
 _PI = math.pi
 
 
-def _spare(name: str, length: int, *, first: int = 0) -> dict[str, Any]:
-    """Return a row of alternating bits from `first` on."""
-    pattern = int("".join(str((first + k) % 2) for k in range(length)), 2)
+def _spare(name: str, length: int) -> dict[str, Any]:
+    """Return a row of alternating bits, from 0 on."""
+    pattern = int("".join(str(k % 2) for k in range(length)), 2)
     return {"name": name, "length": length, "fill": pattern}
 
 

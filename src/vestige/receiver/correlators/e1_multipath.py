@@ -43,7 +43,6 @@ def e1_multipath_error_m(
     *,
     spacing_chips: float = 0.1,
     pulse: Pulse = BOC11,
-    chip_rate_hz: float = E1C.chip_rate_hz,
 ) -> Float[np.ndarray, " n"]:
     """Return the error of the pseudorange in m, positive if it is too long; 0 without reflections.
 
@@ -51,19 +50,18 @@ def e1_multipath_error_m(
     """
     if not 0 < spacing_chips < 1:
         raise ValueError(f"a spacing must lie between 0 and 1 chip, found {spacing_chips}")
-    settings = (spacing_chips, pulse, chip_rate_hz)
     if delay_m.shape[0] > _KEPT_EPOCHS:
-        return _settled_m(delay_m, amplitude, *settings)
-    return _kept_m(delay_m.tobytes(), amplitude.tobytes(), delay_m.shape, *settings).copy()
+        return _settled_m(delay_m, amplitude, spacing_chips, pulse)
+    return _kept_m(delay_m.tobytes(), amplitude.tobytes(), delay_m.shape, spacing_chips, pulse).copy()
 
 
 @lru_cache(maxsize=128)
 def _kept_m(
-    delay_m: bytes, amplitude: bytes, shape: tuple[int, ...], spacing_chips: float, pulse: Pulse, chip_rate_hz: float
+    delay_m: bytes, amplitude: bytes, shape: tuple[int, ...], spacing_chips: float, pulse: Pulse
 ) -> Float[np.ndarray, " n"]:
     """Return the error from a cache, because scenes with the same seed have the same reflections; arrays are bytes."""
     delays_m, amplitudes = np.frombuffer(delay_m).reshape(shape), np.frombuffer(amplitude, complex).reshape(shape)
-    return _settled_m(delays_m, amplitudes, spacing_chips, pulse, chip_rate_hz)
+    return _settled_m(delays_m, amplitudes, spacing_chips, pulse)
 
 
 def _settled_m(
@@ -71,15 +69,14 @@ def _settled_m(
     amplitude: Complex128[np.ndarray, "n n_rays"],
     spacing_chips: float,
     pulse: Pulse,
-    chip_rate_hz: float,
 ) -> Float[np.ndarray, " n"]:
     """Return the delay at which the loop settles in m."""
-    rays = _Rays(delay_m.T * (chip_rate_hz / SPEED_OF_LIGHT_MPS), amplitude.T, spacing_chips / 2, pulse)
+    rays = _Rays(delay_m.T * (E1C.chip_rate_hz / SPEED_OF_LIGHT_MPS), amplitude.T, spacing_chips / 2, pulse)
     error = np.zeros(delay_m.shape[0])
     at_zero = rays.discriminator(error)
     moving = np.flatnonzero(at_zero)
     error[moving] = _settle(rays.part(moving), at_zero[moving])
-    return error * (SPEED_OF_LIGHT_MPS / chip_rate_hz)
+    return error * (SPEED_OF_LIGHT_MPS / E1C.chip_rate_hz)
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,10 +68,6 @@ class TwoStateClock:
         sf, sg, t = self.white_s, self.walk_hz, step_s
         return np.array([[sf * t + sg * t**3 / 3, sg * t**2 / 2], [sg * t**2 / 2, sg * t]])
 
-    def allan_deviation(self, tau_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return σ_y(τ) for each averaging time τ > 0 in s."""
-        return np.sqrt(self.h0_s / (2 * tau_s) + self.walk_hz * tau_s / 3)
-
     def process(self, streams: Streams) -> ClockProcess:
         """Return a realisation of this clock from the receiver's streams."""
         return ClockProcess(self, streams)

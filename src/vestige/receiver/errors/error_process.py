@@ -135,12 +135,12 @@ def named_streams(seed: int, *labels: str | int) -> Streams:
     return lambda name: stream(seed, name, *labels)
 
 
-def steps_s(last_s: float, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the time since the previous epoch, for each epoch in s.
+def steps_s(last_s: float | None, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the time since the previous epoch, for each epoch in s; 0 for the first epoch of all, without `last_s`.
 
     Raises `ValueError` if time runs backwards.
     """
-    steps = np.diff(times_s, prepend=last_s)
+    steps = np.diff(times_s, prepend=times_s[0] if last_s is None else last_s)
     if not np.all(steps >= 0):
         raise ValueError("the times of a process must go forward")
     return steps

@@ -46,7 +46,7 @@ class GaussMarkovProcess:
             return np.zeros(0)
         drive = self._rng.standard_normal(times_s.size)
         first = self._last_s is None
-        steps = steps_s(float(times_s[0]) if self._last_s is None else self._last_s, times_s)
+        steps = steps_s(self._last_s, times_s)
         self._last_s = float(times_s[-1])
         if self._tau_s == 0:
             return drive
@@ -83,7 +83,7 @@ class SmoothGaussMarkovProcess:
             return np.zeros(0)
         drive = self._rng.standard_normal((times_s.size, 2)).tolist()
         first = self._last_s is None
-        steps = steps_s(float(times_s[0]) if self._last_s is None else self._last_s, times_s)
+        steps = steps_s(self._last_s, times_s)
         self._last_s = float(times_s[-1])
         z, rate, values = self._z, self._rate, []
         for number, (step, (of_rate, of_z)) in enumerate(zip((steps / self._a_s).tolist(), drive, strict=True)):

@@ -90,34 +90,37 @@ class HeavyTailedIonosphere:
             raise ValueError(f"the share of the late tail is not in [0, 1]: {self.late_tail_share}")
 
     @classmethod
-    def solar_maximum_2014(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+    def solar_maximum_2014(cls) -> HeavyTailedIonosphere:
         """Return the residual of 2014, elevation 5 to 30°: rms 1.73 m, and |e| > 10 m with 1e-4 on each side."""
-        return cls(core_sigma_m=1.24, tail_start_m=2.65, tail_scale_m=1.17, correlation=correlation)
+        return cls(core_sigma_m=1.24, tail_start_m=2.65, tail_scale_m=1.17)
 
     @classmethod
-    def solar_maximum_2014_late(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+    def solar_maximum_2014_late(cls) -> HeavyTailedIonosphere:
         """Return the residual of 2014 without its early tail: in the paper's histogram the right flank is higher."""
-        both = cls.solar_maximum_2014(correlation=correlation)
+        both = cls.solar_maximum_2014()
         return replace(both, tail_probability=both.tail_probability / 2, late_tail_share=1.0)
 
     @classmethod
-    def average_2017(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+    def average_2017(cls) -> HeavyTailedIonosphere:
         """Return the residual of 2017, elevation 5 to 30°: rms 1.06 m."""
-        return cls(core_sigma_m=0.76, tail_start_m=1.55, tail_scale_m=0.78, correlation=correlation)
+        return cls(core_sigma_m=0.76, tail_start_m=1.55, tail_scale_m=0.78)
 
     @classmethod
-    def solar_maximum_2014_high(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+    def solar_maximum_2014_high(cls) -> HeavyTailedIonosphere:
         """Return the residual of 2014, elevation 30 to 90°: rms 1.0 m."""
-        return cls(core_sigma_m=0.72, tail_start_m=1.51, tail_scale_m=0.70, correlation=correlation)
+        return cls(core_sigma_m=0.72, tail_start_m=1.51, tail_scale_m=0.70)
 
     @classmethod
-    def average_2017_high(cls, *, correlation: Correlation = "iid") -> HeavyTailedIonosphere:
+    def average_2017_high(cls) -> HeavyTailedIonosphere:
         """Return the residual of 2017, elevation 30 to 90°: rms 0.63 m."""
-        return cls(core_sigma_m=0.44, tail_start_m=0.95, tail_scale_m=0.46, correlation=correlation)
+        return cls(core_sigma_m=0.44, tail_start_m=0.95, tail_scale_m=0.46)
 
     def exceedance(self, x_m: Float[np.ndarray, " n"], *, late: bool = True) -> Float[np.ndarray, " n"]:
         """Return P(e > x), or on the early side P(e < −x), for each x ≥ 0 in m."""
-        return self._exceedance(x_m, self._tail(late=late))
+        u, beta = self.tail_start_m, self.tail_scale_m
+        beyond = np.maximum(x_m - u, 0.0)
+        falling = np.exp(-beyond / beta) if beta > 0 else (beyond == 0) * 1.0
+        return (1 - self.tail_probability) * self._core_exceedance(x_m) + self._tail(late=late) * falling
 
     def quantile(self, z: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return F⁻¹(Φ(z)) in m for each Gaussian z.
@@ -127,29 +130,22 @@ class HeavyTailedIonosphere:
         late, early = ndtr(-z), ndtr(z)
         on_late_side = late <= 0.5 * (1 - self.tail_probability) + self._tail(late=True)
         found = np.zeros_like(late)
-        found[on_late_side] = self._side(late[on_late_side], self._tail(late=True))
-        found[~on_late_side] = -self._side(early[~on_late_side], self._tail(late=False))
+        found[on_late_side] = self._side(late[on_late_side], late=True)
+        found[~on_late_side] = -self._side(early[~on_late_side], late=False)
         return found
 
     def _tail(self, *, late: bool) -> float:
         """Return the probability of one tail."""
         return self.tail_probability * (self.late_tail_share if late else 1 - self.late_tail_share)
 
-    def _exceedance(self, x_m: Float[np.ndarray, " n"], tail: float) -> Float[np.ndarray, " n"]:
-        """Return the probability beyond x ≥ 0 on a side; `tail` is the probability of the tail of that side."""
-        u, beta = self.tail_start_m, self.tail_scale_m
-        beyond = np.maximum(x_m - u, 0.0)
-        falling = np.exp(-beyond / beta) if beta > 0 else (beyond == 0) * 1.0
-        return (1 - self.tail_probability) * self._core_exceedance(x_m) + tail * falling
-
-    def _side(self, upper: Float[np.ndarray, " n"], tail: float) -> Float[np.ndarray, " n"]:
-        """Return the x ≥ 0 that a side exceeds with the probability `upper`; `tail` is the probability of its tail."""
-        p, u = self.tail_probability, self.tail_start_m
+    def _side(self, upper: Float[np.ndarray, " n"], *, late: bool) -> Float[np.ndarray, " n"]:
+        """Return the x ≥ 0 that a side exceeds with the probability `upper`."""
+        p, u, tail = self.tail_probability, self.tail_start_m, self._tail(late=late)
         core_end = (1 - p) * float(self._core_exceedance(np.array([u]))[0]) + tail
         size = np.zeros_like(upper)
         inner = upper > core_end
         size[inner] = self._core_quantile((upper[inner] - tail) / (1 - p)) if p < 1 else 0.0
-        size[~inner] = self._tail_quantile(upper[~inner], tail)
+        size[~inner] = self._tail_quantile(upper[~inner], late=late)
         return size
 
     def process(self, streams: Streams) -> IonosphereProcess:
@@ -175,8 +171,9 @@ class HeavyTailedIonosphere:
             upper = cut + upper * (1 - 2 * cut)
         return np.maximum(-self.core_sigma_m * ndtri(np.minimum(upper, 0.5)), 0.0)
 
-    def _tail_quantile(self, upper: Float[np.ndarray, " n"], tail: float) -> Float[np.ndarray, " n"]:
+    def _tail_quantile(self, upper: Float[np.ndarray, " n"], *, late: bool) -> Float[np.ndarray, " n"]:
         """Return the x ≥ u that is exceeded with `upper`, in closed form, or by bisection if the core goes beyond u."""
+        tail = self._tail(late=late)
         p, u, beta, sigma = self.tail_probability, self.tail_start_m, self.tail_scale_m, self.core_sigma_m
         if self.truncated or sigma == 0 or p == 1:
             return u + beta * np.log(np.maximum(tail / upper, 1.0))
@@ -187,7 +184,7 @@ class HeavyTailedIonosphere:
         )
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
-            further = self._exceedance(middle, tail) > upper
+            further = self.exceedance(middle, late=late) > upper
             low, high = np.where(further, middle, low), np.where(further, high, middle)
         return 0.5 * (low + high)
 

@@ -220,7 +220,7 @@ class MultipathProcess:
         if times_s.size == 0:
             nothing = np.zeros(shape)
             return RayBlock(delay_m=nothing, amplitude=nothing + 0j, amplitude_e1=nothing + 0j, doppler_hz=nothing)
-        steps = steps_s(float(times_s[0]) if self._last_s is None else self._last_s, times_s)
+        steps = steps_s(self._last_s, times_s)
         self._last_s = float(times_s[-1])
         kept = -np.expm1(-model.max_excess_m / model.mean_excess_m)
         candidates = np.stack(

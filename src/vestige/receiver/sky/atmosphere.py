@@ -50,9 +50,6 @@ class Atmosphere:
         return self.ionosphere or NO_IONOSPHERE
 
 
-NO_ATMOSPHERE = Atmosphere()
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtmosphericDelay:
     """The atmosphere on the path from one satellite; times are in s after the scenario's start, in system time."""

@@ -143,9 +143,6 @@ class WaypointTrajectory:
         return bend
 
 
-ALL_TRAJECTORIES = (StaticTrajectory, CircularTrajectory, WaypointTrajectory)
-
-
 @lru_cache(maxsize=16)
 def _place(
     latitude_deg: float, longitude_deg: float, height_m: float

@@ -6,11 +6,9 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
-
 from vestige.crypto.keys.key_file import write_key_file
 from vestige.crypto.osnma.messages.root_key import RootKey
-from vestige.crypto.recs import file_signature, group_delay, recs_file
+from vestige.crypto.recs import group_delay, recs_file
 from vestige.crypto.recs.recs_name import DECISECONDS_PER_WEEK, deciseconds_of_week
 from vestige.recording.assistance.assistance_files import KEYS_NAME
 from vestige.recording.assistance.receiver_corrections import write_hardware_bias, write_ionosphere
@@ -24,7 +22,6 @@ def write_assistance(
     *,
     roots: Sequence[RootKey] = (),
     alerts: Sequence[GalileoTime] = (),
-    server_key: EllipticCurvePrivateKey | None = None,
 ) -> tuple[Path, ...]:
     """Write `assistance` into `folder` as the server and the receiver would, and return the files.
 
@@ -41,8 +38,6 @@ def write_assistance(
         Verified root keys to which the keys lead; every key file needs them.
     alerts
         Subframes in which an alert message was verified.
-    server_key
-        Key that signs RECS and BGD files; None for unsigned files.
     """
     if assistance.keys and not roots:
         raise ValueError("keys are written with the root keys that they lead to")
@@ -52,13 +47,10 @@ def write_assistance(
         raise ValueError(
             "unitary RECS of one satellite and time, but of several lengths, would have the same file name"
         )
-    signed = [recs_file.write_recs_file(file, folder) for file in files]
+    written = [recs_file.write_recs_file(file, folder) for file in files]
     delays = sorted(assistance.group_delays, key=lambda delay: (delay.valid_from, delay.svid))
     for _, same_time in groupby(delays, key=lambda delay: delay.valid_from):
-        signed.append(group_delay.write_group_delay_file(list(same_time), folder))
-    written = list(signed)
-    if server_key is not None:
-        written += [file_signature.sign(path, server_key) for path in signed]
+        written.append(group_delay.write_group_delay_file(list(same_time), folder))
     if assistance.keys:
         write_key_file(folder / KEYS_NAME, assistance.keys, roots, alerts)
         written.append(folder / KEYS_NAME)

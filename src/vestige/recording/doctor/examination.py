@@ -55,11 +55,6 @@ class Examination:
     e6: tuple[E6Satellite, ...]
     findings: tuple[Finding, ...]
 
-    @property
-    def faults(self) -> tuple[Finding, ...]:
-        """Findings of a fault."""
-        return tuple(one for one in self.findings if one.is_fault)
-
 
 def examine(
     description: RecordingDescription, *, progress: Progress = lambda _step, _done, _total: None

@@ -135,9 +135,9 @@ class LiveTracking:
         """Return whether a whole stretch of samples waits."""
         return samples.end_sample - self.end_sample >= self._count
 
-    def advance(self, samples: TrackableSamples, *, at_most_s: float = AT_ONCE_S) -> None:
-        """Track up to `at_most_s` of the available samples."""
-        for _ in range(round(at_most_s / TRACKED_STRETCH_S)):
+    def advance(self, samples: TrackableSamples) -> None:
+        """Track up to `AT_ONCE_S` of the available samples."""
+        for _ in range(round(AT_ONCE_S / TRACKED_STRETCH_S)):
             if not self.is_behind(samples):
                 return
             self._take(samples.read(self.end_sample, self._count))

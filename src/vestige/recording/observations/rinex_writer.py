@@ -1,4 +1,4 @@
-"""Writer of Galileo E1 observations as a RINEX observation file, version 3.05 or 4.00 [RINEX].
+"""Writer of Galileo E1 observations as a RINEX observation file, version 3.05 [RINEX].
 
 RINEX keeps epochs to 0.1 µs, ranges to a millimetre, phases to a thousandth of a cycle and Doppler to a millihertz.
 RINEX has no Doppler rate. An epoch between two steps of 0.1 µs is refused, because the pseudorange belongs to the exact
@@ -12,11 +12,11 @@ from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 
-from vestige.recording.observations.rinex_observations import FIELDS, SIGNALS
+from vestige.recording.observations.rinex_observations import FIELDS
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
-VERSIONS = ("3.05", "4.00")
+_SIGNAL = "1C"  # E1-C
 TICKS_PER_S = 10_000_000  # number of epoch ticks in a second
 TICK_TOLERANCE = 1e-5  # tolerance as a share of a tick: 1 ps
 
@@ -25,10 +25,7 @@ def write_rinex_observations(
     path: Path,
     epochs: Iterable[ObservationEpoch],
     *,
-    version: str = "3.05",
-    signal: str = "1C",
     approximate_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    created: datetime | None = None,
 ) -> None:
     """Write epochs, which are in time order, in Galileo System Time.
 
@@ -36,42 +33,27 @@ def write_rinex_observations(
 
     Parameters
     ----------
-    version
-        `3.05` or `4.00`.
-    signal
-        Signal that was tracked: `1C` is E1-C, `1B` E1-B.
     approximate_position_m
         Earth-centred, earth-fixed position of the antenna; zeros if not known.
-    created
-        UTC time for the header; left blank if not given, so that equal observations make equal files.
     """
-    if version not in VERSIONS or signal not in SIGNALS or SIGNALS[signal] != 0.0:
-        raise ValueError(f"version {version} or signal {signal} is not written")
     remaining = iter(epochs)
     first = next(remaining, None)
     if first is None:
         raise ValueError("a RINEX file needs the time of its first observation")
     with path.open("w", encoding="ascii", newline="\n") as stream:
-        for content, label in _header(version, signal, approximate_position_m, created, first.time):
+        for content, label in _header(approximate_position_m, first.time):
             stream.write(f"{content:60.60}{label:20}".rstrip() + "\n")
         stream.write(_epoch(first))
         for epoch in remaining:
             stream.write(_epoch(epoch))
 
 
-def _header(
-    version: str,
-    signal: str,
-    position: tuple[float, float, float],
-    created: datetime | None,
-    first: GalileoTime,
-) -> list[tuple[str, str]]:
-    types = "".join(f" {kind}{signal}" for kind in FIELDS)
-    run_at = "" if created is None else f"{created:%Y%m%d %H%M%S} UTC"
+def _header(position: tuple[float, float, float], first: GalileoTime) -> list[tuple[str, str]]:
+    types = "".join(f" {kind}{_SIGNAL}" for kind in FIELDS)
     date, second = _calendar(first)
-    records = [
-        (f"{version:>9}{'':11}{'OBSERVATION DATA':20}{'E: Galileo':20}", "RINEX VERSION / TYPE"),
-        (f"{'vestige':20}{'':20}{run_at:20}", "PGM / RUN BY / DATE"),
+    return [
+        (f"{'3.05':>9}{'':11}{'OBSERVATION DATA':20}{'E: Galileo':20}", "RINEX VERSION / TYPE"),
+        ("vestige", "PGM / RUN BY / DATE"),  # without a date, so that equal observations make equal files
         ("vestige", "MARKER NAME"),
         ("", "OBSERVER / AGENCY"),
         (f"{'':20}{'vestige':20}", "REC # / TYPE / VERS"),
@@ -83,10 +65,9 @@ def _header(
             f"{date.year:6d}{date.month:6d}{date.day:6d}{date.hour:6d}{date.minute:6d}{second:>13}     GAL",
             "TIME OF FIRST OBS",
         ),
+        ("E", "SYS / PHASE SHIFT"),  # mandatory in version 3; blank for unknown corrections
+        ("", "END OF HEADER"),
     ]
-    if version.startswith("3"):
-        records.append(("E", "SYS / PHASE SHIFT"))  # mandatory in version 3; blank for unknown corrections
-    return [*records, ("", "END OF HEADER")]
 
 
 def _calendar(time: GalileoTime) -> tuple[datetime, str]:

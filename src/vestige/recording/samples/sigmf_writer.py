@@ -215,7 +215,7 @@ def write_sigmf(base: Path, batches: Iterable[SampleBatch], *, form: SampleForma
     return writer.meta
 
 
-def write_collection(base: Path, metas: Sequence[Path], *, description: str = "") -> Path:
+def write_collection(base: Path, metas: Sequence[Path]) -> Path:
     """Write `base.sigmf-collection` that ties recordings in the same folder together, and return its path.
 
     Raises `InputFileError` if a collection of that name exists. Raises `ValueError` if a recording is in another
@@ -226,8 +226,6 @@ def write_collection(base: Path, metas: Sequence[Path], *, description: str = ""
     if any(meta.parent != path.parent for meta in metas):
         raise ValueError("the recordings of a collection lie in its folder")
     collection = sigmf.SigMFCollection(metafiles=[meta.name for meta in metas], base_path=path.parent)
-    if description:
-        collection.set_collection_field("core:description", description)
     collection.tofile(path)
     return path
 

@@ -91,7 +91,6 @@ def search_handover(
     threshold: float,
     *,
     taps: int = 5,
-    progress: Callable[[int, int], None] | None = None,
     trace: Callable[[GalileoTime, float], None] | None = None,
 ) -> tuple[Peak, ...]:
     """Return the signals at the positions that a line allows, in order of time.
@@ -108,8 +107,6 @@ def search_handover(
         Threshold on the magnitude, in standard deviations of the noise per dimension.
     taps
         Number of code offsets, half a chip apart, that are tested at each possible arrival; odd.
-    progress
-        Function that is called with the number of finished hypotheses, and of all hypotheses.
     trace
         Function that is called for each position with its time and the magnitude of its strongest tap, in standard
         deviations of the noise.
@@ -118,7 +115,6 @@ def search_handover(
         raise ValueError(f"the number of correlators must be odd, not {taps}")
     places = handover_positions(source, line, first_start, last_start)
     found: list[Peak] = []
-    done = 0
     for chunk, squares in _squares(source, line, places, taps):
         best = np.max(squares, axis=1)
         for row in np.flatnonzero(best > threshold**2):
@@ -129,9 +125,6 @@ def search_handover(
         if trace is not None:
             for place, square in zip(chunk, best, strict=True):
                 trace(_handover(source, line, int(place), 0).start_time, float(np.sqrt(square)))
-        done += chunk.size * taps
-        if progress is not None:
-            progress(done, places.size * taps)
     return separated(found)
 
 

@@ -9,9 +9,11 @@ import pytest
 
 from evidence_builder import evidence, outcome
 from exact_sky import ORBITS, exact_block
-from vestige.acas_processor.checks.clock_limit import CLOCK_LIMIT_P_FA, ClockLimitMonitor
+from vestige.acas_processor.checks import clock_limit
+from vestige.acas_processor.checks.clock_limit import ClockLimitMonitor
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
+from vestige.acas_processor.position.clock_error import ClockError
 from vestige.acas_processor.position.fix_measurement import FixSettings
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
@@ -44,10 +46,11 @@ def test_with_a_fix_the_curve_steps_at_the_limit(limit_s: float, sign: int) -> N
     assert limit_s + 1.7e-6 < failed.threshold < limit_s + 2.5e-6
 
 
-def test_the_threshold_is_what_the_monitor_says() -> None:
-    found = MONITOR.smallest_delay_s(time_uncertainty_s=0.01, sigma_clock_m=10.0)
+def test_the_threshold_is_500_m_and_6_sigma_behind_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = ClockError(error_s=np.zeros(1), sigma_m=np.full(1, 10.0), of_fix=np.ones(1, bool))
+    monkeypatch.setattr(clock_limit, "clock_error", lambda _measured: shown)
+    found = outcome(MONITOR, _without_fix([0.08], 0.01)).threshold
     assert found == pytest.approx(0.01 + (500 + 6.109 * 10) / SPEED_OF_LIGHT_MPS, abs=1e-10, rel=0)
-    assert MONITOR.p_fa == CLOCK_LIMIT_P_FA
 
 
 def _without_fix(late_s: list[float], limit_s: float) -> Evidence:

@@ -106,12 +106,12 @@ def test_the_time_uncertainty_bounds_the_places() -> None:
 def test_with_the_secondary_code_phase_only_every_100_ms_is_tested() -> None:
     signals = [arrival(CHIPS, 0.02 + received_periods(k), 44.0, DOPPLER_HZ, DOPPLER_RATE) for k in (0, 12, 25)]
     source = e6_source(signals, 0.16, 2)
-    seen: list[tuple[int, int]] = []
+    seen: list[float] = []
     found = search_handover(
-        source, line(0.02, 0.1), START, START + 1, THRESHOLD, progress=lambda *counts: seen.append(counts)
+        source, line(0.02, 0.1), START, START + 1, THRESHOLD, trace=lambda time, _: seen.append(time - START)
     )
     assert [one.start_time - START for one in found] == pytest.approx([0.02, 0.02 + received_periods(25)], abs=CHIP_S)
-    assert seen == [(5, 10), (10, 10)]
+    assert seen == pytest.approx([0.02, 0.02 + received_periods(25)], abs=CHIP_S)
 
 
 def test_a_shorter_segment_is_as_many_rows() -> None:

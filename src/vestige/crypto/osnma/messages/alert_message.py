@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import hashlib
 
-from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES, MerkleTree, path_root
+from vestige.crypto.keys.merkle_tree import LEAF_AT, MerkleTree, path_root, siblings_in
 from vestige.crypto.osnma.messages.dsm import DSM_BLOCK_BYTES, pkr_blocks
 from vestige.errors import AuthenticationError
 
 ALERT_TYPE = 4  # NPKT [OSNMA-ICD, DSM-PKR]
 
-_LEAF_AT = 1 + NODE_BYTES * HEIGHT
-
 
 def is_alert(message: bytes) -> bool:
     """Return whether a complete DSM-PKR says that it is an alert message."""
-    return len(message) > _LEAF_AT and message[_LEAF_AT] >> 4 == ALERT_TYPE
+    return len(message) > LEAF_AT and message[LEAF_AT] >> 4 == ALERT_TYPE
 
 
 def verify_alert(message: bytes, tree: MerkleTree) -> None:
@@ -32,8 +30,7 @@ def verify_alert(message: bytes, tree: MerkleTree) -> None:
     """
     if not is_alert(message) or len(message) != pkr_blocks(message[0]) * DSM_BLOCK_BYTES:
         raise AuthenticationError(f"DSM-PKR: {len(message)} bytes are no alert message")
-    siblings = [message[1 + NODE_BYTES * k : 1 + NODE_BYTES * (k + 1)] for k in range(HEIGHT)]
-    found = path_root(message[0] & 15, hashlib.sha256(message[_LEAF_AT:]).digest(), siblings)
+    found = path_root(message[0] & 15, hashlib.sha256(message[LEAF_AT:]).digest(), siblings_in(message))
     if found != tree.root:
         raise AuthenticationError(
             f"alert message: gives the root {found.hex()[:16]}…, not the trusted {tree.root.hex()[:16]}…"

@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
 
 from vestige.constants import HOUR_S, SUBFRAME_S
-from vestige.crypto.keys.merkle_tree import HEIGHT, NODE_BYTES
+from vestige.crypto.keys.merkle_tree import LEAF_AT
 from vestige.crypto.keys.signature_scheme import scheme_of_curve, scheme_of_point
 from vestige.crypto.osnma.messages.alert_message import ALERT_TYPE
 from vestige.crypto.osnma.messages.chain_parameters import ChainParameters
@@ -29,8 +29,7 @@ from vestige.errors import VestigeError
 _MIN_BLOCKS = min(KROOT_BLOCKS.values())
 _WEEKS = 4096  # weeks are counted modulo this [OSNMA-ICD, DSM-KROOT]
 _ALERT_NB = 7  # 13 blocks, the shortest with room for a notice
-_HEAD_BYTES = 1 + NODE_BYTES * HEIGHT
-NOTICE_BYTES = PKR_BLOCKS[_ALERT_NB] * DSM_BLOCK_BYTES - _HEAD_BYTES - 1
+NOTICE_BYTES = PKR_BLOCKS[_ALERT_NB] * DSM_BLOCK_BYTES - LEAF_AT - 1
 
 
 def unsigned_kroot(root: Key, parameters: ChainParameters, *, chain_id: int, pkid: int) -> DsmKroot:
@@ -109,7 +108,7 @@ def public_key_dsm(point: bytes, pkid: int, leaf: int, siblings: Sequence[bytes]
         The root of the tree, 32 bytes.
     """
     content = bytes([scheme_of_point(point).key_type << 4 | pkid]) + point
-    length = _HEAD_BYTES + len(content)
+    length = LEAF_AT + len(content)
     code, n_blocks = min((code, n) for code, n in PKR_BLOCKS.items() if n * DSM_BLOCK_BYTES >= length)
     padding = hashlib.sha256(root + content).digest()[: n_blocks * DSM_BLOCK_BYTES - length]
     return bytes([code << 4 | leaf]) + b"".join(siblings) + content + padding

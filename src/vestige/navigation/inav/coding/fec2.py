@@ -20,7 +20,7 @@ import reedsolo
 
 from vestige.navigation.inav.word_table import EPHEMERIS_WORDS, PARITY_WORDS, TYPE_BITS, WORD_BITS, WORD_LAYOUTS
 
-_INFORMATION, _PARITY = 58, 60
+_PARITY = 60
 _OCTETS = 14  # octets of a word 1 to 4, behind type and IODnav; of a parity word, behind the IODnav bits
 _WORD_PARITY = _PARITY // len(PARITY_WORDS)
 _BODY_BITS = 8 * _OCTETS

@@ -15,7 +15,7 @@ from vestige.crypto.osnma.messages.subframe import SubframeAssembler
 from vestige.crypto.osnma.messages.tags import parse_mack
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
-from vestige.crypto.osnma.osnma_receiver import verify_pages
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.osnma_report import Count, OsnmaReport
 from vestige.errors import UnsupportedError, VestigeError
 from vestige.time import GalileoTime
@@ -32,7 +32,7 @@ def sky(n_subframes: int = N, start: GalileoTime = START, seed: bytes = b"sky", 
 
 
 def report_of(one: OperatorSky) -> OsnmaReport:
-    return verify_pages(one.pages(), one.operator.public_keys, one.operator.merkle_tree)
+    return OsnmaReceiver(one.operator.public_keys, one.operator.merkle_tree).process_all(one.pages())
 
 
 def n_slow(mac_lookup: int, start: GalileoTime, first: int, last: int) -> int:
@@ -95,7 +95,7 @@ def test_a_root_key_every_hour_and_the_end_of_the_week() -> None:
 def test_new_navigation_data_restarts_the_cut_off_point() -> None:
     one = sky(8, issue_of=lambda svid, index: 6 if svid == 7 and index >= 4 else 5)
     pages = one.pages()
-    report = verify_pages(pages, one.operator.public_keys)
+    report = OsnmaReceiver(one.operator.public_keys).process_all(pages)
     assert (report.problems, report.failures) == ((), ())
     issues = {data.iod_nav for data in report.navigation if data.svid == 7 and data.adkd == 0 and data.authenticated}
     assert issues == {5, 6}

@@ -18,7 +18,7 @@ from vestige.crypto.osnma.messages.dsm import NmaHeader
 from vestige.crypto.osnma.messages.subframe import Content
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
 from vestige.crypto.osnma.operator.events import OsnmaEvent, OsnmaEventKind
-from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver, verify_pages
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
 from vestige.errors import AuthenticationError, InputFileError, VestigeError
 from vestige.navigation.inav.page import InavPage
@@ -48,7 +48,7 @@ def event_of(kind: OsnmaEventKind) -> OsnmaEvent:
 def scene(kind: OsnmaEventKind) -> tuple[OperatorSky, list[InavPage], OsnmaReport]:
     sky = OperatorSky(OperatorConfiguration(seed=b"events", start=START, n_subframes=N, events=(event_of(kind),)))
     pages = sky.pages()
-    return sky, pages, verify_pages(pages, sky.operator.public_keys, sky.operator.merkle_tree)
+    return sky, pages, OsnmaReceiver(sky.operator.public_keys, sky.operator.merkle_tree).process_all(pages)
 
 
 def keys_by_chain(report: OsnmaReport) -> dict[int, list[int]]:
@@ -118,12 +118,12 @@ def test_key_renewal() -> None:
     assert min(signed) == at(STEP_2)
     assert report.problems == ()
     # A receiver that has only the old key takes the new one out of the DSM-PKR, which leads to its tree's root.
-    old = verify_pages(pages, sky.operator.public_keys[:1], root_alone(sky.operator.merkle_tree))
+    old = OsnmaReceiver(sky.operator.public_keys[:1], root_alone(sky.operator.merkle_tree)).process_all(pages)
     assert (old.keys, old.verified_roots, old.problems) == (report.keys, report.verified_roots, ())
     assert [key.pkid for key in old.broadcast_keys] == [2]
     assert report.broadcast_keys == ()
     # Without a tree it keeps its chain, with the old key.
-    old = verify_pages(pages, sky.operator.public_keys[:1])
+    old = OsnmaReceiver(sky.operator.public_keys[:1]).process_all(pages)
     assert len(old.keys) == N
     assert set(pkids(old)) == {1}
     assert any("no Merkle tree was given to verify it" in problem.text for problem in old.problems)
@@ -134,7 +134,7 @@ def test_a_broadcast_key_opens_root_keys_that_came_before_it() -> None:
     refused_first = 0
     for first in range(STEP_2, STEP_2 + 4):
         late = [page for page in pages if page.time >= at(first)]
-        report = verify_pages(late, sky.operator.public_keys[:1], sky.operator.merkle_tree)
+        report = OsnmaReceiver(sky.operator.public_keys[:1], sky.operator.merkle_tree).process_all(late)
         assert set(pkids(report)) == {2}
         assert len(report.keys) == N - first
         refused_first += any("PKID 2, which was not given" in problem.text for problem in report.problems)
@@ -145,7 +145,7 @@ def test_a_broadcast_key_opens_root_keys_that_came_before_it() -> None:
 def test_a_key_file_holds_the_broadcast_key(tmp_path: Path) -> None:
     sky, pages, _ = scene(OsnmaEventKind.KEY_REVOCATION)
     given, tree = sky.operator.public_keys[:1], root_alone(sky.operator.merkle_tree)
-    report = verify_pages(pages, given, tree)
+    report = OsnmaReceiver(given, tree).process_all(pages)
     path = tmp_path / "keys.csv"
     write_key_file(path, report.keys, report.verified_roots)
     assert read_key_file(path, given, tree) == report.keys
@@ -172,10 +172,10 @@ def test_key_revocation() -> None:
     assert pkids(report)[0] == 1
     assert set(pkids(report)[1:]) == {2}
     # A receiver that has only the old key and the tree takes the new key out of the DSM-PKR, and withholds the same.
-    old = verify_pages(pages, sky.operator.public_keys[:1], root_alone(sky.operator.merkle_tree))
+    old = OsnmaReceiver(sky.operator.public_keys[:1], root_alone(sky.operator.merkle_tree)).process_all(pages)
     assert (old.keys, withheld(old), old.verified_roots) == (report.keys, withheld(report), report.verified_roots)
     # Without a tree it gets no key of the new chain.
-    old = verify_pages(pages, sky.operator.public_keys[:1])
+    old = OsnmaReceiver(sky.operator.public_keys[:1]).process_all(pages)
     assert set(keys_by_chain(old)) == {1}
     assert keys_by_chain(old)[1] == list(range(STEP_1))
 
@@ -217,7 +217,7 @@ def test_silence_of_some_and_of_all() -> None:
     assert (report.failures, no_tag_failed(report)) == ((), True)
     event = OsnmaEvent(kind=OsnmaEventKind.SILENCE, announced=at(2), ended=at(4), svids=frozenset({7, 11}))
     sky = OperatorSky(OperatorConfiguration(seed=b"some", start=START, n_subframes=6, events=(event,)))
-    some = verify_pages(sky.pages(), sky.operator.public_keys)
+    some = OsnmaReceiver(sky.operator.public_keys).process_all(sky.pages())
     assert (len(some.keys), some.problems) == (6, ())
     assert some.subframes[Content.NONE] == 4
     # Their neighbours go on authenticating them.
@@ -231,7 +231,7 @@ def test_two_events_one_after_the_other() -> None:
         OsnmaEvent(kind=OsnmaEventKind.CHAIN_RENEWAL, announced=at(44), in_force=at(60)),
     )
     sky = OperatorSky(OperatorConfiguration(seed=b"two", start=START, n_subframes=63, chain_id=3, events=events[::-1]))
-    report = verify_pages(sky.pages(), sky.operator.public_keys)
+    report = OsnmaReceiver(sky.operator.public_keys).process_all(sky.pages())
     assert keys_by_chain(report) == {3: [0, 1], 0: list(range(4, 60)), 1: [60, 61, 62]}
     assert no_tag_failed(report)
     assert len(sky.operator.chains) == 3

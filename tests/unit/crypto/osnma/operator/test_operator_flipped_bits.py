@@ -15,7 +15,7 @@ from operator_sky import OperatorSky
 from osnma_builder import make_page
 from vestige.crypto.osnma.messages.navigation_data import NAVIGATION_FIELDS
 from vestige.crypto.osnma.operator.configuration import OperatorConfiguration
-from vestige.crypto.osnma.osnma_receiver import verify_pages
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.osnma_report import OsnmaReport, ProblemKind
 from vestige.navigation.inav.page import InavPage
 from vestige.time import GalileoTime
@@ -45,7 +45,7 @@ def report_with(n_subframes: int, change: Callable[[InavPage], tuple[int, bytes]
     for page in pages:
         new = change(page)
         changed.append(page if new is None else make_page(page.svid, page.time, *new))
-    return verify_pages(changed, one.operator.public_keys, one.operator.merkle_tree)
+    return OsnmaReceiver(one.operator.public_keys, one.operator.merkle_tree).process_all(changed)
 
 
 def flipped(field: bytes, bit: int) -> bytes:

@@ -32,8 +32,6 @@ _ROW = SCREEN_BLOCK + SHORT_LANES  # length of a row of the screen's sums, padde
 _FIRST_POINTS = 8  # points of the screen's first DFT
 _STRETCH = 1024  # offsets of a sign table that are filled at once; in int16 they take 32 kB
 _STEP_BITS = 3
-_TILE = 512  # offsets of a tile
-_SEGMENTS_OF_TILE = 16  # segments of a tile: its part of a sign table stays in the first cache of a core
 
 
 @njit(cache=True, nogil=True)
