@@ -15,6 +15,7 @@ from vestige.theory.thresholds import (
     probability_of_detection,
     required_cn0_dbhz,
     single_event_pfa,
+    swerling1_probability_of_detection,
     threshold,
 )
 
@@ -220,6 +221,12 @@ def test_further_numbers_of_the_detection_model() -> None:
     assert rounds_to(probability_of_detection(40.12, 4e-3, single_event_pfa(1e-3, 2.4e10)), "0.8994")
     assert rounds_to(miss_probability(35.0, 16e-3, 1e-7), "4.3e-6")
     assert rounds_to(miss_probability(34.0, 16e-3, 1e-7), "3.9e-4")
+    for hypotheses, time_s, cn0 in ((2.4e10, 4e-3, 48.62), (4.8e10, 8e-3, 45.71), (9.6e10, 16e-3, 42.80)):
+        pd = [
+            swerling1_probability_of_detection(cn0 + x, time_s, single_event_pfa(1e-3, hypotheses))
+            for x in (-0.005, 0.005)
+        ]
+        assert pd[0] < 0.9 < pd[1]
 
 
 @pytest.mark.parametrize(

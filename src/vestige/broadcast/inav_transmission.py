@@ -31,6 +31,8 @@ class InavTransmission:
         Navigation words of the satellite.
     osnma
         Function of SVID and start of a page that returns the 5 bytes of the page's OSNMA field.
+    sends_ssp
+        Whether the satellite sends secondary synchronisation patterns; None: only if it sends FEC2.
 
     Examples
     --------
@@ -48,16 +50,18 @@ class InavTransmission:
 
     words: SatelliteWords
     osnma: OsnmaSource = no_osnma
+    sends_ssp: bool | None = None
 
     def page(self, start: GalileoTime) -> InavPage:
         """Return the page that starts at a time; parameters and errors are those of `SatelliteWords.word`.
 
         The method also raises `ValueError` if the OSNMA source does not return 5 bytes.
         """
+        sends_ssp = self.words.fec2 if self.sends_ssp is None else self.sends_ssp
         data = encode_page(
             self.words.word(start),
             osnma=self.osnma(self.words.svid, start),
-            ssp=page_ssp(start) if self.words.fec2 else NO_SSP,
+            ssp=page_ssp(start) if sends_ssp else NO_SSP,
         )
         return InavPage(svid=self.words.svid, time=start, data=data)
 

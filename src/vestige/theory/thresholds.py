@@ -12,7 +12,7 @@ is complex Gaussian of unit variance per dimension. The magnitude of z is compar
                  P_fa = Γ(K, g²/2) / Γ(K)     P_d = Q_K(A, g)
 
 The paper's numbers assume one dwell, aligned in time and frequency, a constant amplitude, and known noise power.
-`losses` gives the cost of misalignment.
+`losses` gives the cost of misalignment, `swerling1_probability_of_detection` that of a fluctuating amplitude.
 
 The conversions between P_FA and P_fa use log1p and expm1. As printed, 1 − (1 − P_FA)^{1/N} loses digits in floating
 point and gives the paper's 4.16e-14 instead of 4.17e-14.
@@ -129,6 +129,16 @@ def miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoh
     """
     strength = correlator_amplitude(cn0_dbhz, integration_s, n_noncoherent)
     return marcum_p(strength, threshold(pfa, n_noncoherent), n_noncoherent)
+
+
+def swerling1_probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float) -> Reals:
+    """Return P_d = P_fa^{1/(1 + A²/2)} for an amplitude that is Rayleigh distributed from dwell to dwell.
+
+    This P_d is a pessimistic comparison, because the signal has no direct path. Parameters are those of
+    `probability_of_detection`; `cn0_dbhz` is the mean.
+    """
+    _check(pfa)
+    return pfa ** (1.0 / (1.0 + correlator_amplitude(cn0_dbhz, integration_s) ** 2 / 2.0))
 
 
 def required_cn0_dbhz(pd: Reals, integration_s: float, pfa: float, n_noncoherent: int = 1) -> Reals:

@@ -27,9 +27,9 @@ def test_pages_carry_words_and_patterns_and_no_osnma() -> None:
     assert [page.field("ssp") for page in pages[:4]] == [0x04, 0x2B, 0x2F, 0x04]
 
 
-@pytest.mark.parametrize(("fec2", "ssp"), [(False, 0xFD), (True, 0x04)])
-def test_who_sends_synchronisation_patterns(fec2: bool, ssp: int) -> None:
-    page = InavTransmission(words=words(fec2=fec2)).page(START + 1.0)
+@pytest.mark.parametrize(("fec2", "sends_ssp", "ssp"), [(False, None, 0xFD), (False, True, 0x04), (True, False, 0xFD)])
+def test_who_sends_synchronisation_patterns(fec2: bool, sends_ssp: bool | None, ssp: int) -> None:
+    page = InavTransmission(words=words(fec2=fec2), sends_ssp=sends_ssp).page(START + 1.0)
     assert page.field("ssp") == ssp
 
 

@@ -15,6 +15,7 @@ from vestige.theory.thresholds import (
     probability_of_detection,
     required_cn0_dbhz,
     single_event_pfa,
+    swerling1_probability_of_detection,
     threshold,
 )
 
@@ -81,7 +82,16 @@ def test_required_cn0_is_monotone_down_to_a_false_alarm_of_1e_15() -> None:
     np.testing.assert_allclose(np.diff(longer), -10 * np.log10(4), rtol=1e-12)  # only C/N0 · T_I counts
 
 
+@given(cn0s, times, pfas)
+def test_swerling_1_is_the_mean_over_a_rayleigh_amplitude(cn0: float, time_s: float, pfa: float) -> None:
+    # signal plus noise is again complex Gaussian, of variance 1 + A²/2 per dimension
+    spread = 1 + correlator_amplitude(cn0, time_s) ** 2 / 2
+    expected = np.exp(-(threshold(pfa) ** 2) / (2 * spread))
+    assert swerling1_probability_of_detection(cn0, time_s, pfa) == pytest.approx(expected, rel=1e-9)
+
+
 def test_reference_values() -> None:
+    assert swerling1_probability_of_detection(35.0, 16e-3, 1e-7) == pytest.approx(0.7317, abs=5e-5)
     assert probability_of_detection(35.0, 4e-3, 1e-7, 4) == pytest.approx(0.999808, abs=5e-7)
     assert correlator_amplitude(35.0, 16e-3) == pytest.approx(10.06, abs=0.005)
     for pd, expected in ((0.9, (37.720, 34.709, 31.699)), (0.999, (39.757, 36.746, 33.736))):
