@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-A level is a table of checks. Each row gives the status after a failure, the scope (one satellite or the whole
-receiver), and how often the check runs.
+A level is a table of checks. Each row gives the paper's step, the status after a failure, the scope (one satellite or
+the whole receiver), and how often the check runs.
 
 * Level 1 is the minimum defence, steps 1 and 2: the true E6 signal is received, and its range agrees with E1.
 * Level 2 adds power and C/N0 monitoring (3), the vestigial search on E1 with hand-over to E6 (4), and the position fix:
@@ -94,6 +94,7 @@ CheckMaker = Callable[["AcasProcessor", float], Check | None]
 class CheckSpec:
     """All properties of a check of a level that the processor needs."""
 
+    step: int  # number of the step in [WFO, Sec. IV]
     name: CheckName | str  # the check; a text for a check that a user wrote
     failure: Status  # status after a failure
     # function that makes the check; None for the searches, which `assess` makes, and for checks that a user wrote
@@ -127,8 +128,9 @@ def _e6_power(processor: AcasProcessor, p_fa: float) -> Check:
     return E6MissesCheck(p_fa=p_fa, prediction=processor.miss_prediction)
 
 
-_MINIMUM = (  # steps 1 and 2 of [WFO, Sec. IV]
+_MINIMUM = (
     CheckSpec(
+        step=1,
         name=CheckName.E6_POWER,
         failure=Status.NOT_DETECTED,
         make=_e6_power,
@@ -136,6 +138,7 @@ _MINIMUM = (  # steps 1 and 2 of [WFO, Sec. IV]
         own_p_fa=lambda assumed: 1 - assumed.pd,
     ),
     CheckSpec(
+        step=2,
         name=CheckName.E1_E6_RANGE,
         failure=_SPOOFED,
         make=lambda processor, _: RangeCheck(budget=processor.budget, kappa=processor.range_kappa),
@@ -144,8 +147,9 @@ _MINIMUM = (  # steps 1 and 2 of [WFO, Sec. IV]
         fixed_p_fa=lambda assumed: assumed.bank_p_fa,
     ),
 )
-_POWER = (  # step 3
+_POWER = (
     CheckSpec(
+        step=3,
         name=CheckName.E1_RECEIVED_POWER,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.e1_power, p_fa=p_fa),
@@ -153,6 +157,7 @@ _POWER = (  # step 3
         needs_references=True,
     ),
     CheckSpec(
+        step=3,
         name=CheckName.E6_RECEIVED_POWER,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.e6_power, p_fa=p_fa),
@@ -161,12 +166,14 @@ _POWER = (  # step 3
         needs_references=True,
     ),
     CheckSpec(
+        step=3,
         name=CheckName.E1_CN0,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.e1_cn0, p_fa=p_fa),
         needs_references=True,
     ),
     CheckSpec(
+        step=3,
         name=CheckName.E6_CN0,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.e6_cn0, p_fa=p_fa),
@@ -174,6 +181,7 @@ _POWER = (  # step 3
         needs_references=True,
     ),
     CheckSpec(
+        step=3,
         name=CheckName.NOISE_FLOOR,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.noise_floor, p_fa=p_fa),
@@ -191,15 +199,18 @@ def _second_signal(processor: AcasProcessor, p_fa: float) -> Check | None:
     return replace(settings.second_signal, p_fa=p_fa, reach_m=processor.late_reach_m)
 
 
-_HANDOVER_SEARCH = (  # step 4 of level 2
-    CheckSpec(name=CheckName.E6_SECOND_SIGNAL, failure=_SPOOFED, make=_second_signal, cadence=_RECS),
-    CheckSpec(name=CheckName.E1_VESTIGIAL_SEARCH, failure=_SPOOFED, cadence=_RECS, suspects_all_satellites=True),
+_HANDOVER_SEARCH = (
+    CheckSpec(step=4, name=CheckName.E6_SECOND_SIGNAL, failure=_SPOOFED, make=_second_signal, cadence=_RECS),
+    CheckSpec(
+        step=4, name=CheckName.E1_VESTIGIAL_SEARCH, failure=_SPOOFED, cadence=_RECS, suspects_all_satellites=True
+    ),
 )
 
 
 def _clock(name: CheckName) -> CheckSpec:
     """Return the row of one of the three tests of the receiver clock."""
     return CheckSpec(
+        step=5,
         name=name,
         failure=_SUSPECT,
         make=lambda processor, p_fa: ClockCheck(name=name, monitor=replace(processor.monitoring.clock, p_fa=3 * p_fa)),
@@ -209,11 +220,12 @@ def _clock(name: CheckName) -> CheckSpec:
     )
 
 
-_FIX = (  # step 5
+_FIX = (
     _clock(CheckName.CLOCK_INNOVATION),
     _clock(CheckName.CLOCK_CONSISTENCY),
     _clock(CheckName.CLOCK_SLOPE),
     CheckSpec(
+        step=5,
         name=CheckName.CLOCK_LIMIT,
         failure=_SUSPECT,
         make=lambda _, p_fa: ClockLimitMonitor(p_fa=p_fa),
@@ -222,6 +234,7 @@ _FIX = (  # step 5
         settable=False,
     ),
     CheckSpec(
+        step=5,
         name=CheckName.RAIM,
         failure=_SUSPECT,
         make=lambda _, p_fa: RaimMonitor(p_fa=p_fa),
@@ -229,14 +242,16 @@ _FIX = (  # step 5
         exact=True,
     ),
     CheckSpec(
+        step=5,
         name=CheckName.SOLUTION_SEPARATION,
         failure=_SUSPECT,
         make=lambda _, p_fa: SolutionSeparationMonitor.of_budget(p_fa),
         scope=_RECEIVER,
     ),
 )
-_SECOND_CHANNEL = (  # step 4 of level 3
+_SECOND_CHANNEL = (
     CheckSpec(
+        step=4,
         name=CheckName.OSNMA_AVAILABILITY,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.osnma_availability, p_fa=p_fa),
@@ -244,6 +259,7 @@ _SECOND_CHANNEL = (  # step 4 of level 3
         cadence=_SUBFRAME,
     ),
     CheckSpec(
+        step=4,
         name=CheckName.OSNMA_RECEPTION,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.osnma_reception, p_fa=p_fa),
@@ -251,6 +267,7 @@ _SECOND_CHANNEL = (  # step 4 of level 3
         cadence=_SUBFRAME,
     ),
     CheckSpec(
+        step=4,
         name=CheckName.OSNMA_AGREEMENT,
         failure=_SPOOFED,
         make=lambda _processor, _p_fa: OsnmaAgreementMonitor(),
@@ -260,16 +277,18 @@ _SECOND_CHANNEL = (  # step 4 of level 3
         settable=False,
     ),
 )
-_EXHAUSTIVE_SEARCH = (  # step 5 of level 3
+_EXHAUSTIVE_SEARCH = (
     CheckSpec(
+        step=5,
         name=CheckName.E6_EXHAUSTIVE_SEARCH,
         failure=_SPOOFED,
         cadence=TestCadence.SEARCH,
         suspects_all_satellites=True,
     ),
 )
-_BRIDGING = (  # step 7
+_BRIDGING = (
     CheckSpec(
+        step=7,
         name=CheckName.POWER_DISTORTION,
         failure=_SUSPECT,
         make=lambda processor, _: processor.monitoring.power_distortion,
@@ -278,6 +297,7 @@ _BRIDGING = (  # step 7
         needs_references=True,
     ),
     CheckSpec(
+        step=7,
         name=CheckName.INERTIAL_RANGE_RATE,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.inertial, p_fa=p_fa),
@@ -306,6 +326,7 @@ def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor 
         return 0 if monitor is None else monitor.window - 1
 
     return CheckSpec(
+        step=8,  # after the steps of [WFO, Sec. IV]: the paper treats the phase in Sec. VI-B
         name=name,
         failure=_SUSPECT,
         make=make,

@@ -28,6 +28,7 @@ from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
 
 _MOST_CONFIRM = 1000
+_OWN_STEP = 8  # after those of [WFO, Sec. IV]
 
 
 @runtime_checkable
@@ -88,6 +89,7 @@ class OwnCheck:
 
         names = {one.value for one in CheckName}
         spec = CheckSpec(
+            step=_OWN_STEP,
             name=attribute(
                 "name", None, lambda one: type(one) is str and one.isprintable() and one and one not in names,
                 "a text that is not the name of one of vestige's checks",

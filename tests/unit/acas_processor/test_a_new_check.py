@@ -40,6 +40,7 @@ class EvenCn0Monitor(Monitor):
 
 
 ROW = CheckSpec(
+    step=3,
     name=NAME,
     failure=Status.SPOOFED,
     make=lambda _, p_fa: EvenCn0Monitor(p_fa=p_fa),

@@ -69,6 +69,8 @@ def test_what_finds_a_second_sender_says_spoofed_and_all_else_is_suspicion(name:
 
 def test_levels_are_those_of_the_paper() -> None:
     """[WFO, Sec. IV]: level 2 adds steps 3 to 5; level 3 replaces 4 and 5, and bridges."""
+    steps = {level: {spec.step for spec in specs} for level, specs in LEVELS.items()}
+    assert steps == {1: {1, 2}, 2: {1, 2, 3, 4, 5}, 3: {1, 2, 3, 4, 5, 7}}
     names = {level: [spec.name for spec in specs] for level, specs in LEVELS.items()}
     assert set(names[1]) < set(names[2]) < set(names[3])
     assert set(names[3]) | {spec.name for spec in OPTIONAL} == set(CheckName)
