@@ -27,6 +27,7 @@ from vestige.campaign.columns.measured_columns import (
     E1_COLUMNS,
     MEASURED_COLUMNS,
     OSNMA_COLUMNS,
+from vestige.campaign.results_processor import processor_of_results
     Judged,
     measured_block,
 )
@@ -38,7 +39,6 @@ from vestige.errors import VestigeError
 from vestige.own_parts import digest
 from vestige.records import Assistance, Status
 from vestige.records.checks import AlarmShare, CheckName, CheckSeries
-from vestige.scenario.scenario_processor import Overhead, receiver_processor
 from vestige.scenario.stored import StoredScenario
 
 if TYPE_CHECKING:
@@ -193,10 +193,9 @@ def highest_level(results: xarray.Dataset) -> int:
 
 def measured_of(results: xarray.Dataset) -> tuple[AcasProcessor, MeasurementBlock]:
     """Return the processor of a campaign's receiver, and its measurements in all epochs."""
-    scenario, attributes = scenario_of(results), attributes_of(results)
-    _check_own_parts(scenario, attributes.own_parts)
-    overhead = Overhead(attributes.satellites_expected, attributes.cn0_e1_expected_dbhz)
-    processor = receiver_processor(scenario, overhead, attributes.navigation)
+    scenario = scenario_of(results)
+    _check_own_parts(scenario, attributes_of(results).own_parts)
+    processor = processor_of_results(results)
     columns = {
         name: results.variables[name].transpose(*column.dims).values
         for name, column in _READ.items()

@@ -9,6 +9,7 @@ import numpy as np
 import xarray
 
 from vestige.campaign.levels import failures
+from vestige.campaign.results_processor import processor_of_results
 from vestige.campaign.statistics import Proportion, Summary, binomial_test, false_alarms
 from vestige.campaign.store.attributes import attributes_of
 from vestige.campaign.verdicts import VerdictCounts, range_limit_m
@@ -74,7 +75,7 @@ def checks_section(
 
 def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks: Sequence[CheckSeries]) -> Html:
     """Return the false alarms of the verdicts, of single correlators on noise, and of each check of a sky."""
-    taps = false_alarms(results)
+    taps = false_alarms(results, processor_of_results(results))
     rows = [
         ("verdicts without an attack", "", *_counted(counts.false_alarms)),
         ("single correlators on noise", number(attributes_of(results).p_fa, 2), *_counted(taps)),

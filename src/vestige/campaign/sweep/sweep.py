@@ -26,6 +26,7 @@ import numpy as np
 
 from vestige.campaign.columns.measured_columns import Columns
 from vestige.campaign.plan import CHUNK_EPOCHS
+from vestige.campaign.results_processor import processor_of_results
 from vestige.campaign.run import ExecutorChoice, RunProgress, run
 from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
@@ -136,7 +137,7 @@ def run_sweep(
                     detector: summarise(results, detector).detections for detector in scenario.processor.detectors
                 },
                 p_d_theory=theory,
-                false_alarms=false_alarms(results),
+                false_alarms=false_alarms(results, processor_of_results(results)),
                 level=scenario.processor.level,
                 outcome=_outcome(scenario, results),
             )

@@ -12,6 +12,7 @@ from typing import Any
 import xarray
 
 from vestige.campaign.levels import verdicts_of_run
+from vestige.campaign.results_processor import processor_of_results
 from vestige.campaign.run_outcome import RunOutcome
 from vestige.campaign.statistics import Proportion, detectors_of, false_alarms, summarise
 from vestige.campaign.store.attributes import attributes_of
@@ -35,7 +36,7 @@ def campaign_json(results: xarray.Dataset) -> str:
             "cn0_dbhz": attributes.cn0_dbhz,
             "p_fa": attributes.p_fa,
             "p_d_theory": _theory(results),
-            "false_alarms": asdict(false_alarms(results)),
+            "false_alarms": asdict(false_alarms(results, processor_of_results(results))),
             "detectors": {name: asdict(summarise(results, name)) for name in detectors_of(results)},
             "attack": attack_values(judged),
             **({} if level is None else {"verdicts": level_values(results, level)}),
@@ -49,7 +50,7 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
     strength = f"C/N0 {attributes.cn0_dbhz:g} dBHz" if attributes.signal else "no signal"
     lines = [
         f"{store}: {results.sizes['epoch']} epochs, {attributes.fidelity}, {strength}, P_fa {attributes.p_fa:g}",
-        f"false alarms of single correlators on noise: {_count(false_alarms(results))}",
+        f"false alarms of single correlators on noise: {_count(false_alarms(results, processor_of_results(results)))}",
     ]
     if attributes.signal:
         lines.append(f"theory with thermal noise only, delay on a correlator: P_d {_theory(results):.7f}")
