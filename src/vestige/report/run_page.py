@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import xarray
 
 from vestige.campaign.levels import highest_level, judged_between_recs, level_verdicts, verdicts_of_run
 from vestige.campaign.outcomes import AttackReport, due_verdicts
+from vestige.campaign.range_errors import worst_range_m
 from vestige.campaign.statistics import Summary, summarise
 from vestige.campaign.store.attributes import attributes_of, scenario_of, scenario_text
 from vestige.campaign.verdicts import VerdictCounts, range_limit_m, verdict_counts
@@ -146,6 +148,10 @@ def _answer(
     alarms = counts.false_alarms
     if alarms.trials:
         a_day, low, high = counts.false_alarms_a_day
+    if scenario.attack or of_level:
+        in_use = int(np.count_nonzero(np.isfinite(results["range_in_use_m"].values)))
+        small = f"{number(in_use)} of {number(counts.due)} ranges were in use"
+        cards.append(card("largest range error in use", number(worst_range_m(results), 4, "m"), small))
         small = (
             f"{number(low, 2)} to {number(high, 2)} (95 %); {number(alarms.successes)} in {number(alarms.trials)} RECS"
         )

@@ -24,7 +24,8 @@ from jaxtyping import Bool, Float, Int8
 from vestige.acas_processor.levels import POSITION
 from vestige.acas_processor.processor import Step
 from vestige.campaign.levels import alarm_begins, failures_in_order
-from vestige.campaign.run_outcome import RunOutcome, run_outcome, window_of, worst_of
+from vestige.campaign.range_errors import window_of, worst_of
+from vestige.campaign.run_outcome import RunOutcome, run_outcome
 from vestige.recording.observations.observation_file import ObservationTrack
 from vestige.records import Status
 from vestige.records.checks import AlarmShare, CheckName

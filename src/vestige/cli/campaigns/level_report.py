@@ -8,13 +8,14 @@ import numpy as np
 import xarray
 
 from vestige.campaign.levels import LevelVerdicts
+from vestige.campaign.range_errors import recs_that_count, worst_of
+from vestige.cli.campaigns.attack_report import range_words
 from vestige.records import Status
 
 
 def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any]:
     """Return the outcome of a campaign at the level of the scenario."""
     time_s = results["time_s"].values
-    error_m = found.range_error_m[np.isfinite(found.range_error_m)]
     due = found.recs[:, None] & found.seen
     return {
         "level": found.level,
@@ -29,10 +30,10 @@ def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any
             status.name: int(np.count_nonzero((found.state == place) & due)) for place, status in enumerate(Status)
         },
         "exhaustive_searches": int(np.count_nonzero(found.searched)),
-        "ranges_in_use": int(error_m.size),
+        "ranges_in_use": int(np.count_nonzero(np.isfinite(found.range_error_m))),
         "ranges_due": int(np.count_nonzero(due)),
         "ranges_of_the_earlier_signal": int(np.count_nonzero(found.earlier)),
-        "worst_range_in_use_m": float(error_m[np.argmax(np.abs(error_m))]) if error_m.size else float("nan"),
+        "worst_range_m": worst_of(found.range_error_m[recs_that_count(results)]),
     }
 
 
@@ -52,6 +53,6 @@ def level_lines(results: xarray.Dataset, found: LevelVerdicts) -> list[str]:
     lines.append(
         f"  ranges in use: {values['ranges_in_use']} of {values['ranges_due']}, "
         f"{values['ranges_of_the_earlier_signal']} of them from the earlier of two signals; "
-        f"largest range error by the attack {values['worst_range_in_use_m']:.1f} m"
+        f"{range_words(values['worst_range_m'])}"
     )
     return lines
