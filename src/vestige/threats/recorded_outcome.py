@@ -30,6 +30,7 @@ from vestige.recording.observations.observation_file import ObservationTrack
 from vestige.records import Status
 from vestige.records.checks import AlarmShare, CheckName
 from vestige.records.observation_epoch import ObservationEpoch
+from vestige.scenario.scenario_processor import processor_of
 from vestige.simulated.exported_case import AcasTestCase
 from vestige.threats.recorded_scenes import RecordedScene
 
@@ -166,5 +167,5 @@ def recorded_outcome(recorded: RecordedScene, found: RecordedVerdicts) -> RunOut
     scenario = recorded.scenario()
     begin_s, end_s = window_of(scenario)
     counted = (found.time_s >= begin_s) & (found.time_s < end_s)
-    limit_m = scenario.processor.budget.limit_m(scenario.processor.kappa)
+    limit_m = processor_of(scenario).range_limit_m
     return run_outcome(found, found.time_s, counted, limit_m, np.full(found.time_s.size, np.nan))
