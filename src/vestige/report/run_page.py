@@ -26,7 +26,10 @@ from vestige.report.run_levels import level_cards, level_content
 from vestige.report.run_scenario import reproduce_section, scenario_section
 from vestige.scenario.stored import StoredScenario
 
-_NEEDED = ("status", "taps", "noise_power", "range_offset_m", "tap_index", "time_s", "svid", "detector")
+_NEEDED = (
+    "status", "taps", "noise_power", "range_offset_m", "tap_index", "time_s", "svid", "detector", "recs", "check",
+    "check_result", "check_threshold", "range_in_use_m", "range_is_earlier", "e1_pseudorange_m",
+)  # fmt: skip
 
 
 def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
@@ -52,7 +55,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
         section("correlators", "Output of the correlators", *_waterfall(data)),
         section("offsets", "Range offset of both detectors", *_offsets(found, data, range_limit_m(results))),
         *([section("attack", "Under attack", *attack_content(attacks))] if attacks else ()),
-        checks_section(results, scenario, found, checks, level_content(of_level, results)),
+        checks_section(results, scenario, checks, level_content(of_level, results)),
         *([section("position", "Position", *_position())] if sky else ()),
         false_alarms_section(results, counts, checks),
         scenario_section(scenario_text(results)),
@@ -145,13 +148,13 @@ def _answer(
         spread = f"mean {number(summary.range_offset_mean_m, 2, 'm')}, {chosen} detector"
         cards.append(card("range offset, 1σ", number(summary.range_offset_std_m, 3, "m"), spread))
     cards += of_level
-    alarms = counts.false_alarms
-    if alarms.trials:
-        a_day, low, high = counts.false_alarms_a_day
     if scenario.attack or of_level:
         in_use = int(np.count_nonzero(np.isfinite(results["range_in_use_m"].values)))
         small = f"{number(in_use)} of {number(counts.due)} ranges were in use"
         cards.append(card("largest range error in use", number(worst_range_m(results), 4, "m"), small))
+    alarms = counts.false_alarms
+    if alarms.trials:
+        a_day, low, high = counts.false_alarms_a_day
         small = (
             f"{number(low, 2)} to {number(high, 2)} (95 %); {number(alarms.successes)} in {number(alarms.trials)} RECS"
         )
