@@ -29,7 +29,8 @@ from typing import Any
 
 import numpy as np
 
-from vestige.campaign.run_outcome import RunOutcome, outcome_word, window_of
+from vestige.campaign.range_errors import window_of
+from vestige.campaign.run_outcome import RunOutcome, outcome_word
 from vestige.cli.recordings.process import command, prepared
 from vestige.recording.recorded_block import OtherChannels
 from vestige.recording.recording import Recording, open_recording

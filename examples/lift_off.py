@@ -18,6 +18,7 @@ from vestige import plots
 from vestige.campaign.outcomes import DetectedSignal, outcomes, report
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan
+from vestige.campaign.verdicts import range_limit_m
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 
@@ -65,7 +66,7 @@ def main(folder: Path) -> None:
     assert isinstance(scenario, CampaignScenario)
     shutil.rmtree(folder / "liftoff.zarr", ignore_errors=True)
     results = run(ScenarioPlan(scenario=scenario), folder / "liftoff.zarr").load()
-    limit_m = scenario.processor.kappa * scenario.processor.budget.sigma_m
+    limit_m = range_limit_m(results)
 
     print(f"A lift-off of E6 at 35 dBHz. The range test raises an alarm beyond {limit_m:.1f} m; E1 is left alone.\n")
     belongs = outcomes(results, resolution_m=0.0).isel(satellite=0)

@@ -34,7 +34,7 @@ THREAT_ROW = {
     "denied": "0", "denied_of": "20", "denied_low": "0", "denied_high": "0.17",
     "by_chance": "2", "by_chance_of": "20", "alarms": "60", "days": "0.2778",
     "budget_alarms_a_day": "62", "alarms_a_day": "216",
-    "alarms_a_day_low": "166", "alarms_a_day_high": "275", "time_to_detect_s": "90.0", "worst_accepted_m": "28.3",
+    "alarms_a_day_low": "166", "alarms_a_day_high": "275", "time_to_detect_s": "90.0", "worst_range_m": "28.3",
     "shows": "", "note": "", "checks": "C/N0 19/20 after 4.5 s; RAIM 2/20 after 60 s", "vestige_version": "1.2",
 }  # fmt: skip
 

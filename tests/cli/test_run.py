@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import csv
 import json
 import os
 import signal
@@ -15,6 +16,7 @@ import xarray
 from click.testing import CliRunner, Result
 
 from builders import MEACONED
+from report_builder import rows_of
 from vestige.acas_processor.measurement import Availability
 from vestige.campaign.execution.executors import ONE_THREAD
 from vestige.campaign.store.results import open_results
@@ -24,6 +26,7 @@ from vestige.cli.campaigns.run import command
 from vestige.errors import InputFileError, VestigeError
 from vestige.folder_lock import only_writer
 from vestige.records import Status
+from vestige.report import run_page
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 QUICK = SCENARIOS / "quick.toml"
@@ -66,18 +69,52 @@ def test_what_came_of_an_attack(tmp_path: Path) -> None:
     assert "it did not return to the true signal to stay" in text.splitlines()[-1]
 
 
-@pytest.mark.parametrize(("level", "after_s", "worst_m"), [(1, None, 599.6), (2, 0.0, None)])
+@pytest.mark.parametrize(("level", "after_s", "worst_m", "within_m"), [(1, None, 599.6, 0.5), (2, 0.0, 0.0, 26.5)])
 def test_what_is_said_of_an_attack_is_what_the_level_says(
-    tmp_path: Path, level: int, after_s: float | None, worst_m: float | None
+    tmp_path: Path, level: int, after_s: float | None, worst_m: float, within_m: float
 ) -> None:
-    """A loud meaconer of both bands: level 1 accepts its delay of 600 m, level 2 sees its power."""
+    """A loud meaconer of both bands: level 1 uses its delay of 600 m; level 2 sees it and uses the earlier signal."""
     (tmp_path / "loud.toml").write_text(MEACONED)
     arguments = (tmp_path / "loud.toml", "-o", tmp_path / "loud", "--set", f"processor.level={level}")
     (found,) = json.loads(_invoke(*arguments, "--json").stdout)["attack"]
     assert found["early"]["time_to_detect_s"] == after_s
-    assert found["early"]["worst_accepted_m"] == (None if worst_m is None else pytest.approx(worst_m, abs=0.5))
+    assert found["early"]["worst_range_m"] == pytest.approx(worst_m, abs=within_m)
     last = _invoke(*arguments).stdout.splitlines()[-3]
     assert ("no alarm" in last) == (after_s is None)
+
+
+PULLED = (
+    "attack=[{kind='lift-off', start_s=30, delay_m={kind='ramp', first=0, last=60, start_s=30, stop_s=250}, "
+    "power_db=3, bands=['E1']}]"
+)
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_a_run_its_page_and_a_sweep_give_one_largest_range_error(tmp_path: Path, level: int) -> None:
+    """E1 is pulled by 60 m; ranges of the earlier signal are in use with SPOOFED, and some AUTHENTIC have none."""
+    settings = ("epochs=300", "receiver.cn0_dbhz=35", "receiver.cn0_e1_dbhz=35", f"processor.level={level}", PULLED)
+    common = [word for setting in settings for word in ("--set", setting)]
+    text = _invoke(QUICK, "-o", tmp_path / "a", *common).stdout
+    found = json.loads(_invoke(QUICK, "-o", tmp_path / "a", *common, "--json").stdout)
+    swept = json.loads(_invoke(QUICK, "-o", tmp_path / "s", *common, "--sweep", "seed=1", "--json").stdout)
+    row_m = swept["campaigns"][0]["outcome"]["worst_range_m"]
+    results = open_results(tmp_path / "a").dataset.load()
+    authentic = results["status"].values == list(Status).index(Status.AUTHENTIC)
+    in_use = np.isfinite(results["range_in_use_m"].values)
+    assert (authentic & ~in_use).any()
+    assert (~authentic & in_use).any()
+    by_status_m = np.abs(results["truth_e1_worst_error_m"].values[authentic]).max()
+    assert abs(row_m) < by_status_m - 5
+    assert found["worst_range_m"] == found["attack"][0]["early"]["worst_range_m"] == row_m
+    assert f"largest range error in use {row_m:+.1f} m" in text
+    if level > 1:
+        assert found["verdicts"]["worst_range_m"] == row_m
+    page = run_page(results, "a").html()
+    number = f"{row_m:.4g}\N{NO-BREAK SPACE}m"
+    assert f"<dt>largest range error in use</dt><dd>{number}" in page
+    assert rows_of(page, "Outcome of the attack")["E11, early"][6] == f"{row_m:.4g} m"
+    with (tmp_path / "s" / "sweep.csv").open() as file:
+        assert float(next(csv.DictReader(file))["worst_range_m"]) == row_m
 
 
 def test_people_read_of_the_satellites_that_are_aimed_at(tmp_path: Path) -> None:
@@ -98,7 +135,7 @@ def test_an_attack_that_leaves_nothing_to_decide(tmp_path: Path) -> None:
     denial = ("--set", 'attack=[{kind="osnma-denial"}]', "--set", "epochs=20")
     text = _invoke(QUICK, "-o", tmp_path / "a", *denial).stdout
     assert "early    detector: no RECS was correlated" in text
-    assert "attack on E11: 20 epochs from 0 s on, no alarm; E1 captured in 0 %, no range accepted" in text
+    assert "attack on E11: 20 epochs from 0 s on, no alarm; E1 captured in 0 %, no range in use" in text
     assert "nan m" not in text
 
 

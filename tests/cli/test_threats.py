@@ -64,7 +64,7 @@ def test_one_json_object(tmp_path: Path) -> None:
     assert found["threats"][0]["expected"] == {"1": "detect", "2": "detect", "3": "detect"}
     first, second, third = found["cells"]
     assert (first["threat"], first["level"], first["detected"], first["detected_of"]) == ("A1", 1, 1, 1)
-    assert first["worst_accepted_m"] is None
+    assert first["worst_range_m"] is None
     assert second["word"] == third["word"] == "mitigated"
     assert first["checks"][0]["name"] == "E6 power"
     # the receiver is restarted and acquires for a second: the first RECS that it has E1 for is the one after that

@@ -22,7 +22,6 @@ from vestige.acas_processor.measurement import (
     Availability,
     DetectedBlock,
     MeasurementBlock,
-    normalised_magnitudes,
     spread_over_block,
 )
 from vestige.acas_processor.position.fix_measurement import LazyFix
@@ -90,6 +89,18 @@ def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarr
         range_offset_m=spread_over_block(found.range_offset_m, correlated, shape),
         threshold_sigma=limit,
     )
+
+
+def exceeds_threshold(processor: AcasProcessor, banks: BankBlock) -> Bool[np.ndarray, "n m n_taps"]:
+    """Return which correlators of each bank exceed the detection threshold; a correlator with NaN does not."""
+    return normalised_magnitudes(banks.taps, banks.noise_power) > processor.detection_threshold
+
+
+def normalised_magnitudes(
+    taps: Complex128[np.ndarray, "*n n_taps"], noise_power: Float[np.ndarray, "*n"]
+) -> Float[np.ndarray, "*n n_taps"]:
+    """Return the magnitudes of correlators in standard deviations of the noise per dimension."""
+    return np.abs(taps) / np.sqrt(noise_power / 2)[..., None]
 
 
 def detect_block(

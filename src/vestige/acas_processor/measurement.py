@@ -7,7 +7,7 @@ from enum import IntEnum
 from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int, Int8, Int64
+from jaxtyping import Float, Int, Int8, Int64
 
 from vestige.navigation.position_fix import Fix, Transmission
 from vestige.records.recs_block import RecsBlock
@@ -207,18 +207,3 @@ _WHY = {
     Availability.OUTSIDE: "the E6 samples do not hold the RECS where it is expected",
     Availability.ZERO: "the E6 samples are all zero",
 }
-
-
-def normalised_magnitudes(
-    taps: Complex[np.ndarray, "*n k"], noise_power: Float[np.ndarray, "*n"]
-) -> Float[np.ndarray, "*n k"]:
-    """Return the magnitudes of correlators in standard deviations of the noise per dimension."""
-    return np.abs(taps) / np.sqrt(noise_power / 2)[..., None]
-
-
-def exceeds_threshold(
-    taps: Complex[np.ndarray, "*n k"], noise_power: Float[np.ndarray, "*n"], threshold_sigma: float
-) -> tuple[Bool[np.ndarray, "*n k"], Bool[np.ndarray, "*n k"]]:
-    """Return which correlators exceed the detection threshold, and which were correlated at all."""
-    magnitude_sigma = normalised_magnitudes(taps.astype(np.complex128), noise_power.astype(np.float64))
-    return magnitude_sigma > threshold_sigma, ~np.isnan(magnitude_sigma)

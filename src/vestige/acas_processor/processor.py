@@ -21,7 +21,7 @@ from vestige.acas_processor.checks.power.e6_misses import MissPrediction
 from vestige.acas_processor.checks.power.e6_power import MIN_PD
 from vestige.acas_processor.detectors import Detector, EarlyDetector
 from vestige.acas_processor.levels import LEVELS, OPTIONAL, STEADY_P_FA, CheckSpec
-from vestige.acas_processor.measure import detect, measure
+from vestige.acas_processor.measure import detect, exceeds_threshold, measure
 from vestige.acas_processor.measurement import DetectedBlock, MeasurementBlock
 from vestige.acas_processor.monitoring.alarm import StateChange
 from vestige.acas_processor.monitoring.alarm_budget import budget_of, set_kappa
@@ -274,6 +274,10 @@ class AcasProcessor:
     def detect(self, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
         """Return the result of the detector for banks; `correlated` marks the banks with correlations."""
         return detect(self, banks, correlated)
+
+    def exceeds_threshold(self, banks: BankBlock) -> Bool[np.ndarray, "n m n_taps"]:
+        """Return which correlators of each bank exceed the detection threshold; a correlator with NaN does not."""
+        return exceeds_threshold(self, banks)
 
     def false_alarm_budget(self, block: VerdictBlock) -> Mapping[CheckName | str, AlarmShare]:
         """Return how many false alarms each check of the level may raise, for the satellites of a block."""

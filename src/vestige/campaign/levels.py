@@ -2,11 +2,7 @@
 
 The results contain the receiver's measurements (`measured_columns`). In `level_verdicts` the processor judges these
 measurements again, at the level of the scenario or at another level. The same code makes the verdicts of `vestige
-process`. This module adds the truth:
-
-**Error of a range in use.** A RECS authenticates the time since the previous RECS. The error of an E1 range in use is
-therefore the largest error that the attack caused in that time. If the range of the earliest of several signals is in
-use instead, the error of this range counts.
+process`. This module adds the errors of the ranges in use (`range_errors.py`).
 """
 
 from __future__ import annotations
@@ -31,14 +27,15 @@ from vestige.campaign.columns.measured_columns import (
     measured_block,
 )
 from vestige.campaign.columns.own_check_columns import OWN_CHECK_COLUMNS
+from vestige.campaign.range_errors import range_errors_m
+from vestige.campaign.results_processor import processor_of_results
 from vestige.campaign.scenario_plan import SCENARIO_COLUMNS
 from vestige.campaign.statistics import Proportion, proportion
-from vestige.campaign.store.attributes import attributes_of, scenario_of, values
+from vestige.campaign.store.attributes import attributes_of, scenario_of
 from vestige.errors import VestigeError
 from vestige.own_parts import digest
 from vestige.records import Assistance, Status
 from vestige.records.checks import AlarmShare, CheckName, CheckSeries
-from vestige.scenario.scenario_processor import Overhead, receiver_processor
 from vestige.scenario.stored import StoredScenario
 
 if TYPE_CHECKING:
@@ -193,10 +190,9 @@ def highest_level(results: xarray.Dataset) -> int:
 
 def measured_of(results: xarray.Dataset) -> tuple[AcasProcessor, MeasurementBlock]:
     """Return the processor of a campaign's receiver, and its measurements in all epochs."""
-    scenario, attributes = scenario_of(results), attributes_of(results)
-    _check_own_parts(scenario, attributes.own_parts)
-    overhead = Overhead(attributes.satellites_expected, attributes.cn0_e1_expected_dbhz)
-    processor = receiver_processor(scenario, overhead, attributes.navigation)
+    scenario = scenario_of(results)
+    _check_own_parts(scenario, attributes_of(results).own_parts)
+    processor = processor_of_results(results)
     columns = {
         name: results.variables[name].transpose(*column.dims).values
         for name, column in _READ.items()
@@ -229,32 +225,8 @@ def _verdicts(results: xarray.Dataset, processor: AcasProcessor, measured: Measu
         processor=processor,
         budget=processor.false_alarm_budget(block),
         seen=_seen(results),
-        range_error_m=_range_error_m(results, block),
+        range_error_m=range_errors_m(results, block.range_in_use_m, block.earlier),
     )
-
-
-def _range_error_m(results: xarray.Dataset, block: VerdictBlock) -> Float[np.ndarray, "n m"]:
-    """Return the error of each range in use: the attack's error of E1, or the error of the earliest signal."""
-    in_use_m, e1_m = block.range_in_use_m, block.measured.snapshots.e1.pseudorange_m
-    of_e1_m = np.where(np.isfinite(in_use_m), _e1_error_m(results, block.measured.snapshots.recs), np.nan)
-    names = ("truth_e1_noise_m", "truth_e1_multipath_m", "truth_e1_error_m")
-    errors_m = [values(results, name, "epoch", "satellite") for name in names if name in results]
-    return np.where(block.earlier, in_use_m - e1_m + np.sum(errors_m, axis=0), of_e1_m)
-
-
-def _e1_error_m(results: xarray.Dataset, recs: Bool[np.ndarray, " n"]) -> Float[np.ndarray, "n m"]:
-    """Return the largest E1 error by the attack since the previous RECS, in epochs with RECS; 0 in other epochs."""
-    shape = (results.sizes["epoch"], results.sizes["satellite"])
-    if "truth_e1_worst_error_m" not in results:
-        return np.zeros(shape)
-    error_m = values(results, "truth_e1_worst_error_m", "epoch", "satellite")
-    worst = np.zeros(shape)
-    after = 0
-    for place in np.flatnonzero(recs).tolist():
-        part = error_m[after : place + 1]
-        worst[place] = part[np.argmax(np.abs(part), axis=0), np.arange(shape[1])]
-        after = place + 1
-    return worst
 
 
 def _seen(results: xarray.Dataset) -> Bool[np.ndarray, "n m"]:

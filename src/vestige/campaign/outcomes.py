@@ -13,11 +13,11 @@ neither triangle reaches the peak of the other. From about this distance on, the
 A spoofing signal counts if its power relative to the true signal exceeds `FLOOR_DB`. A weaker spoofing signal moves a
 detection by less than 1 m on average. A spoofing signal with invented chips makes no peak and never counts.
 
-With status AUTHENTIC the receiver accepts its E1 pseudorange, including the error of this pseudorange:
+The report gives two times and an error:
 
     time to detect      from the attack's first epoch to the first alarm (SUSPECT, SPOOFED, NOT_DETECTED) under attack
-    time to mitigate    from the attack's first epoch to the first from which on `share` of the detections are TRUE
-    worst accepted      largest E1 error in AUTHENTIC epochs, and in the time since the epoch before each of them
+    time to mitigate    from the attack's first epoch to the first from which on a share `SHARE` of the detections are TRUE
+    worst range         largest error of a range in use (`range_errors.py`)
 
 All functions are pure and take results as the campaign stores them. Without an attack every detection is TRUE.
 """
@@ -31,9 +31,9 @@ import numpy as np
 import xarray
 from jaxtyping import Bool, Float, Int8
 
-from vestige.acas_processor.levels import POSITION, is_alarm
+from vestige.acas_processor.levels import is_alarm
+from vestige.campaign.range_errors import worst_range_m
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.records import Status
 from vestige.signals.definitions import E6C
 
 RESOLUTION_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz  # one chip of E6-C
@@ -121,8 +121,8 @@ class AttackReport:
     # from the attack's first epoch to the epoch from which on the detector finds the true signal; NaN if there is no
     # such epoch, 0 if the detector always found the true signal
     time_to_mitigate_s: float
-    # accepted E1 error by the attack that is largest in magnitude, with its sign; NaN if nothing was accepted
-    worst_accepted_m: float
+    # error of a range in use that is largest in magnitude, with its sign; NaN if no range was in use
+    worst_range_m: float
     e1_captured: float  # share of the attacked epochs in which E1 tracking was on a spoofing signal
 
 
@@ -141,9 +141,7 @@ def report(results: xarray.Dataset, detector: str = "early", *, satellite: int =
         return None
     time_s = one["time_s"].values[attacked]
     outcome = outcomes(results).sel(detector=detector).values[attacked, satellite]
-    status = one["status"].values[attacked]
-    alarm = is_alarm(status)
-    accepted = status == POSITION[Status.AUTHENTIC]
+    alarm = is_alarm(one["status"].values[attacked])
     return AttackReport(
         detector=detector,
         first_s=float(time_s[0]),
@@ -151,7 +149,7 @@ def report(results: xarray.Dataset, detector: str = "early", *, satellite: int =
         shares={kind: float(np.mean(outcome[due] == kind)) for kind in DetectedSignal},
         time_to_detect_s=float(time_s[np.argmax(alarm)] - time_s[0]) if alarm.any() else float("nan"),
         time_to_mitigate_s=_time_to_mitigate_s(time_s, outcome),
-        worst_accepted_m=_worst(one["truth_e1_worst_error_m"].values[attacked][accepted]),
+        worst_range_m=worst_range_m(results.isel(satellite=[satellite])),
         e1_captured=float(np.mean(one["truth_e1_captured"].values[attacked])),
     )
 
@@ -175,7 +173,3 @@ def _time_to_mitigate_s(time_s: Float[np.ndarray, " n"], outcome: Int8[np.ndarra
     found_after = np.cumsum(detected[::-1])[::-1]
     held = (true_after >= SHARE * found_after) & (found_after > 0)
     return float(time_s[np.argmax(held)] - time_s[0]) if held.any() else float("nan")
-
-
-def _worst(error_m: Float[np.ndarray, " n"]) -> float:
-    return float(error_m[np.argmax(np.abs(error_m))]) if error_m.size else float("nan")

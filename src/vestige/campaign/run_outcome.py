@@ -39,6 +39,7 @@ from jaxtyping import Bool, Float, Int8
 from vestige.acas_processor.levels import POSITION, is_alarm
 from vestige.campaign.columns.sky_columns import true_place_m
 from vestige.campaign.levels import LevelVerdicts, level_verdicts
+from vestige.campaign.range_errors import recs_since, worst_of
 from vestige.constants import DAY_S
 from vestige.records import Status
 from vestige.records.checks import AlarmShare, CheckName
@@ -153,7 +154,7 @@ def run_outcome(
     """
     alarm = is_alarm(found.status).any(axis=1)
     here = np.flatnonzero(attacked)
-    with_recs = _recs_of(attacked, found.recs)
+    with_recs = recs_since(found.recs, attacked)
     counted = attacked | with_recs
     error_m = found.range_error_m[with_recs]
     harmful = np.abs(error_m) > _HARMFUL * limit_m
@@ -222,21 +223,6 @@ def outcome_word(detected: bool, mitigated: bool, missed: bool, denied: bool) ->
     return "no verdict" if denied else HARMLESS
 
 
-def _recs_of(attacked: Bool[np.ndarray, " n"], recs: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return the epochs with RECS for which an attack acted since the previous RECS, even if the attack has ended."""
-    places = np.flatnonzero(recs)
-    acted = np.diff(np.cumsum(attacked)[places], prepend=0) > 0
-    found = np.zeros(recs.size, np.bool_)
-    found[places[acted]] = True
-    return found
-
-
-def worst_of(values: Float[np.ndarray, "..."]) -> float:
-    """Return the value of largest magnitude; NaN if no value is finite."""
-    known = values[np.isfinite(values)]
-    return float(known[np.argmax(np.abs(known))]) if known.size else nan
-
-
 def outcomes_of(
     scenario: CampaignScenario, results: xarray.Dataset, levels: Sequence[int], window_s: tuple[float, float]
 ) -> tuple[RunOutcome, ...]:
@@ -268,10 +254,3 @@ def _position_error_m(
         return np.full(results.sizes["epoch"], np.nan)
     place_m = true_place_m(scenario, results["time_s"].values, results["truth_clock_m"].values)
     return np.linalg.norm(found.position.position_m - place_m, axis=1)
-
-
-def window_of(scenario: CampaignScenario) -> tuple[float, float]:
-    """Return the first start and the last stop of the attacks in s; 0 and infinity without attacks."""
-    starts_s = [attack.start_s for attack in scenario.attack]
-    stops_s = [attack.stop_s for attack in scenario.attack]
-    return min(starts_s, default=0.0), max(stops_s, default=np.inf)

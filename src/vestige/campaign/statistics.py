@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Float, Int
 from scipy.special import betainc, betaincc, betaincinv, chdtri
 
-from vestige.acas_processor.measurement import exceeds_threshold
+from vestige.acas_processor.processor import AcasProcessor
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.records.snapshot_block import BankBlock
 from vestige.signals.definitions import E6C
 
 if TYPE_CHECKING:
@@ -171,14 +172,8 @@ def summarise(results: xarray.Dataset, detector: str = "early") -> Summary:
     )
 
 
-def _exceedances(block: xarray.Dataset, taps: Complex[np.ndarray, "epochs satellites taps"]) -> tuple[int, int]:
-    """Return the number of taps that exceed the threshold, and the number of taps that are not NaN."""
-    exceeding, correlated = exceeds_threshold(taps, block["noise_power"].values, float(block.attrs["threshold_sigma"]))
-    return int(np.count_nonzero(exceeding)), int(np.count_nonzero(correlated))
-
-
-def false_alarms(results: xarray.Dataset) -> Proportion:
-    """Return the proportion of single taps with noise only that exceed the threshold.
+def false_alarms(results: xarray.Dataset, processor: AcasProcessor) -> Proportion:
+    """Return the proportion of single taps with noise only that exceed the threshold of the campaign's processor.
 
     Only taps more than a chip apart are counted, so that the trials are independent. The correlation of their noise is
     a triangle that ends at one chip. A narrow filter makes the triangle slightly wider. If there is a signal, only taps
@@ -190,11 +185,14 @@ def false_alarms(results: xarray.Dataset) -> Proportion:
     offset_m = independent["tap_offset_m"].values
     exceeding = trials = 0
     for block in _blocks(independent):
-        taps = block["taps"].values
+        taps, noise_power = block["taps"].values.astype(np.complex128), block["noise_power"].values.astype(np.float64)
         if results.attrs["signal"]:
             taps = np.where(offset_m < _first_arrival_m(block)[..., None] - E6_CHIP_M, taps, np.nan)
-        one = _exceedances(block, taps)
-        exceeding, trials = exceeding + one[0], trials + one[1]
+        banks = BankBlock(
+            offsets_m=offset_m, taps=taps, noise_power=noise_power, integration_s=np.full(noise_power.shape, np.nan)
+        )
+        exceeding += int(np.count_nonzero(processor.exceeds_threshold(banks)))
+        trials += int(np.count_nonzero(~np.isnan(taps) & (noise_power > 0)[..., None]))
     return proportion(exceeding, trials)
 
 

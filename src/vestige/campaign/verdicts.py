@@ -16,10 +16,10 @@ import xarray
 from vestige.acas_processor.levels import POSITION, is_alarm
 from vestige.campaign.outcomes import attacked_epochs, due_verdicts
 from vestige.campaign.statistics import Proportion, proportion
-from vestige.campaign.store.attributes import attributes_of, scenario_of
+from vestige.campaign.store.attributes import check_columns, scenario_of
 from vestige.constants import DAY_S
 from vestige.records import Status
-from vestige.scenario.scenario_processor import Overhead, receiver_processor
+from vestige.records.checks import CheckName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,10 +56,11 @@ def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
 
 
 def range_limit_m(results: xarray.Dataset) -> float:
-    """Return κσ, the largest range offset that passes the range check of this campaign."""
-    scenario, attributes = scenario_of(results), attributes_of(results)
-    overhead = Overhead(attributes.satellites_expected, attributes.cn0_e1_expected_dbhz)
-    return receiver_processor(scenario, overhead, None).range_limit_m
+    """Return the threshold of the range check that the processor stored, in m.
+
+    Raises `VestigeError` if the results have no range check.
+    """
+    return float(np.max(check_columns(results, CheckName.E1_E6_RANGE).threshold))
 
 
 def results_digest(results: xarray.Dataset) -> str:

@@ -25,22 +25,13 @@ def attack_reports(results: xarray.Dataset, scenario: StoredScenario) -> dict[st
 
 
 def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str) -> list[Html]:
-    """Return the time of the first alarm, and the worst accepted error of all satellites.
-
-    `chosen` is the detector that gives the verdicts.
-    """
+    """Return the time of the first alarm of all satellites; `chosen` is the detector that gives the verdicts."""
     one = [reports[chosen] for reports in attacks.values()]
     alarms_s = [report.time_to_detect_s for report in one if math.isfinite(report.time_to_detect_s)]
-    errors_m = [report.worst_accepted_m for report in one if math.isfinite(report.worst_accepted_m)]
     caught = f"on {len(alarms_s)} of {len(one)} attacked satellites" if len(one) > 1 else "after the attack began"
     return [
         card(
             "first alarm under attack", number(min(alarms_s, default=math.nan), 4, "s") if alarms_s else "none", caught
-        ),
-        card(
-            "worst E1 error accepted",
-            number(max(errors_m, key=abs, default=math.nan), 4, "m"),
-            "in a range that was AUTHENTIC",
         ),
     ]
 
@@ -58,7 +49,7 @@ def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Ht
         *(f"found {word}" for word in words.values()),
         "first alarm",
         "return to the true signal",
-        "worst E1 error accepted",
+        "largest range error in use",
         "E1 captured",
     )
     rows = [
@@ -67,7 +58,7 @@ def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Ht
             *(f"{100 * one.shares[kind]:.1f} %" for kind in words),
             _after(one.time_to_detect_s),
             _after(one.time_to_mitigate_s),
-            number(one.worst_accepted_m, 4, "m"),
+            number(one.worst_range_m, 4, "m"),
             f"{100 * one.e1_captured:.0f} %",
         )
         for satellite, reports in attacks.items()
@@ -81,7 +72,7 @@ def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Ht
             "during the "
             "attack. Two signals less than a chip (58.6 m) apart are one peak. Times count from the start of the "
             "attack. "
-            "Alarms and accepted errors are those of the verdicts.",
+            "Alarms and ranges in use are those of the verdicts.",
         ),
         table("Outcome of the attack", head, rows),
     ]

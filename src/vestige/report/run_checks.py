@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import xarray
+from jaxtyping import Bool
 
 from vestige.campaign.levels import failures
-from vestige.campaign.statistics import Proportion, Summary, binomial_test, false_alarms
-from vestige.campaign.store.attributes import attributes_of
+from vestige.campaign.outcomes import due_verdicts
+from vestige.campaign.results_processor import processor_of_results
+from vestige.campaign.statistics import Proportion, binomial_test, false_alarms
+from vestige.campaign.store.attributes import CheckColumns, attributes_of, check_columns
 from vestige.campaign.verdicts import VerdictCounts, range_limit_m
-from vestige.records.checks import CheckSeries
+from vestige.records.checks import CheckName, CheckSeries
 from vestige.report.markup import Html, element, figure, number, section, table
 from vestige.scenario.stored import StoredScenario
 
@@ -22,35 +25,35 @@ _SURE = 0.05  # level of the two-sided test against a budget, as for the 95 % in
 def checks_section(
     results: xarray.Dataset,
     scenario: StoredScenario,
-    found: Mapping[str, Summary],
     checks: Sequence[CheckSeries],
     of_level: Sequence[Html],
 ) -> Html:
     """Return the checks behind the verdicts, and the further checks of a receiver with a sky."""
     processor, attributes = scenario.processor, attributes_of(results)
-    offset_m = results["range_offset_m"].sel(detector=processor.detector).values
-    beyond = int(np.count_nonzero(np.abs(offset_m) > range_limit_m(results)))
+    power, distance = (check_columns(results, name) for name in (CheckName.E6_POWER, CheckName.E1_E6_RANGE))
+    due = due_verdicts(results)
     own = f" Your own checks: {', '.join(processor.checks)}; their counts are below." if processor.checks else ""
     parts = [
         element("p", f"Mitigation level {processor.level}; the {processor.detector} detector gives the verdicts.{own}"),
         table(
             "Checks of steps 1 and 2",
-            ("check", "threshold", "meaning of the threshold", "failed"),
+            ("check", "threshold", "meaning of the threshold", "failed", "passed", "not run"),
             [
                 (
                     "E6 power",
-                    number(attributes.threshold_sigma, 4, "σ"),
-                    f"of a single correlator at P_fa = {number(attributes.p_fa, 2)}",
-                    f"{number(found[processor.detector].misses)} without a detection",
+                    _span(power.threshold),
+                    "signals missing; a found signal needs a correlator above "
+                    f"{number(attributes.threshold_sigma, 4, 'σ')}, P_fa = {number(attributes.p_fa, 2)}",
+                    *_results(power, due),
                 ),
                 (
                     "E1–E6 range",
                     f"±{number(range_limit_m(results), 4, 'm')}",
-                    f"κσ of the error budget, κ = {number(range_limit_m(results) / processor.budget.sigma_m, 3)}",
-                    f"{number(beyond)} beyond it",
+                    f"κσ of the error budget, σ = {number(processor.budget.sigma_m, 3, 'm')}",
+                    *_results(distance, due),
                 ),
             ],
-            numbers_from=99,
+            numbers_from=3,
         ),
     ]
     parts += of_level
@@ -74,7 +77,7 @@ def checks_section(
 
 def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks: Sequence[CheckSeries]) -> Html:
     """Return the false alarms of the verdicts, of single correlators on noise, and of each check of a sky."""
-    taps = false_alarms(results)
+    taps = false_alarms(results, processor_of_results(results))
     rows = [
         ("verdicts without an attack", "", *_counted(counts.false_alarms)),
         ("single correlators on noise", number(attributes_of(results).p_fa, 2), *_counted(taps)),
@@ -111,6 +114,12 @@ def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks:
             element("p", note),
         ]
     return section("false-alarms", "False alarms", *parts)
+
+
+def _results(check: CheckColumns, due: Bool[np.ndarray, "n m"]) -> tuple[str, str, str]:
+    """Return how many of the due tests failed, passed and were not run."""
+    failed, passed, not_run = (number(int(np.count_nonzero(due & (check.result == value)))) for value in (1, 0, -1))
+    return failed, passed, not_run
 
 
 def _counted(found: Proportion) -> tuple[str, str, str, str]:

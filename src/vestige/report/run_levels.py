@@ -10,21 +10,14 @@ import numpy as np
 import xarray
 
 from vestige.campaign.levels import LevelVerdicts
-from vestige.campaign.run_outcome import worst_of
 from vestige.report.markup import Html, card, element, number, table
 
 
 def level_cards(found: LevelVerdicts | None) -> list[Html]:
-    """Return the number of alarms that a user saw, and the worst range in use."""
+    """Return the number of alarms that a user saw."""
     if found is None:
         return []
-    error_m = found.range_error_m[np.isfinite(found.range_error_m)]
-    due = np.count_nonzero(found.recs[:, None] & found.seen)
-    small = f"{number(error_m.size)} of {number(int(due))} ranges were in use"
-    return [
-        card("alarms that a user saw", number(int(np.count_nonzero(found.begins))), "each shown for at least 90 s"),
-        card("largest range error in use", number(worst_of(error_m), 4, "m"), small),
-    ]
+    return [card("alarms that a user saw", number(int(np.count_nonzero(found.begins))), "each shown for at least 90 s")]
 
 
 def level_content(found: LevelVerdicts | None, results: xarray.Dataset) -> list[Html]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import xarray
 
 from vestige.campaign.levels import highest_level, judged_between_recs, level_verdicts, verdicts_of_run
 from vestige.campaign.outcomes import AttackReport, due_verdicts
+from vestige.campaign.range_errors import worst_range_m
 from vestige.campaign.statistics import Summary, summarise
 from vestige.campaign.store.attributes import attributes_of, scenario_of, scenario_text
 from vestige.campaign.verdicts import VerdictCounts, range_limit_m, verdict_counts
@@ -24,7 +26,10 @@ from vestige.report.run_levels import level_cards, level_content
 from vestige.report.run_scenario import reproduce_section, scenario_section
 from vestige.scenario.stored import StoredScenario
 
-_NEEDED = ("status", "taps", "noise_power", "range_offset_m", "tap_index", "time_s", "svid", "detector")
+_NEEDED = (
+    "status", "taps", "noise_power", "range_offset_m", "tap_index", "time_s", "svid", "detector", "recs", "check",
+    "check_result", "check_threshold", "range_in_use_m", "range_is_earlier", "e1_pseudorange_m",
+)  # fmt: skip
 
 
 def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
@@ -50,7 +55,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
         section("correlators", "Output of the correlators", *_waterfall(data)),
         section("offsets", "Range offset of both detectors", *_offsets(found, data, range_limit_m(results))),
         *([section("attack", "Under attack", *attack_content(attacks))] if attacks else ()),
-        checks_section(results, scenario, found, checks, level_content(of_level, results)),
+        checks_section(results, scenario, checks, level_content(of_level, results)),
         *([section("position", "Position", *_position())] if sky else ()),
         false_alarms_section(results, counts, checks),
         scenario_section(scenario_text(results)),
@@ -143,6 +148,10 @@ def _answer(
         spread = f"mean {number(summary.range_offset_mean_m, 2, 'm')}, {chosen} detector"
         cards.append(card("range offset, 1σ", number(summary.range_offset_std_m, 3, "m"), spread))
     cards += of_level
+    if scenario.attack or of_level:
+        in_use = int(np.count_nonzero(np.isfinite(results["range_in_use_m"].values)))
+        small = f"{number(in_use)} of {number(counts.due)} ranges were in use"
+        cards.append(card("largest range error in use", number(worst_range_m(results), 4, "m"), small))
     alarms = counts.false_alarms
     if alarms.trials:
         a_day, low, high = counts.false_alarms_a_day

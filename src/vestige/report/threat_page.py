@@ -130,7 +130,7 @@ def _without_attack(cell: TableCell) -> bool:
 
 
 def _numbers(found: ThreatTable) -> list[Html]:
-    head = ("attack", "scene", *_COUNTS.values(), "by chance", "alarm after", "worst accepted")
+    head = ("attack", "scene", *_COUNTS.values(), "by chance", "alarm after", "largest range error")
     parts = []
     for place, level in enumerate(found.levels):
         rows = []
@@ -145,7 +145,7 @@ def _numbers(found: ThreatTable) -> list[Html]:
                     *(_share(cell, name) for name in _COUNTS),
                     number(cell.value("by_chance"), 1),
                     number(cell.value("time_to_detect_s"), 4, "s"),
-                    number(cell.value("worst_accepted_m"), 4, "m"),
+                    number(cell.value("worst_range_m"), 4, "m"),
                 )
             )
         if rows:
@@ -154,8 +154,8 @@ def _numbers(found: ThreatTable) -> list[Html]:
             )
     if parts:
         words = (
-            "By chance: runs with an alarm in the same epochs without the attack. Alarm after: the median. Worst "
-            "accepted: the largest range error by the attack in a range that was AUTHENTIC, in all runs."
+            "By chance: runs with an alarm in the same epochs without the attack. Alarm after: the median. "
+            "Largest range error: that of a range in use under attack, in all runs."
         )
         parts.append(element("p", words))
     return parts

@@ -3,7 +3,7 @@
 The name of a column gives its meaning, so the reader accepts further levels and columns. `expected_level_2` and
 `level_2` are expectation and agreement of level 2; `detected_level_2` is a count of level 2. A table with a column
 `level` has a row for each level. Names without a level then refer to that level. If only one level is measured, names
-without a level refer to it, too.
+without a level refer to it, too. Tables of release 0.2.0 and earlier have `worst_accepted_m` for `worst_range_m`.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def read_threat_table(path: Path) -> ThreatTable:
         lines = list(csv.reader(StringIO(text, newline=""), strict=True))
     except csv.Error as error:
         raise InputFileError(path, "file", error, EXPECTED_TABLE) from error
-    columns = tuple(lines[0]) if lines else ()
+    columns = tuple(name.replace("worst_accepted_m", "worst_range_m") for name in lines[0]) if lines else ()
     for key in KEYS:
         if key not in columns:
             raise InputFileError(path, "line 1", f"no column {key}", EXPECTED_TABLE)
@@ -114,7 +114,7 @@ _COUNTS = re.compile(r"(?:level_\d+_)?(?:(?:detected|mitigated|missed|denied|by_
 _LARGEST_COUNT = 1e15
 _NUMBERS = re.compile(
     r"(?:level_\d+_)?(?:detected|mitigated|missed|denied|by_chance|alarms|alarms_a_day|budget_alarms_a_day|days|"
-    r"time_to_detect|worst_accepted)"
+    r"time_to_detect|worst_range)"
     r"(?:_of|_low|_high|_s|_m)?(?:_level_\d+)?"
 )
 

@@ -53,6 +53,13 @@ class StoredReceiver(_Part):
     accelerometers: Accelerometers | None
 
 
+class StoredAttack(NamedKind):
+    """An attack: its kind, and the times of its start and its stop in s after the start of the scenario."""
+
+    start_s: Annotated[float, Field(ge=0, le=LARGEST_NUMBER)] = 0.0
+    stop_s: Annotated[float, Field(ge=0, le=LARGEST_NUMBER)] | None = None  # None for infinity, which JSON lacks
+
+
 class StoredScenario(_Part):
     """The scenario in stored results; see `CampaignScenario`."""
 
@@ -66,7 +73,7 @@ class StoredScenario(_Part):
     receiver: StoredReceiver
     processor: ProcessorTable
     position: PositionTable
-    attack: tuple[NamedKind, ...]
+    attack: tuple[StoredAttack, ...]
     constellation: StoredConstellation | None
 
     @field_validator("start")

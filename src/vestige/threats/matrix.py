@@ -18,7 +18,8 @@ from itertools import chain, islice, product
 from pathlib import Path
 
 from vestige.campaign.execution.direct import direct_results
-from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
+from vestige.campaign.range_errors import window_of
+from vestige.campaign.run_outcome import RunOutcome, outcomes_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.output import naming
 from vestige.scenario.campaign import CampaignScenario

@@ -24,11 +24,13 @@ from jaxtyping import Bool, Float, Int8
 from vestige.acas_processor.levels import POSITION
 from vestige.acas_processor.processor import Step
 from vestige.campaign.levels import alarm_begins, failures_in_order
-from vestige.campaign.run_outcome import RunOutcome, run_outcome, window_of, worst_of
+from vestige.campaign.range_errors import window_of, worst_of
+from vestige.campaign.run_outcome import RunOutcome, run_outcome
 from vestige.recording.observations.observation_file import ObservationTrack
 from vestige.records import Status
 from vestige.records.checks import AlarmShare, CheckName
 from vestige.records.observation_epoch import ObservationEpoch
+from vestige.scenario.scenario_processor import processor_of
 from vestige.simulated.exported_case import AcasTestCase
 from vestige.threats.recorded_scenes import RecordedScene
 
@@ -165,5 +167,5 @@ def recorded_outcome(recorded: RecordedScene, found: RecordedVerdicts) -> RunOut
     scenario = recorded.scenario()
     begin_s, end_s = window_of(scenario)
     counted = (found.time_s >= begin_s) & (found.time_s < end_s)
-    limit_m = scenario.processor.budget.limit_m(scenario.processor.kappa)
+    limit_m = processor_of(scenario).range_limit_m
     return run_outcome(found, found.time_s, counted, limit_m, np.full(found.time_s.size, np.nan))

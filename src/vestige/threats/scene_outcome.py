@@ -35,7 +35,8 @@ import numpy as np
 from scipy.special import pdtrc
 
 from vestige.acas_processor.levels import LEVELS, TestCadence
-from vestige.campaign.run_outcome import HALF, HARMLESS, OutcomeCounts, RunOutcome, outcome_word, worst_of
+from vestige.campaign.range_errors import worst_of
+from vestige.campaign.run_outcome import HALF, HARMLESS, OutcomeCounts, RunOutcome, outcome_word
 from vestige.campaign.statistics import Proportion, count_interval, proportion
 from vestige.constants import DAY_S
 

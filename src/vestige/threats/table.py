@@ -81,7 +81,7 @@ def statistics_of(cell: SceneCell) -> dict[str, object]:
         **{f"{name}_a_day": getattr(found, name) / days if days else math.nan for name in _BUDGETS},
         "days": days,
         "time_to_detect_s": found.time_to_detect_s,
-        "worst_accepted_m": found.worst_range_m,
+        "worst_range_m": found.worst_range_m,
         "worst_position_m": found.worst_position_m,
         "checks": "; ".join(
             f"{one.name} {one.failed.successes}/{one.failed.trials} after {one.time_s:g} s" for one in found.checks

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from hashlib import sha256
 from math import inf, nan
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from vestige.spoofer.repeaters import Forgery, LiftOff
 from vestige.spoofer.spoofer import Spoofer
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+ATTACKED = load_scenario(SCENARIOS / "quick.toml", ['attack=[{kind="lift-off", delay_m=9.0, power_db=3.0}]'])
+E1_M = 23e6
 
 
 def _one(found_m: float, truth_m: float, spoofer_m: float, power_db: float) -> DetectedSignal:
@@ -73,12 +76,19 @@ def test_of_several_the_nearest_counts() -> None:
 
 
 def _results(**columns: list[float]) -> xarray.Dataset:
-    """Return results of one satellite, one attack and one detector; a column is a list over epochs."""
+    """Return results of one satellite, one attack and one detector; a column is a list over epochs.
+
+    `in_use` is the range in use minus that of E1, NaN for none; it is that of the earlier signal unless it is 0.
+    """
     n = len(columns["time_s"])
     usual = {"spoofed": 1.0, "error": 0.0, "offset": 100.0, "power": 3.0, "noise": 0.0, "e1_noise": 0.0}
+    usual |= {"in_use": 0.0, "recs": 1.0}
     given = {name: [value] * n for name, value in usual.items()} | columns
     status = [list(Status).index(Status[str(name)]) for name in given.pop("status", ["AUTHENTIC"] * n)]
     one = ("epoch", "satellite")
+
+    text = ATTACKED.model_dump_json()
+    in_use_m = np.array(given["in_use"])[:, None]
 
     def column(values: list[float]) -> np.ndarray:
         return np.array(values, float)[:, None]
@@ -86,6 +96,11 @@ def _results(**columns: list[float]) -> xarray.Dataset:
     return xarray.Dataset(
         {
             "time_s": ("epoch", np.array(given["time_s"])),
+            "recs": ("epoch", np.array(given["recs"]) > 0),
+            "e1_pseudorange_m": (one, column([E1_M] * n)),
+            "range_in_use_m": (one, E1_M + in_use_m),
+            "range_is_earlier": (one, np.abs(np.nan_to_num(in_use_m)) > 0),
+            "truth_e1_error_m": (one, column(given["error"])),
             "range_offset_m": (("detector", *one), column(given["found"])[None]),
             "status": (one, np.array(status, np.int8)[:, None]),
             "truth_spoofed": (one, column(given["spoofed"]).astype(bool)),
@@ -98,6 +113,7 @@ def _results(**columns: list[float]) -> xarray.Dataset:
             "truth_e1_captured": (one, np.abs(column(given["error"])) > 50),
         },
         coords={"detector": ["early"], "forged": ("attack", [False])},
+        attrs={"scenario": text, "scenario_digest": sha256(text.encode()).hexdigest()},
     )
 
 
@@ -120,16 +136,42 @@ def test_report() -> None:
     assert (found.first_s, found.epochs) == (1.0, 5)
     assert found.time_to_detect_s == 1.0
     assert found.time_to_mitigate_s == 3.0
-    assert found.worst_accepted_m == 60.0
     assert found.e1_captured == pytest.approx(0.4)
 
 
 def test_report_of_what_never_happens() -> None:
-    results = _results(time_s=[0.0, 1.0], found=[100.0, 100.0], status=["NOT_AVAILABLE"] * 2)  # type: ignore[list-item]
+    results = _results(time_s=[0.0, 1.0], found=[100.0, 100.0], status=["NOT_AVAILABLE"] * 2, in_use=[nan, nan])  # type: ignore[list-item]
     found = report(results)
     assert found is not None
-    assert np.isnan([found.time_to_detect_s, found.time_to_mitigate_s, found.worst_accepted_m]).all()
+    assert np.isnan([found.time_to_detect_s, found.time_to_mitigate_s, found.worst_range_m]).all()
     assert report(_results(time_s=[0.0], spoofed=[0], found=[0.0])) is None
+
+
+def test_the_worst_range_is_that_of_the_ranges_in_use_whatever_the_status() -> None:
+    """The AUTHENTIC epoch without a range in use, with 90 m, does not count; the SPOOFED one with a range does."""
+
+    def worst_m(in_use: list[float], error: list[float]) -> float:
+        status = ["AUTHENTIC", "AUTHENTIC", "SPOOFED", "AUTHENTIC"]
+        found = report(
+            _results(time_s=[0.0, 1.0, 2.0, 3.0], found=[0.0] * 4, error=error, in_use=in_use, status=status)  # type: ignore[arg-type]
+        )
+        assert found is not None
+        return found.worst_range_m
+
+    assert worst_m([0.0, nan, 0.0, 0.0], [1.0, 90.0, -30.0, 2.0]) == -30.0
+    # the earlier signal is 31 m before E1, which the attack delays by 30 m: this range is wrong by −1 m only
+    assert worst_m([0.0, nan, -31.0, nan], [0.5, 90.0, 30.0, 2.0]) == -1.0
+    assert np.isnan(worst_m([nan] * 4, [1.0, 90.0, 30.0, 2.0]))
+
+
+def test_a_range_in_use_has_the_largest_error_since_the_recs_before() -> None:
+    results = _results(
+        time_s=[0.0, 1.0, 2.0, 3.0, 4.0], found=[0.0] * 5, recs=[1, 0, 0, 1, 0], error=[1.0, -50.0, 20.0, 2.0, 99.0],
+        in_use=[0.0, nan, nan, 0.0, nan],
+    )  # fmt: skip
+    found = report(results)
+    assert found is not None
+    assert found.worst_range_m == -50.0
 
 
 @pytest.mark.parametrize("band", ["noise", "e1_noise"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import exp
+
 import numpy as np
 import pytest
 import xarray
@@ -9,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 
+from vestige.acas_processor.processor import AcasProcessor
 from vestige.campaign.statistics import (
     binomial_interval,
     binomial_test,
@@ -19,6 +22,8 @@ from vestige.campaign.statistics import (
 )
 
 COUNTS = st.integers(1, 100_000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
+
+PROCESSOR = AcasProcessor(p_fa=exp(-2))  # threshold sqrt(-2 ln p_fa) = 2
 
 
 @given(COUNTS, st.sampled_from([0.5, 0.95, 0.999, 1 - 1e-6]))
@@ -112,7 +117,6 @@ def results_by_hand() -> xarray.Dataset:
             "taps": (("epoch", "satellite", "tap"), taps),
         },
         coords={"detector": ["early", "maximum"]},
-        attrs={"threshold_sigma": 2.0},
     )
 
 
@@ -142,7 +146,7 @@ def test_summary_of_an_unknown_detector() -> None:
 def test_taps_above_the_threshold() -> None:
     """Taps that were not correlated are no trial; a magnitude of 1.9 does not exceed 2, those of 2.1 and 3 do."""
     results = results_by_hand().assign_coords(tap_offset_m=("tap", [-60.0, 0.0, 60.0]))
-    found = false_alarms(results.assign_attrs(signal=False))
+    found = false_alarms(results.assign_attrs(signal=False), PROCESSOR)
     assert (found.successes, found.trials) == (2, 27)
 
 
@@ -157,14 +161,14 @@ def with_truth(signal: bool) -> xarray.Dataset:
             **{f"truth_{name}_m": (shape, np.array(values)[:, None]) for name, values in late_m.items()},
         },
         coords={"tap_offset_m": ("tap", np.arange(-75.0, 60.0, 30.0))},
-        attrs={"threshold_sigma": 2.0, "signal": signal},
+        attrs={"signal": signal},
     )
 
 
 def test_false_alarms_are_counted_where_there_is_noise_alone() -> None:
     """The line of sight is at −16.5 m, a chip before it is −75.11 m; and at 2.5 m: −56.11 m."""
-    assert false_alarms(with_truth(True)).trials == 1
-    silent = false_alarms(with_truth(False))
+    assert false_alarms(with_truth(True), PROCESSOR).trials == 1
+    silent = false_alarms(with_truth(False), PROCESSOR)
     assert (silent.successes, silent.trials) == (6, 6)
 
 
@@ -184,7 +188,7 @@ def test_false_alarms_are_counted_before_the_first_of_several_signals() -> None:
         power_db = np.broadcast_to(powers_db, (2, 1, 2))
         results = attacked.assign(truth_spoofer_power_db=(each, power_db))
         results["truth_spoofer_offset_m"] = results["truth_spoofer_offset_m"] + later_m
-        return false_alarms(results.assign_coords(forged=("attack", [False, forged]))).trials
+        return false_alarms(results.assign_coords(forged=("attack", [False, forged])), PROCESSOR).trials
 
     assert trials([3.0, -np.inf], forged=False) == 1
     assert trials([3.0, 3.0], forged=False) == 0
@@ -194,7 +198,11 @@ def test_false_alarms_are_counted_before_the_first_of_several_signals() -> None:
 
 def test_counts_do_not_depend_on_the_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     def counts() -> tuple[object, ...]:
-        return summarise(results_by_hand()), false_alarms(with_truth(True)), false_alarms(with_truth(False))
+        return (
+            summarise(results_by_hand()),
+            false_alarms(with_truth(True), PROCESSOR),
+            false_alarms(with_truth(False), PROCESSOR),
+        )
 
     whole = counts()
     for block in (1, 2):

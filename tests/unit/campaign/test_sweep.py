@@ -10,8 +10,8 @@ import pytest
 
 from sky_builder import sky_scenario
 from vestige.campaign.execution.direct import direct_results
+from vestige.campaign.range_errors import window_of, worst_range_m
 from vestige.campaign.run import RunProgress
-from vestige.campaign.run_outcome import window_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import binomial_interval
 from vestige.campaign.store.results import open_results
@@ -91,12 +91,13 @@ def test_a_row_of_an_attack_says_what_came_of_it_at_the_level(tmp_path: Path) ->
         all_columns = scenario.processor.model_copy(update={"level": 3})
         threat = measure_scenes(scenario.replaced(processor=all_columns), window_of(scenario))
         assert repr(row.outcome) == repr(threat[row.level - 1])  # NaN is not equal to itself
+        assert repr(worst_range_m(open_results(tmp_path / row.store).dataset)) == repr(row.outcome.worst_range_m)
     with (tmp_path / SWEEP_TABLE).open() as file:
         table = list(csv.DictReader(file))
     assert [(cells["level"], cells["word"], cells["detected"]) for cells in table] == [
         ("1", "missed", "0"), ("2", second.word, "1"),
     ]  # fmt: skip
-    assert float(table[0]["worst_accepted_m"]) == first.worst_range_m
+    assert float(table[0]["worst_range_m"]) == first.worst_range_m
     assert table[1]["time_to_detect_s"] == "0.0"
     text = sweep_table(rows, tmp_path / SWEEP_TABLE).splitlines()
     assert "outcome" in text[0]

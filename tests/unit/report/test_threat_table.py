@@ -21,9 +21,16 @@ def test_one_level_is_measured_and_another_expected(tmp_path: Path) -> None:
     ((row, (first, second)),) = found.scenes()
     assert row == THREAT_ROW
     assert (first.expected, first.agreement, first.measured) == (("detect", "it is seen"), "as expected", True)
-    assert (first.value("detected"), first.value("worst_accepted_m")) == (19, 28.3)
+    assert (first.value("detected"), first.value("worst_range_m")) == (19, 28.3)
     assert (second.expected, second.agreement, second.measured) == (("miss", ""), "", False)
     assert math.isnan(second.value("detected"))
+
+
+def test_a_table_of_release_0_2_0_is_read_with_its_largest_range_error(tmp_path: Path) -> None:
+    path = table_of(tmp_path)
+    path.write_text(path.read_text().replace("worst_range_m", "worst_accepted_m"))
+    ((_, (first, _)),) = read_threat_table(path).scenes()
+    assert first.value("worst_range_m") == 28.3
 
 
 @pytest.mark.parametrize("name", ["{0}_level_2", "level_2_{0}"])

@@ -12,7 +12,8 @@ from click.testing import CliRunner
 
 from full_disk import files_of_at_most
 from vestige.campaign.execution.executors import local_executor
-from vestige.campaign.run_outcome import RunOutcome, window_of
+from vestige.campaign.range_errors import window_of
+from vestige.campaign.run_outcome import RunOutcome
 from vestige.cli.campaigns.threats import command as threats
 from vestige.errors import InputFileError
 from vestige.scenario.campaign import CampaignScenario
@@ -128,7 +129,7 @@ def test_levels_2_and_3_detect_both_and_use_no_wrong_range(six: Path, level: int
     assert found["agreement"].values.tolist() == ["as expected"] * 3
     assert found["detected"].values.tolist() == [6, 6, 6]
     assert found["missed"].values.tolist() == [0, 0, 0]
-    assert np.nanmax(np.abs(found["worst_accepted_m"].values)) < 53
+    assert np.nanmax(np.abs(found["worst_range_m"].values)) < 53
 
 
 def _run(threat: str, scene: int) -> dict[int, RunOutcome]:
@@ -245,7 +246,7 @@ def test_the_table_as_csv_and_as_a_store(six: Path) -> None:
     assert rows[0]["expected_level_1"] == "detect"
     assert rows[0]["level_1"] == rows[1]["level_2"] == "as expected"
     assert (rows[0]["detected_level_1"], rows[0]["detected_of_level_1"]) == ("6", "6")
-    assert float(rows[1]["worst_accepted_m_level_1"]) > 80.0
+    assert float(rows[1]["worst_range_m_level_1"]) > 80.0
     store = read_threat_dataset(six)
     assert dict(store.sizes) == {"scene": 3, "level": 3, "check": 21}
     meaconer = store.isel(scene=1)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import xarray
-from jaxtyping import Float
+from jaxtyping import Float, Int8
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from vestige.campaign.plan import EPOCH
@@ -48,6 +48,15 @@ class RunAttributes(BaseModel):
         return self
 
 
+class CheckColumns(NamedTuple):
+    """Results of one check in a campaign."""
+
+    result: Int8[np.ndarray, "n m"]  # 1 if the check failed, after confirmation; 0 if it passed; −1 if it was not run
+    # in the unit of the check; NaN if the check was not run
+    statistic: Float[np.ndarray, "n m"]
+    threshold: Float[np.ndarray, "n m"]
+
+
 def scenario_of(results: xarray.Dataset) -> StoredScenario:
     """Return the scenario of results.
 
@@ -85,3 +94,19 @@ def values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, 
     found = results[name]
     order = dims or (EPOCH, *(str(dim) for dim in found.dims if dim != EPOCH))
     return found.transpose(*order).values.astype(np.float64)
+
+
+def check_columns(results: xarray.Dataset, name: str) -> CheckColumns:
+    """Return the stored result of a check for every epoch and satellite.
+
+    Raises `VestigeError` if the results have no such check.
+    """
+    names = [str(one) for one in results["check"].values] if "check" in results.variables else []
+    if name not in names:
+        raise VestigeError(f"check: found {name!r}, expected one of {', '.join(names) or 'the checks of a run'}")
+    of = results.isel(check=names.index(name)).transpose(EPOCH, "satellite", ...)
+    return CheckColumns(
+        result=of["check_result"].values.astype(np.int8),
+        statistic=of["check_statistic"].values.astype(np.float64),
+        threshold=of["check_threshold"].values.astype(np.float64),
+    )

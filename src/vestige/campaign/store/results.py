@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import xarray
@@ -20,23 +20,21 @@ import zarr
 from jaxtyping import Float, Int8, Int64
 
 from vestige.campaign.plan import EPOCH
-from vestige.campaign.store.attributes import RunAttributes, attributes_of, scenario_of, values
+from vestige.campaign.store.attributes import (
+    CheckColumns,
+    RunAttributes,
+    attributes_of,
+    check_columns,
+    scenario_of,
+    values,
+)
 from vestige.campaign.store.store import MENDS, Store, open_existing
 from vestige.campaign.store.store_files import EXPECTED_RESULTS, arrays_of, check_files, check_small_array
-from vestige.errors import InputFileError, VestigeError
+from vestige.errors import InputFileError
 from vestige.scenario.stored import StoredScenario
 from vestige.scenario.toml.toml_file import LARGEST_NUMBER
 
 _NO_EPOCHS = np.zeros(0, dtype=np.int64)
-
-
-class CheckColumns(NamedTuple):
-    """Results of one check in a campaign."""
-
-    result: Int8[np.ndarray, "n m"]  # 1 if the check failed, after confirmation; 0 if it passed; −1 if it was not run
-    # in the unit of the check; NaN if the check was not run
-    statistic: Float[np.ndarray, "n m"]
-    threshold: Float[np.ndarray, "n m"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,15 +113,7 @@ class Results:
         VestigeError
             If the level of the scenario has no such check.
         """
-        names = [str(one) for one in self.dataset["check"].values]
-        if name not in names:
-            raise VestigeError(f"check: found {name!r}, expected one of {', '.join(names)}")
-        of = self.dataset.isel(check=names.index(name)).transpose(EPOCH, "satellite", ...)
-        return CheckColumns(
-            result=of["check_result"].values.astype(np.int8),
-            statistic=of["check_statistic"].values.astype(np.float64),
-            threshold=of["check_threshold"].values.astype(np.float64),
-        )
+        return check_columns(self.dataset, name)
 
     def load(self) -> Results:
         """Return the results with all values in memory."""

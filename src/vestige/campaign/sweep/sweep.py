@@ -26,8 +26,10 @@ import numpy as np
 
 from vestige.campaign.columns.measured_columns import Columns
 from vestige.campaign.plan import CHUNK_EPOCHS
+from vestige.campaign.range_errors import window_of
+from vestige.campaign.results_processor import processor_of_results
 from vestige.campaign.run import ExecutorChoice, RunProgress, run
-from vestige.campaign.run_outcome import RunOutcome, outcomes_of, window_of
+from vestige.campaign.run_outcome import RunOutcome, outcomes_of
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.campaign.statistics import Proportion, enough, false_alarms, summarise
 from vestige.campaign.store.attributes import attributes_of
@@ -136,7 +138,7 @@ def run_sweep(
                     detector: summarise(results, detector).detections for detector in scenario.processor.detectors
                 },
                 p_d_theory=theory,
-                false_alarms=false_alarms(results),
+                false_alarms=false_alarms(results, processor_of_results(results)),
                 level=scenario.processor.level,
                 outcome=_outcome(scenario, results),
             )
@@ -229,7 +231,7 @@ def _outcome_cells(row: Row) -> dict[str, object]:
         "alarms": found.alarms,
         **{name: int(getattr(found, name)) for name in ("detected", "mitigated", "protected", "missed", "denied")},
         "time_to_detect_s": found.time_to_detect_s,
-        "worst_accepted_m": found.worst_range_m,
+        "worst_range_m": found.worst_range_m,
         "worst_position_m": found.worst_position_m,
         "checks": found.checks,
     }

@@ -54,15 +54,15 @@ def _reports(results: xarray.Dataset) -> Iterator[tuple[int, dict[str, AttackRep
 def _attack_line(svid: int, reports: dict[str, AttackReport]) -> str:
     one = next(iter(reports.values()))  # verdicts and E1 are the same for both detectors
     alarm = "no alarm" if math.isnan(one.time_to_detect_s) else f"first alarm after {one.time_to_detect_s:g} s"
-    worst = (
-        "no range accepted"
-        if math.isnan(one.worst_accepted_m)
-        else f"worst error accepted {one.worst_accepted_m:+.1f} m"
-    )
     return (
         f"attack on E{svid:02d}: {one.epochs} epochs from {one.first_s:g} s on, {alarm}; "
-        f"E1 captured in {100 * one.e1_captured:.0f} %, {worst}"
+        f"E1 captured in {100 * one.e1_captured:.0f} %, {range_words(one.worst_range_m)}"
     )
+
+
+def range_words(worst_m: float) -> str:
+    """Return the largest range error in use in words; NaN if no range was in use."""
+    return "no range in use" if math.isnan(worst_m) else f"largest range error in use {worst_m:+.1f} m"
 
 
 def _detector_line(one: AttackReport) -> str:

@@ -12,12 +12,14 @@ from typing import Any
 import xarray
 
 from vestige.campaign.levels import verdicts_of_run
+from vestige.campaign.range_errors import worst_range_m
+from vestige.campaign.results_processor import processor_of_results
 from vestige.campaign.run_outcome import RunOutcome
 from vestige.campaign.statistics import Proportion, detectors_of, false_alarms, summarise
-from vestige.campaign.store.attributes import attributes_of
+from vestige.campaign.store.attributes import attributes_of, scenario_of
 from vestige.campaign.sweep.sweep import Row
 from vestige.campaign.verdicts import verdict_counts
-from vestige.cli.campaigns.attack_report import attack_lines, attack_values
+from vestige.cli.campaigns.attack_report import attack_lines, attack_values, range_words
 from vestige.cli.campaigns.level_report import level_lines, level_values
 from vestige.records import Status
 from vestige.theory.thresholds import probability_of_detection
@@ -35,9 +37,10 @@ def campaign_json(results: xarray.Dataset) -> str:
             "cn0_dbhz": attributes.cn0_dbhz,
             "p_fa": attributes.p_fa,
             "p_d_theory": _theory(results),
-            "false_alarms": asdict(false_alarms(results)),
+            "false_alarms": asdict(false_alarms(results, processor_of_results(results))),
             "detectors": {name: asdict(summarise(results, name)) for name in detectors_of(results)},
             "attack": attack_values(judged),
+            **({"worst_range_m": worst_range_m(results)} if scenario_of(results).attack else {}),
             **({} if level is None else {"verdicts": level_values(results, level)}),
         }
     )
@@ -49,7 +52,7 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
     strength = f"C/N0 {attributes.cn0_dbhz:g} dBHz" if attributes.signal else "no signal"
     lines = [
         f"{store}: {results.sizes['epoch']} epochs, {attributes.fidelity}, {strength}, P_fa {attributes.p_fa:g}",
-        f"false alarms of single correlators on noise: {_count(false_alarms(results))}",
+        f"false alarms of single correlators on noise: {_count(false_alarms(results, processor_of_results(results)))}",
     ]
     if attributes.signal:
         lines.append(f"theory with thermal noise only, delay on a correlator: P_d {_theory(results):.7f}")
@@ -65,6 +68,8 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
         lines += _detector_lines(results, name) if attributes.signal else _alarm_line(results, name)
     if level is not None:
         lines += level_lines(results, level)
+    elif scenario_of(results).attack and results.sizes["satellite"] > 1:
+        lines.append(f"all satellites: {range_words(worst_range_m(results))}")
     return "\n".join([*lines, *attack_lines(judged)])
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import xarray
 
 from vestige.campaign.levels import LevelVerdicts
-from vestige.campaign.run_outcome import worst_of
+from vestige.campaign.range_errors import recs_that_count, worst_of
+from vestige.cli.campaigns.attack_report import range_words
 from vestige.records import Status
 
 
@@ -32,7 +33,7 @@ def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any
         "ranges_in_use": int(np.count_nonzero(np.isfinite(found.range_error_m))),
         "ranges_due": int(np.count_nonzero(due)),
         "ranges_of_the_earlier_signal": int(np.count_nonzero(found.earlier)),
-        "worst_range_in_use_m": worst_of(found.range_error_m),
+        "worst_range_m": worst_of(found.range_error_m[recs_that_count(results)]),
     }
 
 
@@ -52,6 +53,6 @@ def level_lines(results: xarray.Dataset, found: LevelVerdicts) -> list[str]:
     lines.append(
         f"  ranges in use: {values['ranges_in_use']} of {values['ranges_due']}, "
         f"{values['ranges_of_the_earlier_signal']} of them from the earlier of two signals; "
-        f"largest range error by the attack {values['worst_range_in_use_m']:.1f} m"
+        f"{range_words(values['worst_range_m'])}"
     )
     return lines
