@@ -1,4 +1,4 @@
-"""Laws that hold for every check of level 3, and for that of a user beside them."""
+"""Laws that hold for every check of level 3 and every optional one, and for that of a user beside them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from block_builder import Keys, MadeUpSky, cut, settings
+from block_builder import QUIET, Keys, cut, every_trouble, settings, settings_of_every_check
 from extend_page import page_part, page_scenario
 from vestige.acas_processor.own_check import OwnCheck
 from vestige.acas_processor.processor import AcasProcessor
@@ -18,8 +18,9 @@ from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import level_verdicts
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records.checks import CheckName
+from vestige.records.verdict import Outcome
 
-N = 24
+N, SEED = 150, 9
 OWN = "early power"
 NAMES = [*(name.value for name in CheckName), OWN]
 
@@ -28,36 +29,46 @@ NAMES = [*(name.value for name in CheckName), OWN]
 def processor() -> AcasProcessor:
     check = OwnCheck.of(page_part("my_check:EarlyPower")())
     return AcasProcessor(
-        level=3, monitoring=settings(), own_checks=(replace(check, spec=replace(check.spec, confirm=2)),)
+        level=3, monitoring=settings_of_every_check(), own_checks=(replace(check, spec=replace(check.spec, confirm=2)),)
     )
 
 
-def verdicts(processor: AcasProcessor, trouble: float, edges: list[int]) -> list[VerdictBlock]:
-    whole = MadeUpSky(seed=5, n=N, trouble=trouble).whole
+def verdicts(processor: AcasProcessor, edges: list[int]) -> list[VerdictBlock]:
+    whole = every_trouble(SEED)
+    assert len(whole.time) == N
     blocks = [cut(whole, first, last) for first, last in pairwise(edges)]
     return [step.block for step in processor.steps(blocks, assistance=Keys())]  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
 def whole(processor: AcasProcessor) -> VerdictBlock:
-    (block,) = verdicts(processor, 0.3, [0, N])
+    (block,) = verdicts(processor, [0, N])
     return block
 
 
 @pytest.fixture(scope="module", params=["epoch by epoch", "in pieces"])
 def pieces(request: pytest.FixtureRequest, processor: AcasProcessor) -> list[VerdictBlock]:
-    return verdicts(processor, 0.3, list(range(N + 1)) if request.param == "epoch by epoch" else [0, 1, 7, 20, 21, N])
+    epoch_by_epoch = request.param == "epoch by epoch"
+    return verdicts(processor, list(range(N + 1)) if epoch_by_epoch else [0, 1, 7, QUIET + 1, 70, 71, N])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_check_is_run_and_passes_and_fails(name: str, whole: VerdictBlock) -> None:
+    """Without this, the laws below would compare nothing with nothing."""
+    series, confirmed = whole.checks[name], whole.failed[name]  # type: ignore[index]
+    assert np.any(series.run & ~series.failed)
+    assert series.failed.any()
+    assert confirmed.any()
+    assert not confirmed[:QUIET].any()
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_cut_changes_no_bit(name: str, whole: VerdictBlock, pieces: list[VerdictBlock]) -> None:
-    assert (name in whole.checks) == all(name in one.checks for one in pieces)
-    if name in whole.checks:
-        for values in ("statistic", "threshold"):
-            joined = np.concatenate([getattr(one.checks[name], values) for one in pieces])  # type: ignore[index]
-            assert joined.tobytes() == getattr(whole.checks[name], values).tobytes()  # type: ignore[index]
-        joined = np.concatenate([one.failed[name] for one in pieces])  # type: ignore[index]
-        assert joined.tobytes() == whole.failed[name].tobytes()  # type: ignore[index]
+    for values in ("statistic", "threshold"):
+        joined = np.concatenate([getattr(one.checks[name], values) for one in pieces])  # type: ignore[index]
+        assert joined.tobytes() == getattr(whole.checks[name], values).tobytes()  # type: ignore[index]
+    joined = np.concatenate([one.failed[name] for one in pieces])  # type: ignore[index]
+    assert joined.tobytes() == whole.failed[name].tobytes()  # type: ignore[index]
 
 
 def test_the_cut_changes_no_verdict(whole: VerdictBlock, pieces: list[VerdictBlock]) -> None:
@@ -70,25 +81,27 @@ def test_the_cut_changes_no_verdict(whole: VerdictBlock, pieces: list[VerdictBlo
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_reason_is_written_where_it_failed_or_was_not_run(name: str, whole: VerdictBlock) -> None:
-    if name not in whole.checks:
-        return
     series = whole.checks[name]  # type: ignore[index]
-    for epoch, satellite in ((0, 0), (N // 2, 1), (N - 1, 2)):
-        result = series.result(epoch, satellite)
-        assert result.name == name
-        assert bool(result.reason) == (result.outcome.name != "PASS")
+    for outcome, where in (
+        (Outcome.PASS, series.run & ~series.failed),
+        (Outcome.FAIL, series.failed),
+        (Outcome.NOT_RUN, ~series.run),
+    ):
+        for epoch, *satellite in np.argwhere(where)[:: max(1, np.count_nonzero(where) // 10)].tolist():
+            result = series.result(epoch, *(satellite or [0]))
+            assert (result.name, result.outcome) == (name, outcome)
+            assert bool(result.reason) == (outcome is not Outcome.PASS)
 
 
-def test_the_check_of_a_user_runs_and_fails_somewhere(whole: VerdictBlock) -> None:
-    assert whole.checks[OWN].run.any()  # type: ignore[index]
-    assert whole.checks[OWN].failed.any()  # type: ignore[index]
+def test_the_check_of_a_user_is_the_last_row(whole: VerdictBlock) -> None:
     assert whole.specs[-1].name == OWN
 
 
 def test_the_check_of_a_user_can_be_the_cause(processor: AcasProcessor) -> None:
     (own,) = processor.own_checks
-    alone = replace(processor, level=1, own_checks=(replace(own, spec=replace(own.spec, confirm=1)),))
-    (block,) = verdicts(alone, 0.3, [0, N])
+    once = replace(own, spec=replace(own.spec, confirm=1))
+    alone = replace(processor, level=1, monitoring=settings(), own_checks=(once,))
+    (block,) = verdicts(alone, [0, N])
     assert "times the power of noise before the signal" in " ".join(
         block.reason(*here) for here in np.argwhere(block.cause == 2).tolist()
     )
