@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from block_builder import QUIET, Keys, cut, every_trouble, settings, settings_of_every_check
 from extend_page import page_part, page_scenario
+from vestige.acas_processor.monitoring.state import ReceiverState
 from vestige.acas_processor.own_check import OwnCheck
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.verdict_block import VerdictBlock
@@ -21,16 +24,17 @@ from vestige.records.checks import CheckName
 from vestige.records.verdict import Outcome
 
 N, SEED = 150, 9
-OWN = "early power"
-NAMES = [*(name.value for name in CheckName), OWN]
+STATE = TypeAdapter(ReceiverState)
+OWN, OWN_WITH_MEMORY = "early power", "early power of 10 RECS"
+NAMES = [*(name.value for name in CheckName), OWN, OWN_WITH_MEMORY]
 
 
 @pytest.fixture(scope="module")
 def processor() -> AcasProcessor:
     check = OwnCheck.of(page_part("my_check:EarlyPower")())
-    return AcasProcessor(
-        level=3, monitoring=settings_of_every_check(), own_checks=(replace(check, spec=replace(check.spec, confirm=2)),)
-    )
+    twice = replace(check, spec=replace(check.spec, confirm=2))
+    with_memory = OwnCheck.of(page_part("my_memory_check:EarlyPowerOfTen")())
+    return AcasProcessor(level=3, monitoring=settings_of_every_check(), own_checks=(twice, with_memory))
 
 
 def verdicts(processor: AcasProcessor, edges: list[int]) -> list[VerdictBlock]:
@@ -46,10 +50,22 @@ def whole(processor: AcasProcessor) -> VerdictBlock:
     return block
 
 
-@pytest.fixture(scope="module", params=["epoch by epoch", "in pieces"])
+@pytest.fixture(scope="module", params=["epoch by epoch", "in pieces", "state on disk"])
 def pieces(request: pytest.FixtureRequest, processor: AcasProcessor) -> list[VerdictBlock]:
-    epoch_by_epoch = request.param == "epoch by epoch"
-    return verdicts(processor, list(range(N + 1)) if epoch_by_epoch else [0, 1, 7, QUIET + 1, 70, 71, N])
+    if request.param == "epoch by epoch":
+        return verdicts(processor, list(range(N + 1)))
+    if request.param == "in pieces":
+        return verdicts(processor, [0, 1, 7, QUIET + 1, 70, 71, N])
+    whole, state, found = every_trouble(SEED), None, []
+    for first, last in pairwise([0, 9, QUIET, 66, 98, N]):
+        step = processor.step(state, cut(whole, first, last), Keys())  # type: ignore[arg-type]
+        written = json.dumps(STATE.dump_python(step.state, mode="json"))
+        state = STATE.validate_python(json.loads(written))
+        assert state == step.state
+        found.append(step.block)
+    assert state is not None
+    assert {CheckName.CLOCK_SLOPE, CheckName.E6_PHASE, CheckName.E6_FADING, OWN_WITH_MEMORY} <= state.memory.keys()
+    return found
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -93,12 +109,12 @@ def test_a_reason_is_written_where_it_failed_or_was_not_run(name: str, whole: Ve
             assert bool(result.reason) == (outcome is not Outcome.PASS)
 
 
-def test_the_check_of_a_user_is_the_last_row(whole: VerdictBlock) -> None:
-    assert whole.specs[-1].name == OWN
+def test_the_checks_of_a_user_are_the_last_rows(whole: VerdictBlock) -> None:
+    assert [spec.name for spec in whole.specs[-2:]] == [OWN, OWN_WITH_MEMORY]
 
 
 def test_the_check_of_a_user_can_be_the_cause(processor: AcasProcessor) -> None:
-    (own,) = processor.own_checks
+    own = processor.own_checks[0]
     once = replace(own, spec=replace(own.spec, confirm=1))
     alone = replace(processor, level=1, monitoring=settings(), own_checks=(once,))
     (block,) = verdicts(alone, [0, N])
@@ -107,7 +123,7 @@ def test_the_check_of_a_user_can_be_the_cause(processor: AcasProcessor) -> None:
     )
 
 
-@pytest.mark.parametrize("module", ["my_check", "my_detector", "my_error", "my_attack"])
+@pytest.mark.parametrize("module", ["my_check", "my_memory_check", "my_detector", "my_error", "my_attack"])
 def test_stored_results_are_judged_again_alike(module: str) -> None:
     plan = ScenarioPlan(scenario=page_scenario(module, "epochs=30", "processor.level=2"))
     results = direct_results(plan)
