@@ -33,7 +33,7 @@ class ReceiverState:
     position_m: Vector | None = None  # ECEF position of the last fix; None before the first
     fix: FixMemory | None = None  # last fix, which limits the position of the receiver; None before the first
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
-    memory: Mapping[CheckName | str, CheckMemory] = field(default_factory=dict)  # of each check that remembers anything
+    memory: Mapping[CheckName | str, CheckMemory] = field(default_factory=dict)  # by check
     search: SearchMemory = field(default_factory=SearchMemory)
     # number of last tests in a row that failed, by satellite, for each check that needs confirmation
     streaks: Mapping[CheckName | str, Mapping[int, int]] = field(default_factory=dict)
