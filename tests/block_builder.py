@@ -7,11 +7,14 @@ from types import MappingProxyType
 
 import numpy as np
 
+from vestige.acas_processor.checks.e6_phase import E6PhaseMonitor
+from vestige.acas_processor.checks.power.e6_fading import E6FadingMonitor
 from vestige.acas_processor.monitoring.baseline import Antenna, ReferenceLevels
 from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
 from vestige.acas_processor.position.fix_measurement import FixSettings
 from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
 from vestige.acas_processor.processor import AcasProcessor
+from vestige.acas_processor.searches.handover import reception_s
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.receiver.sky.constellation import walker_ephemerides
@@ -171,11 +174,24 @@ class MadeUpSky:
         second = np.where(some(n, m), 0.5, 0.0)[..., None] * np.maximum(1 - np.abs(offsets_m + 60.0) / 58.6, 0)
         noise = rng.normal(size=(*shape, offsets_m.size)) + 1j * rng.normal(size=(*shape, offsets_m.size))
         jammed = np.where(some(n), 4.0, 1.0)
-        taps = strength[..., None] * (triangle + second) + noise * np.sqrt(jammed)[:, None, None]
+        turning = np.random.default_rng([self.seed, 1])
+        turned = np.where(turning.random(shape) < self.trouble, np.exp(2j * np.pi * turning.random(shape)), 1.0)
+        taps = turned[..., None] * strength[..., None] * (triangle + second) + noise * np.sqrt(jammed)[:, None, None]
         e1_taps = (
             60.0 * (1 - np.abs(np.array(TAP_CHIPS))) + rng.normal(size=(*shape, 5)) + 1j * rng.normal(size=(*shape, 5))
         )
         power_db = 0.1 * rng.normal(size=n) + some(n) * 3.0
+        e1 = E1Block(
+            pseudorange_m=seen(pseudorange_m),
+            carrier_phase_cycles=np.full(shape, np.nan),
+            doppler_hz=seen(doppler_hz),
+            doppler_rate_hz_per_s=seen(np.zeros(shape)),
+            cn0_dbhz=seen(cn0),
+            taps=np.where(lost[..., None], np.nan, e1_taps),
+            tap_chips=TAP_CHIPS,
+        )
+        # E1 predicts the phase 0 at the start of each RECS: the phase of E6 without trouble
+        e1 = replace(e1, carrier_phase_cycles=e1.doppler_hz * reception_s(e1))
         return SnapshotBlock(
             index=np.arange(n),
             time=GalileoTimes.after(START, elapsed_s),
@@ -184,15 +200,7 @@ class MadeUpSky:
             svids=SVIDS,
             asked=np.ones(shape, bool),
             recs=np.arange(n) % self.every == 0,
-            e1=E1Block(
-                pseudorange_m=seen(pseudorange_m),
-                carrier_phase_cycles=seen(np.full(shape, np.nan)),
-                doppler_hz=seen(doppler_hz),
-                doppler_rate_hz_per_s=seen(np.zeros(shape)),
-                cn0_dbhz=seen(cn0),
-                taps=np.where(lost[..., None], np.nan, e1_taps),
-                tap_chips=TAP_CHIPS,
-            ),
+            e1=e1,
             front_end={
                 Band.E1: FrontEndBlock(agc_gain_db=np.zeros(n), total_power_db=power_db, saturated=some(n) & some(n)),
                 Band.E6: FrontEndBlock(
@@ -226,6 +234,70 @@ class MadeUpSky:
             differs=differs,
             last=page == 14,
         )
+
+
+QUIET = 45  # epochs of `every_trouble` without trouble: 15 RECS, from which reference levels are learned
+WINDOW = 4  # RECS of the monitors of the carrier on E6
+
+
+def every_trouble(seed: int) -> SnapshotBlock:
+    """Return a run in which each check is run, passes and fails, if the processor has `settings_of_every_check`.
+
+    After `QUIET` epochs comes trouble of each kind. At first the pages of one satellite differ from those that were
+    sent, and then OSNMA is denied. E1 is jammed for some epochs. The drift of the clock grows, and in some epochs the
+    clock is late by more than the receiver states.
+    """
+    n = 150
+    loud = MadeUpSky(seed=seed + 1, n=n, trouble=0.15).whole
+    whole = spliced(MadeUpSky(seed=seed, n=n, trouble=0.0).whole, loud, QUIET)
+    elapsed_s = np.maximum(np.arange(n) - QUIET, 0.0)
+    drift_mps = np.where(elapsed_s > 30, 0.5 * (elapsed_s - 30), 0.0)
+    late_m = np.cumsum(drift_mps) + np.where((elapsed_s > 15) & (elapsed_s < 20), 2e-3 * SPEED_OF_LIGHT_MPS, 0.0)
+    doppler_hz = whole.e1.doppler_hz - drift_mps[:, None] * E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
+    e1 = replace(whole.e1, pseudorange_m=whole.e1.pseudorange_m + late_m[:, None], doppler_hz=doppler_hz)
+    jammed_db = np.where((elapsed_s > 20) & (elapsed_s < 30), 10.0, 0.0)
+    front_end = whole.front_end[Band.E1]
+    front_end = replace(front_end, total_power_db=front_end.total_power_db + jammed_db)
+    assert whole.osnma is not None
+    denied = (whole.osnma.epoch >= QUIET + 15)[:, None]
+    received = np.where(denied, 0, whole.osnma.received)
+    forged = (whole.osnma.epoch >= QUIET)[:, None] & (np.arange(len(SVIDS)) == 0)
+    return replace(
+        whole,
+        e1=e1,
+        front_end={**whole.front_end, Band.E1: front_end},
+        osnma=replace(whole.osnma, received=received, differs=np.where(forged, received, 0)),
+        time_uncertainty_s=np.full(n, 1e-3),
+    )
+
+
+def settings_of_every_check() -> MonitoringSettings:
+    """Return `settings` with the optional monitors of the carrier on E6."""
+    return replace(settings(), e6_phase=E6PhaseMonitor(window=WINDOW), e6_fading=E6FadingMonitor(window=WINDOW))
+
+
+def spliced(before: SnapshotBlock, after: SnapshotBlock, epoch: int) -> SnapshotBlock:
+    """Return the epochs before one of a made-up block, and those from there on of another."""
+
+    def rows(one: object, other: object) -> object:
+        return replace(
+            one,  # type: ignore[type-var]
+            **{
+                name: np.concatenate([getattr(one, name)[:epoch], getattr(other, name)[epoch:]])
+                for name in one.__dataclass_fields__  # type: ignore[attr-defined]
+                if isinstance(getattr(one, name), np.ndarray)
+            },
+        )
+
+    return replace(
+        before,
+        e1=rows(before.e1, after.e1),
+        front_end={band: rows(one, after.front_end[band]) for band, one in before.front_end.items()},
+        e6=rows(before.e6, after.e6),
+        searches=rows(before.searches, after.searches),
+        osnma=rows(before.osnma, after.osnma),
+        increments=rows(before.increments, after.increments),
+    )
 
 
 def _later(elapsed_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ from vestige.acas_processor.checks.osnma_subframes import Subframes
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability, DetectedBlock, FixBlock, MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Quantity, Reference
+from vestige.acas_processor.monitoring.memory import CheckMemory
 from vestige.navigation.position_fix import Fix, Transmission
 from vestige.records import Band
 from vestige.records.recs_block import RecsBlock
@@ -47,7 +48,7 @@ def evidence(
     svids: tuple[int, ...] | None = None,
     time_s: Any = None,
     e1_cn0_dbhz: Any = None,
-    misses: Mapping[int, float] | None = None,
+    memory: CheckMemory | None = None,
 ) -> Evidence:
     """Return evidence of n epochs and m satellites; what is None was not measured."""
     n, m = shape
@@ -123,9 +124,7 @@ def evidence(
         observed={quantity: of(quantity, observed) for quantity in Quantity},
         references=references,
         subframes=subframes,
-        clock=(),
-        rates=None,
-        misses=misses or {},
+        memory=memory or {},
     )
 
 

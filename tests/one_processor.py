@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import cycle
 
 import numpy as np
 import xarray
 
 import vestige as vs
+from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.campaign.columns.judged_columns import judged_columns
+from vestige.campaign.levels import level_verdicts
+from vestige.campaign.store.attributes import scenario_of
 from vestige.records.snapshot_block import SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.threats.scenes import Scene, Threat, read_threats, scene_scenario
@@ -64,25 +67,67 @@ def blocks(scenario: CampaignScenario, sizes: tuple[int, ...]) -> Iterator[Snaps
         first += count
 
 
-def said_of(scenario: CampaignScenario, snapshots: Iterable[SnapshotBlock]) -> dict[str, np.ndarray]:
-    """Return the processor's columns and its positions, from `step` on blocks of a campaign."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Said:
+    """What a processor said of a campaign: the columns of a store, and whatever a store does not keep.
+
+    Records are texts, whose numbers have all digits, because a NaN is not equal to itself.
+    """
+
+    columns: dict[str, np.ndarray]
+    covariance_m2: np.ndarray | None  # of the positions; None without positions
+    verdicts: list[str]
+    changes: list[str]  # of the state that the receiver shows
+
+
+def said_of(scenario: CampaignScenario, snapshots: Iterable[SnapshotBlock]) -> Said:
+    """Return what the processor says, from `step` on blocks of a campaign."""
     processor, assistance, state = vs.processor_of(scenario), scenario.simulated_receiver.assistance, None
-    pieces: list[dict[str, np.ndarray]] = []
+    found: list[VerdictBlock] = []
     for block in snapshots:
         step = processor.step(state, block, assistance)
         state = step.state
-        position = step.block.position
-        pieces.append(
-            judged_columns(step.block) | ({} if position is None else {"fix_position_m": position.position_m})
-        )
-    return {
-        name: np.concatenate([piece[name] for piece in pieces], axis=1 if name.startswith("check_") else 0)
-        for name in pieces[0]
-    }
+        found.append(step.block)
+    return said_in(found)
 
 
-def assert_says(results: xarray.Dataset, said: Mapping[str, np.ndarray]) -> None:
+def said_in(found: Sequence[VerdictBlock]) -> Said:
+    """Return what is said in the verdicts of consecutive blocks."""
+    pieces: list[dict[str, np.ndarray]] = []
+    for one in found:
+        position = one.position
+        pieces.append(judged_columns(one) | ({} if position is None else {"fix_position_m": position.position_m}))
+    covariances = [one.position.covariance_m2 for one in found if one.position is not None]
+    return Said(
+        columns={
+            name: np.concatenate([piece[name] for piece in pieces], axis=1 if name.startswith("check_") else 0)
+            for name in pieces[0]
+        },
+        covariance_m2=np.concatenate(covariances) if covariances else None,
+        verdicts=[repr(verdict) for one in found for verdict in one.verdicts()],
+        changes=[repr(change) for one in found for change in one.changes()],
+    )
+
+
+def assert_columns(results: xarray.Dataset, said: Said) -> None:
     """Fail unless the columns of a campaign have the bits of what its processor said."""
-    for name, values in said.items():
+    for name, values in said.columns.items():
         column = results[name].sel(fix="authenticated") if name == "fix_position_m" else results[name]
         assert column.values.tobytes() == values.astype(column.dtype).tobytes(), name
+
+
+def assert_says(results: xarray.Dataset, said: Said) -> None:
+    """Fail unless a campaign's columns have the bits of what its processor said, and give the same when judged again.
+
+    Judged again, the columns give the verdicts with all their checks and reasons, the changes of state, and the
+    positions with their covariance.
+    """
+    assert_columns(results, said)
+    again = said_in(level_verdicts(results, (scenario_of(results).processor.level,)))
+    assert again.verdicts == said.verdicts
+    assert again.changes == said.changes
+    for name, values in said.columns.items():
+        assert again.columns[name].tobytes() == values.tobytes(), name
+    assert (again.covariance_m2 is None) == (said.covariance_m2 is None)
+    if again.covariance_m2 is not None and said.covariance_m2 is not None:
+        assert again.covariance_m2.tobytes() == said.covariance_m2.tobytes()

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from evidence_builder import evidence
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.monitoring.memory import CarrierMemory
+from vestige.acas_processor.monitoring.memory import CheckMemory
 
 
 def steady_evidence(
@@ -22,7 +20,7 @@ def steady_evidence(
     cn0_e1_dbhz: float = 90.0,
     seen: np.ndarray | None = None,
     predicted_rad: np.ndarray | float = 0.0,
-    carrier: CarrierMemory | Mapping[int, Any] | None = None,
+    memory: CheckMemory | None = None,
 ) -> Evidence:
     """Return evidence of n RECS and m satellites; a magnitude of NaN is a RECS that was not detected.
 
@@ -51,4 +49,4 @@ def steady_evidence(
         predicted_phase_rad=np.broadcast_to(np.asarray(predicted_rad, np.float64), shape).copy(),
         extrapolated_s=np.zeros(shape),
     )
-    return replace(given, measured=measured, carrier=carrier or {})
+    return replace(given, measured=measured, memory=memory or {})

@@ -12,6 +12,7 @@ from vestige.acas_processor.position.fix_measurement import FixSettings
 from vestige.receiver.snapshots.searches import DrawnSearches, SearchFinds
 from vestige.records import Band
 from vestige.records.snapshot_block import SnapshotBlock
+from vestige.theory.search_budget import SEARCH_P_FA
 from vestige.time import GalileoTime
 
 SIMULATED = ("vestige.receiver", "vestige.spoofer", "vestige.signal_generator", "vestige.simulated", "vestige.scenario")
@@ -26,7 +27,7 @@ def ask_all(block: SnapshotBlock) -> None:
         assert block.front_end[band] is not None
     assert Band.E6 in block.front_end
     if isinstance(block.searches, DrawnSearches):
-        assert block.searches._known.finds is block.searches.finds
+        assert block.searches.finds(SEARCH_P_FA) is block.searches.finds(SEARCH_P_FA)
 
 
 def noise_like(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 from types import ModuleType
 
@@ -68,6 +69,18 @@ def test_a_file_is_read_in_one_sitting() -> None:
         assert len(text.splitlines()) <= 400, path
         assert path.stem not in {"utils", "util", "helpers", "common", "misc", "manager", "base"}, path
         assert ast.get_docstring(ast.parse(text)), f"a module says what it is for: {path}"
+
+
+MOST_MODULES = 12
+# Folders with more modules: the number of modules, and the reason
+LARGER_FOLDERS = {".": (14, "modules that all folders import (errors, time, streams): each is a layer of its own")}
+
+
+def test_a_folder_has_at_most_a_dozen_modules() -> None:
+    counts = Counter(path.parent.relative_to(SOURCE).as_posix() for path in FILES if path.name != "__init__.py")
+    allowed = {folder: most for folder, (most, _) in LARGER_FOLDERS.items()}
+    assert {folder: n for folder, n in counts.items() if n > allowed.get(folder, MOST_MODULES)} == {}
+    assert all(counts[folder] > MOST_MODULES for folder in allowed), "an exception that is not needed"
 
 
 def test_public_names_exist() -> None:

@@ -17,12 +17,13 @@ SECTIONS = sections()
 ADDS = {
     "my_detector": ("detector", "my_detector:RelativePeak"),
     "my_check": ("check", "early power"),
+    "my_memory_check": ("check", "early power of 10 RECS"),
 }
 
 
 def test_there_is_one_part_of_each_kind() -> None:
     titles = [section.title for section in SECTIONS.values()]
-    assert titles == ["A detector", "An attack", "An error model", "A check"]
+    assert titles == ["A detector", "An attack", "An error model", "A check", "A check with memory"]
 
 
 @pytest.mark.parametrize("section", SECTIONS.values(), ids=SECTIONS)

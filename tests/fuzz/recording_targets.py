@@ -318,7 +318,6 @@ _SETTINGS = {"level": "3", "recording": "night"}
 _OF = {"recording": "night", "integration time": 0.016}
 
 
-_EAST, _UP = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
 _STATE = ReceiverState(
     origin=START + -30.0,
     last=START + 0.5,
@@ -326,19 +325,15 @@ _STATE = ReceiverState(
     baseline=Baseline(values={Quantity.E1_POWER_DB: {0: (0.1, -0.2)}, Quantity.E6_CN0_DBHZ: {11: (41.5,)}}),
     position_m=(6_378_137.0, 0.0, 0.5),
     fix=memory.FixMemory(time_s=30.0, position_m=(6_378_137.0, 0.0, 0.5)),
-    clock=(
-        memory.ClockEpoch(time_s=30.0, bias_m=1.5, drift_mps=-0.1, bias_variance_m2=9.0, drift_variance_m2ps2=1e-3),
-    ),
     osnma=memory.OsnmaMemory(
         keyed=(True, False),
         open=memory.Subframe(start=START.gst_seconds, due={11: 7}, received={11: 3}, differs={11: 1}),
     ),
-    rates=memory.RateMemory(
-        time=START,
-        position_m=(6_378_137.0, 0.0, 0.5),
-        satellites={11: memory.SatelliteRate(rate_mps=100.5, static_mps=100.0, sigma_mps=0.03, towards=_UP)},
-        increments=((START + 0.25, _EAST),),
-    ),
+    memory={
+        CheckName.CLOCK_SLOPE: {0: (30.0, 1.5, -0.1, 9.0, 1e-3)},
+        CheckName.E6_PHASE: {11: (30.0, math.nan, 12.5, 41.5, 0.08)},
+        "a check of a user": {0: (), 11: (1.0,)},
+    },
     search=SearchMemory(searched_at=START, suspicious=True),
     streaks={CheckName.POWER_DISTORTION: {11: 2}},
     alarm=AlarmState(seen={11: {Status.SPOOFED: 12.0}}, shown={11: Status.SPOOFED}),

@@ -58,7 +58,7 @@ def campaign_of(settings_: list[str], attack: str | None, start_s: float) -> Cam
 def test_a_random_campaign_has_the_same_bits_however_it_is_cut(
     drawn: tuple[list[str], str | None, float], cut: list[int]
 ) -> None:
-    """Status, state, cause, checks, ranges, searches and positions."""
+    """Verdicts with checks and reasons, changes of state, ranges, searches and positions with their covariance."""
     scenario = campaign_of(*drawn)
     results = direct_results(ScenarioPlan(scenario=scenario))
     assert_says(results, said_of(scenario, blocks(scenario, (1,))))

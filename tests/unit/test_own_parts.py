@@ -243,8 +243,29 @@ def test_a_check_that_errs_is_one_line(folder: Path, extra: str, body: str, text
 
 
 @pytest.mark.parametrize(
+    ("memory", "text"),
+    [
+        (
+            "1 / 0",
+            r"own_m: found line \d+ of .*own_m.py raises ZeroDivisionError: division by zero, expected",
+        ),
+        ("[1.0]", "own_m:C: found a list from remember, expected numbers by satellite: a mapping from SVIDs"),
+        ("{0: 1.0}", "'float' object is not iterable in the result of remember, expected numbers by satellite"),
+        ("{0: ['many']}", "could not convert string to float: 'many' in the result of remember"),
+        ("{'E11': [1.0]}", "'str' object cannot be interpreted as an integer in the result of remember"),
+    ],
+)
+def test_a_memory_that_is_no_memory_is_one_line(folder: Path, memory: str, text: str) -> None:
+    source = CHECK.format(extra=f"remember = lambda self, evidence: {memory}", body="")
+    plan = ScenarioPlan(scenario=made(folder, "own_m", source, "[processor]\nchecks = ['own_m:C']"))
+    with pytest.raises(OwnPartError, match=text):
+        direct_results(plan)
+
+
+@pytest.mark.parametrize(
     ("extra", "text"),
     [
+        ("remember = 3", "found own_f:C and remember = 3, expected a method"),
         (
             "name = 'RAIM'",
             "found own_f:C and name = 'RAIM', expected a text that is not the name of one of vestige's checks",

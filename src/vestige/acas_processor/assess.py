@@ -25,21 +25,17 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from vestige.acas_processor.checks.check import confirmed
-from vestige.acas_processor.checks.clock import remembered_clock
+from vestige.acas_processor.checks.check import CheckWithMemory, confirmed
 from vestige.acas_processor.checks.osnma_subframes import subframes
-from vestige.acas_processor.checks.power.e6_misses import E6MissesCheck
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import MINIMUM, POSITION, combine, is_alarm
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Observed, Quantity, Reference
-from vestige.acas_processor.monitoring.memory import FixMemory, MissMemory
+from vestige.acas_processor.monitoring.memory import CheckMemory, FixMemory
 from vestige.acas_processor.monitoring.monitoring_settings import checks_of, shares_of
-from vestige.acas_processor.monitoring.recs_windows import remembered_carrier
 from vestige.acas_processor.monitoring.state import ReceiverState, SearchMemory
 from vestige.acas_processor.position.clock_error import clock_error
 from vestige.acas_processor.position.fix_measurement import elevations_from
-from vestige.acas_processor.position.inertial_bridging import remembered_rates
 from vestige.acas_processor.position.possible_range import known_positions
 from vestige.acas_processor.position.range_in_use import ranges_in_use, ranges_near
 from vestige.acas_processor.searches.block_searches import ProcessorSearches
@@ -112,7 +108,7 @@ class _Assessment:
         self._needs_references = {name for name in self._checks if self._specs[name].needs_references}
         evidence = self._evidence({})
         self._fixed = {
-            name: check.series(evidence) for name, check in self._checks.items() if name not in self._needs_references
+            name: self._series(name, evidence) for name in self._checks if name not in self._needs_references
         }
         self._settle()
 
@@ -145,11 +141,15 @@ class _Assessment:
             observed=self._observed.values,
             references=references,
             subframes=self._subframes,
-            clock=self._state.clock,
-            rates=self._state.rates,
-            misses=self._state.misses,
-            carrier=self._state.carrier,
         )
+
+    def _series(self, name: CheckName | str, evidence: Evidence) -> CheckSeries:
+        return self._checks[name].series(self._with_memory(name, evidence))
+
+    def _with_memory(self, name: CheckName | str, evidence: Evidence) -> Evidence:
+        """Return the evidence with what a check remembers of the epochs before the block."""
+        memory = self._state.memory.get(name)
+        return replace(evidence, memory=memory) if memory else evidence
 
     def _settle(self) -> None:
         """Judge the block repeatedly until the guess is right."""
@@ -164,11 +164,9 @@ class _Assessment:
     def _judge(self, guess: _Guess) -> _Guess:
         """Judge the block with a guess, keep the results, and return the guess that would have been right."""
         snapshots = self._measured.snapshots
-        self._teaches = guess.quiet & snapshots.recs
-        references = self._references()
-        evidence = self._evidence(references)
+        evidence = self._judged_by = self._evidence(self._references(guess.quiet & snapshots.recs))
         series = self._fixed | {
-            name: check.series(evidence) for name, check in self._checks.items() if name in self._needs_references
+            name: self._series(name, evidence) for name in self._checks if name in self._needs_references
         }
         failed = {name: self._confirmed(one) for name, one in series.items()}
         self._uncertainties = self._clock_limits(guess)
@@ -190,12 +188,15 @@ class _Assessment:
         self._judged, self._status = self._combined(self._failed)
         return self._judged
 
-    def _references(self) -> Mapping[Quantity, Reference]:
-        """Return the reference of each quantity at each epoch; an empty mapping if no check of the level needs any."""
+    def _references(self, teaches: Bool[np.ndarray, " n"]) -> Mapping[Quantity, Reference]:
+        """Return the reference of each quantity at each epoch; an empty mapping if no check of the level needs any.
+
+        `teaches` marks the epochs from which later epochs learn.
+        """
         if not self._needs_references:
             return {}
         levels = self._processor.monitoring.levels
-        return self._observed.references(levels, self._state.baseline, self._teaches, self._elevation_rad)
+        return self._observed.references(levels, self._state.baseline, teaches, self._elevation_rad)
 
     def _confirmed(self, series: CheckSeries) -> Bool[np.ndarray, "*n"]:
         confirm = self._specs[series.name].confirm
@@ -296,7 +297,7 @@ class _Assessment:
                 e1_search=self._e1_search,
                 exhaustive_search=self._exhaustive,
                 searched=self._searched,
-                evidence=self._evidence(self._references()),
+                evidence=self._judged_by,
             ),
             self._processor,
             limit_s,
@@ -344,10 +345,7 @@ class _Assessment:
                 on_e1[svid] = snapshots.time.at(int(rows[-1]))
         position = self._positions_m[-1]
         known = bool(np.isfinite(position[0]))
-        evidence = self._evidence({})
         further = len(self._specs) > len(MINIMUM)
-        remembers_rates = any(spec.remembers_rates for spec in self._specs.values())
-        asked = [spec.remembered_recs for spec in self._specs.values() if spec.remembered_recs is not None]
         return replace(
             state,
             last=snapshots.time.at(len(snapshots.time) - 1),
@@ -355,21 +353,22 @@ class _Assessment:
             baseline=self._observed.after(state.baseline, quiet & snapshots.recs) if further else state.baseline,
             position_m=(float(position[0]), float(position[1]), float(position[2])) if known else None,
             fix=self._fix_after(),
-            clock=remembered_clock(evidence, self._processor.monitoring.clock.window) if further else (),
             osnma=self._osnma,
-            rates=remembered_rates(evidence) if remembers_rates else None,
-            misses=self._misses_after(evidence),
-            carrier=remembered_carrier(evidence, max(one(self._processor) for one in asked)) if asked else {},
+            memory=self._memory_after(),
             search=self._search_after if CheckName.E6_EXHAUSTIVE_SEARCH in self._specs else state.search,
             streaks=self._streaks(),
             alarm=self._alarm_after,
             on_e1=on_e1,
         )
 
-    def _misses_after(self, evidence: Evidence) -> MissMemory:
-        """Return the run of E6 misses of every satellite after the block; empty if the level does not need it."""
-        check = self._checks[CheckName.E6_POWER]
-        return check.remembered(evidence) if isinstance(check, E6MissesCheck) else {}
+    def _memory_after(self) -> dict[CheckName | str, CheckMemory]:
+        """Return what each check remembers after the block; checks that remember nothing are left out."""
+        found = {
+            name: check.remember(self._with_memory(name, self._judged_by))
+            for name, check in self._checks.items()
+            if isinstance(check, CheckWithMemory)
+        }
+        return {name: memory for name, memory in found.items() if memory}
 
     def _streaks(self) -> dict[CheckName | str, dict[int, int]]:
         """Return how many of the last tests failed in a row, for each check that needs confirmation."""

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from vestige.acas_processor.checks.osnma_subframes import Subframes
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.acas_processor.monitoring.baseline import Quantity, Reference
-from vestige.acas_processor.monitoring.memory import CarrierMemory, ClockMemory, MissMemory, RateMemory
+from vestige.acas_processor.monitoring.memory import CheckMemory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,8 +30,9 @@ class Evidence:
         Measured quantities of each check, and their reference levels.
     subframes
         OSNMA of the subframes that ended in the block.
-    clock, rates, misses, carrier
-        Memory of the epochs before the block, one for each check that needs it.
+    memory
+        Numbers that the check itself remembered after the previous block (`CheckWithMemory`), by SVID; those of the
+        receiver have the key 0. Empty before the first block, and for a check without memory.
     """
 
     measured: MeasurementBlock
@@ -40,10 +41,7 @@ class Evidence:
     observed: Mapping[Quantity, Float[np.ndarray, "*n"]]
     references: Mapping[Quantity, Reference]
     subframes: Subframes
-    clock: ClockMemory
-    rates: RateMemory | None
-    misses: MissMemory = field(default_factory=dict)
-    carrier: CarrierMemory = field(default_factory=dict)
+    memory: CheckMemory = field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -113,8 +113,6 @@ class CheckSpec:
     exact: bool = False  # whether the probability is exact; otherwise it is an upper limit
     one_of: int = 1  # number of checks that share the probability of one monitor
     needs_references: bool = False  # whether the check compares with reference levels
-    remembers_rates: bool = False  # whether the check needs the range rates at the previous RECS
-    remembered_recs: Callable[[AcasProcessor], int] | None = None  # number of earlier RECS that it needs
 
 
 _RECS, _RECEIVER, _SUBFRAME = TestCadence.RECS, Scope.RECEIVER, TestCadence.SUBFRAME
@@ -301,7 +299,6 @@ _BRIDGING = (
         name=CheckName.INERTIAL_RANGE_RATE,
         failure=_SUSPECT,
         make=lambda processor, p_fa: replace(processor.monitoring.inertial, p_fa=p_fa),
-        remembers_rates=True,
     ),
 )
 
@@ -321,10 +318,6 @@ def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor 
         monitor = settings(processor)
         return None if monitor is None else replace(monitor, p_fa=p_fa)
 
-    def remembered_recs(processor: AcasProcessor) -> int:
-        monitor = settings(processor)
-        return 0 if monitor is None else monitor.window - 1
-
     return CheckSpec(
         step=8,  # after the steps of [WFO, Sec. IV]: the paper treats the phase in Sec. VI-B
         name=name,
@@ -332,7 +325,6 @@ def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor 
         make=make,
         cadence=_RECS,
         own_p_fa=lambda _: STEADY_P_FA,
-        remembered_recs=remembered_recs,
     )
 
 

@@ -6,15 +6,17 @@ failure (SUSPECT). `of_receiver` says whether the check concerns the whole recei
 `confirm` is the number of tests in a row that must fail (1). `cadence` says when a test is made (every observation). A
 user's check has its own `p_fa` and no share of the level's budget.
 
-A check has no memory. The result of an epoch may depend on that epoch, and on the earlier epochs in `Evidence`. Stored
-results contain all of the evidence except the samples. A check must give the same result for a recording, a simulation
-and stored results. A user's check may therefore use neither E6 (`correlate`) nor the searches: their use is an
-`OwnPartError`.
+The result of an epoch may depend on that epoch, and on what the check remembers of the epochs before. A check with
+memory has a method `remember`, see `CheckWithMemory`. Stored results contain all of the evidence except the samples. A
+check must give the same result for a recording, a simulation and stored results. A user's check may therefore use
+neither E6 (`correlate`) nor the searches: their use is an `OwnPartError`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from operator import index
 from types import MappingProxyType
 from typing import Any, NoReturn, Protocol, runtime_checkable
 
@@ -23,6 +25,7 @@ import numpy as np
 from vestige.acas_processor.checks.check import check_budget
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.levels import LEVELS, CheckSpec, DetectionAssumptions, Scope, TestCadence
+from vestige.acas_processor.monitoring.memory import CheckMemory
 from vestige.own_parts import OwnPartError, blamed_on_own_parts, kind_of, made, part, require_members
 from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
@@ -109,6 +112,7 @@ class OwnCheck:
             ),
         )  # fmt: skip
         attribute("unit", None, lambda one: isinstance(one, str), "a text")
+        attribute("remember", None, lambda one: one is None or callable(one), "a method")
         p_fa = attribute("p_fa", None, lambda one: isinstance(one, float), "a number between 0 and 1")
         try:
             check_budget(p_fa)
@@ -153,6 +157,22 @@ class OwnCheck:
                 raise OwnPartError(self.kind, f"{name} of {what} from series", f"float64 of shape {shape}")
         return found
 
+    def remember(self, evidence: Evidence) -> CheckMemory:
+        """Return the memory of the check after a block; empty for a check without the method `remember`.
+
+        Raises `OwnPartError` if the check raises an exception, or returns anything other than numbers by SVID.
+        """
+        with blamed_on_own_parts():
+            remember = getattr(self.check, "remember", None)
+            found = {} if remember is None else remember(_offered(evidence, self.kind))
+        expected = "numbers by satellite: a mapping from SVIDs, 0 for the receiver, to sequences of numbers"
+        if not isinstance(found, Mapping):
+            raise OwnPartError(self.kind, f"a {type(found).__name__} from remember", expected)
+        try:
+            return {index(svid): tuple(float(value) for value in values) for svid, values in found.items()}
+        except (TypeError, ValueError) as error:
+            raise OwnPartError(self.kind, f"{error} in the result of remember", expected) from error
+
 
 def _offered(evidence: Evidence, kind: str) -> Evidence:
     """Return the evidence for a user's check, without fields that need samples or a simulation."""
@@ -163,7 +183,8 @@ def _offered(evidence: Evidence, kind: str) -> Evidence:
         e6=_NotOffered(kind, "e6"),
         searches=_NotOffered(kind, "searches"),
     )
-    return replace(evidence, measured=replace(evidence.measured, snapshots=offered))
+    measured = replace(evidence.measured, snapshots=offered)
+    return replace(evidence, measured=measured, memory=MappingProxyType(evidence.memory))
 
 
 class _NotOffered:

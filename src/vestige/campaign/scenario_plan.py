@@ -49,6 +49,7 @@ from vestige.records.snapshot_block import FrontEndBlock, SnapshotBlock
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.scenario_processor import Overhead, navigation_text, overhead_of, receiver_processor
 from vestige.source_version import processor_name
+from vestige.theory.search_budget import SEARCH_P_FA
 
 _log = logging.getLogger(__name__)
 _MANY_EPOCHS = 10_000  # epochs in a chunk if writing the store takes longer than measuring
@@ -219,7 +220,7 @@ class ScenarioPlan:
             if self.with_phases:
                 columns |= _side_by_side([phase_columns(one) for one in of.arrived_at_epochs])
         if self._receiver.with_taps:
-            columns |= e1_columns(snapshots, self._receiver.searches(of).finds)
+            columns |= e1_columns(snapshots, self._receiver.searches(of).finds(SEARCH_P_FA))
         if self.scenario.processor.checks:
             columns |= own_check_columns(self.scenario.start_time, measured)
         if pages is not None:

@@ -35,7 +35,6 @@ from vestige.receiver.sky.atmosphere import through_atmosphere
 from vestige.receiver.sky.meaconer_way import placed_attacks
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
 from vestige.receiver.undisturbed_truth import ErrorModels
-from vestige.scenario.empirical import EmpiricalIonosphereTable
 from vestige.scenario.limits import (
     LARGEST_CLOCK_ERROR_S,
     MAX_EPOCHS,
@@ -51,10 +50,11 @@ from vestige.scenario.limits import (
 )
 from vestige.scenario.on_air.atmosphere_table import AtmosphereTable
 from vestige.scenario.on_air.osnma_table import OsnmaTable
-from vestige.scenario.own_tables import OrOwn, whose
-from vestige.scenario.preset import Presets
-from vestige.scenario.processor_table import ProcessorTable
-from vestige.scenario.sky import AnyConstellation, AnyTrajectory, PositionTable, satellites_in_view
+from vestige.scenario.tables.empirical import EmpiricalIonosphereTable
+from vestige.scenario.tables.own_tables import OrOwn, whose
+from vestige.scenario.tables.preset import Presets
+from vestige.scenario.tables.processor_table import ProcessorTable
+from vestige.scenario.tables.sky import AnyConstellation, AnyTrajectory, PositionTable, satellites_in_view
 from vestige.scenario.toml.toml_file import OWN, InconsistentSettingsError, Section
 from vestige.signal_generator.range_model import RangeModel
 from vestige.signals.definitions import E6C

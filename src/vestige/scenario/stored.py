@@ -18,9 +18,9 @@ from vestige.receiver.errors.clock import TwoStateClock
 from vestige.receiver.simulation import Fidelity
 from vestige.scenario.campaign import FrontEndTable, RecsTable, Tracking
 from vestige.scenario.limits import MAX_EPOCHS
-from vestige.scenario.own_tables import NamedKind, OrOwn, whose
-from vestige.scenario.processor_table import ProcessorTable
-from vestige.scenario.sky import PositionTable
+from vestige.scenario.tables.own_tables import NamedKind, OrOwn, whose
+from vestige.scenario.tables.processor_table import ProcessorTable
+from vestige.scenario.tables.sky import PositionTable
 from vestige.scenario.toml.toml_file import LARGEST_NUMBER, OURS, OWN, InconsistentSettingsError
 from vestige.time import GalileoTime
 

@@ -8,7 +8,7 @@ from vestige.receiver.samples.front_end_correlation import range_offset_scale
 from vestige.receiver.samples.staircase import commensurate_tread_m
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.recording import RecordingScenario
-from vestige.scenario.sky import RinexConstellation
+from vestige.scenario.tables.sky import RinexConstellation
 from vestige.signals.definitions import E6C
 from vestige.spoofer.scer import Scer
 from vestige.spoofer.spoofer import Spoofer

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from block_builder import Keys, MadeUpSky, settings
+from block_builder import Keys, MadeUpSky, cut, settings
 from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.levels import LEVELS, CheckSpec, TestCadence
+from vestige.acas_processor.levels import LEVELS, CheckSpec, Scope, TestCadence
 from vestige.acas_processor.monitoring.alarm_budget import Cadence, false_alarm_budget
 from vestige.acas_processor.monitoring.baseline import Quantity
+from vestige.acas_processor.monitoring.memory import RECEIVER, CheckMemory
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.acas_processor.verdict_block import VerdictBlock
 from vestige.records import Status
@@ -84,6 +86,45 @@ def test_it_has_a_share_of_the_budget(with_row: AcasProcessor) -> None:
 def test_it_is_gone_without_its_row() -> None:
     whole = judged(AcasProcessor(level=2, monitoring=settings()))
     assert NAME not in whole.checks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecsCountMonitor(Monitor):
+    """The file of a new check with memory: it counts RECS, and fails with the twelfth."""
+
+    name: ClassVar = "number of RECS"
+    unit: ClassVar = "RECS"
+    p_fa: float = 1e-6
+
+    def _count(self, evidence: Evidence) -> np.ndarray:
+        (before,) = evidence.memory.get(RECEIVER, (0.0,))
+        return before + np.cumsum(evidence.measured.snapshots.recs)
+
+    def series(self, evidence: Evidence) -> CheckSeries:
+        count = self._count(evidence)
+        return series_of(self, count, np.full(count.shape, 11.5), lambda *_: "a dozen RECS")
+
+    def remember(self, evidence: Evidence) -> CheckMemory:
+        return {RECEIVER: (float(self._count(evidence)[-1]),)}
+
+
+def test_a_check_with_memory_is_its_file_and_its_row_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    name = RecsCountMonitor.name
+    row = CheckSpec(
+        step=3,
+        name=name,
+        failure=Status.SUSPECT,
+        make=lambda _, p_fa: RecsCountMonitor(p_fa=p_fa),
+        scope=Scope.RECEIVER,
+    )
+    monkeypatch.setitem(LEVELS, 1, (*LEVELS[1], row))
+    sky = MadeUpSky(seed=5, n=40).whole
+    blocks = [cut(sky, first, last) for first, last in pairwise([0, 1, 17, 30, 40])]
+    steps = list(AcasProcessor(monitoring=settings()).steps(blocks, assistance=Keys()))  # type: ignore[arg-type]
+    statistic = np.concatenate([step.block.checks[name].statistic for step in steps])
+    assert statistic.tolist() == np.cumsum(np.arange(40) % 3 == 0).tolist()
+    assert np.flatnonzero(np.concatenate([step.block.failed[name] for step in steps]))[0] == 33
+    assert steps[-1].state.memory == {name: {RECEIVER: (14.0,)}}
 
 
 def test_the_processor_names_only_what_it_makes_itself() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import Phase, given, strategies
 from hypothesis import settings as hypothesis_settings
 
-from block_builder import DrawnE6, DrawnSearches, Keys, MadeUpSky, cut, settings
+from block_builder import DrawnE6, DrawnSearches, Keys, MadeUpSky, cut, settings, spliced
 from vestige.acas_processor.assess import TRAVEL_TIME_SPREAD_S
 from vestige.acas_processor.monitoring.baseline import ReferenceLevels
 from vestige.acas_processor.monitoring.state import ReceiverState
@@ -79,7 +79,7 @@ def test_the_cut_changes_no_bit(seed: int, level: int, trouble: float, cuts: lis
 def test_every_check_of_level_3_is_run_and_fails_somewhere() -> None:
     processor = AcasProcessor(level=3, monitoring=settings())
     still, loud = (MadeUpSky(seed=3, n=400, trouble=trouble).whole for trouble in (0.0, 0.2))
-    learned_first = _joined_blocks(still, loud, 60)  # 20 RECS to learn reference levels from
+    learned_first = spliced(still, loud, 60)  # 20 RECS to learn reference levels from
     (block,), _ = answers(processor, learned_first, [])
     (quiet,), _ = answers(processor, still, [])
     for name, series in block.checks.items():
@@ -99,34 +99,11 @@ def test_nothing_looks_at_what_comes_later(level: int) -> None:
     (first,), _ = answers(processor, cut(quiet, 0, 12), [])
     states = [processor.step(None, cut(quiet, 0, 12), Keys()).state]  # type: ignore[arg-type]
     assert states[0].last == quiet.time.at(11)
-    mixed = _joined_blocks(quiet, loud, 12)
+    mixed = spliced(quiet, loud, 12)
     (later,), _ = answers(processor, mixed, [])
     expected = joined([first])
     for name, values in joined([later]).items():
         np.testing.assert_array_equal(values[:12], expected[name], err_msg=name)
-
-
-def _joined_blocks(before: SnapshotBlock, after: SnapshotBlock, epoch: int) -> SnapshotBlock:
-    """Return the epochs before one of a block, and those from there on of another."""
-
-    def rows(one: object, other: object) -> object:
-        return replace(
-            one,  # type: ignore[type-var]
-            **{
-                name: np.concatenate([getattr(one, name)[:epoch], getattr(other, name)[epoch:]])
-                for name in one.__dataclass_fields__  # type: ignore[attr-defined]
-                if isinstance(getattr(one, name), np.ndarray)
-            },
-        )
-
-    return replace(
-        before,
-        e1=rows(before.e1, after.e1),
-        front_end={band: rows(one, after.front_end[band]) for band, one in before.front_end.items()},
-        e6=rows(before.e6, after.e6),
-        searches=rows(before.searches, after.searches),
-        osnma=rows(before.osnma, after.osnma),
-    )
 
 
 def _of_statuses(rows: list[tuple[bool, int]]) -> tuple[AcasProcessor, SnapshotBlock]:

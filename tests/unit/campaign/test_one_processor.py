@@ -76,7 +76,7 @@ ONE_BY_ONE = {"alarms a day set, level 1", "a line of sight, level 1", "a line o
     "name", [name if name in QUICK_ONES else pytest.param(name, marks=pytest.mark.slow) for name in CAMPAIGNS]
 )
 def test_one_by_one_as_blocks_and_as_a_campaign_are_the_same(name: str, tmp_path: Path) -> None:
-    """Status, state, cause, checks, ranges, searches and positions, to the bit."""
+    """Verdicts with checks and reasons, changes of state, ranges, searches, positions with covariance, to the bit."""
     scenario = CAMPAIGNS[name]()
     plan = ScenarioPlan(scenario=scenario)
     results = direct_results(plan)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import vestige as vs
-from extend_page import no_parts
-from one_processor import assert_says, said_of, short_scene, threat_scenes
+from extend_page import no_parts, page_scenario
+from one_processor import assert_columns, assert_says, said_of, short_scene, threat_scenes
 from own_check_probe import all_fields, documented_fields, write_probes
 from vestige.campaign.columns.own_check_columns import OWN_CHECK_COLUMNS
 from vestige.campaign.execution.direct import direct_results
@@ -26,6 +26,7 @@ from vestige.scenario.load import load_scenario
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
 LATE_S = 8.0
+PUSH = 'attack=[{kind="time-push", start_s=30, power_db=6, delay_m=75}]'  # the true signal is 75 m before E1's
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +73,7 @@ def test_every_field_is_the_same_in_a_campaign(name: str, tmp_path: Path) -> Non
     own_parts_from(tmp_path)
     scenario = SCENES[name](write_probes(tmp_path, late_s=LATE_S))
     results = run(ScenarioPlan(scenario=scenario), tmp_path / "a", chunk_epochs=7)
-    assert_says(results, said_of(scenario, vs.simulate(scenario, block_epochs=7)))
+    assert_columns(results, said_of(scenario, vs.simulate(scenario, block_epochs=7)))  # a probe sees the cut
     place = {svid: column for column, svid in enumerate(results["svid"].values.tolist())}
     checks = results["check"].values.tolist()
     fields, failed = all_fields(), 0
@@ -96,6 +97,21 @@ def test_every_field_is_the_same_in_a_campaign(name: str, tmp_path: Path) -> Non
         for values in ("statistic", "threshold"):
             live, stored_too = (getattr(one.checks[field], values) for one in (step.block, again))  # type: ignore[index]
             assert np.array_equal(live, stored_too, equal_nan=True), field
+
+
+def test_a_check_with_memory_is_the_same_however_a_campaign_is_cut(tmp_path: Path) -> None:
+    """Its test is over 10 RECS, more than a chunk has: one by one, in chunks, at once, and judged again."""
+    scenario = page_scenario("my_memory_check", "epochs=60", PUSH)
+    whole = direct_results(ScenarioPlan(scenario=scenario))
+    check = whole["check"].values.tolist().index("early power of 10 RECS")
+    assert {0, 1} <= set(whole["check_result"].values[check].ravel().tolist())
+    for block_epochs in (1, 13):
+        assert_says(whole, said_of(scenario, vs.simulate(scenario, block_epochs=block_epochs)))
+    stored = run(ScenarioPlan(scenario=scenario), tmp_path / "a", chunk_epochs=7)
+    for column in whole.data_vars:
+        assert stored[column].values.tobytes() == whole[column].values.tobytes(), column
+    (again,) = level_verdicts(stored, (scenario.processor.level,))
+    assert again.status.tobytes() == whole["status"].values.tobytes()
 
 
 def test_no_other_campaign_has_the_columns(tmp_path: Path) -> None:

@@ -33,3 +33,16 @@ def test_an_old_value_is_read_and_warned_of() -> None:
     with pytest.warns(VestigeWarning, match='symbols = "estimated" is called "hard" now'):
         old = load_scenario(SKY, [attack.format("estimated")])
     assert old == load_scenario(SKY, [attack.format("hard")])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "table",
+    [
+        {"attack": [{"kind": "my:Attack", "symbols": "estimated", "own_data": 3, "inner": {"own_data": True}}]},
+        {"receiver": {"ionosphere": {"kind": "my:Gusts", "own_data": 2.0}}},
+        {"attack": [{"kind": "meaconing", "symbols": "estimated"}]},
+    ],
+)
+def test_keys_of_a_users_part_and_of_other_kinds_keep_their_names(table: dict[str, object]) -> None:
+    assert with_new_names(table) == table

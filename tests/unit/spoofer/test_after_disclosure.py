@@ -21,6 +21,7 @@ from vestige.scenario.load import load_scenario
 from vestige.simulated.exported_case import AcasTestCase
 from vestige.spoofer.after_disclosure import ForgeryAfterDisclosure
 from vestige.spoofer.spoofer import Spoofer
+from vestige.theory.search_budget import SEARCH_P_FA
 from vestige.threats.scenes import read_threats, scene_scenario
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
@@ -123,7 +124,7 @@ def test_the_searches_look_where_the_late_clock_has_the_recs() -> None:
     receiver = _scenario(SECOND, "epochs=1").simulated_receiver
     block = receiver.snapshots(0, tuple(one.advance(0, 1) for one in receiver.truth()))
     assert isinstance(block.searches, DrawnSearches)
-    finds = block.searches.finds
+    finds = block.searches.finds(SEARCH_P_FA)
     assert np.all(finds.exhaustive_signals == 2)
     # that of the forger whom E1 follows; places are kept in single precision, in steps of 1024 m at 45 s
     assert np.all(np.abs(finds.exhaustive_earliest_m) <= 1024.0)

@@ -18,6 +18,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 if TYPE_CHECKING:
     from vestige.acas_processor.evidence import Evidence
+    from vestige.acas_processor.monitoring.memory import CheckMemory
 
 
 @runtime_checkable
@@ -38,6 +39,18 @@ class Check(Protocol):
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block of epochs."""
+
+
+@runtime_checkable
+class CheckWithMemory(Check, Protocol):
+    """Protocol of a check that remembers numbers from one block of epochs to the next.
+
+    The cut into blocks must change no bit of `series`. So the memory contains whatever `series` needs of the epochs
+    before a block.
+    """
+
+    def remember(self, evidence: Evidence) -> CheckMemory:
+        """Return the memory after a block. With the next block the check gets this memory as `evidence.memory`."""
 
 
 def check_budget(p_fa: float) -> None:

@@ -29,7 +29,7 @@ from jaxtyping import Float, Int64
 
 from vestige.acas_processor.checks.check import check_budget, series_of, two_sided_detection, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.monitoring.memory import ClockEpoch, ClockMemory
+from vestige.acas_processor.monitoring.memory import RECEIVER, CheckMemory
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records.checks import CheckName, CheckSeries
 
@@ -164,6 +164,12 @@ class ClockCheck:
         fix = evidence.measured.fix
         return series_of(self, statistic, threshold, explain, exact=fix is not None and not fix.bounded)
 
+    def remember(self, evidence: Evidence) -> CheckMemory:
+        """Return the clock of the last epochs with a fix, as in `ClockHistory`."""
+        history, _ = clock_history(evidence, self.monitor.window)
+        rows = np.stack(history, axis=1)[-(self.monitor.window - 1) :]
+        return {RECEIVER: tuple(rows.ravel().tolist())} if rows.size else {}
+
 
 _PARTS = {
     CheckName.CLOCK_INNOVATION: ("innovation", "m/s", "the clock's drift jumped by"),
@@ -187,20 +193,5 @@ def clock_history(evidence: Evidence, window: int) -> tuple[ClockHistory, Int64[
             fix.sigma_drift_mps[rows] ** 2,
         )
     )
-    before = np.array(
-        [
-            (one.time_s, one.bias_m, one.drift_mps, one.bias_variance_m2, one.drift_variance_m2ps2)
-            for one in evidence.clock[-(window - 1) :]
-        ]
-    ).reshape(-1, 5)
+    before = np.array(evidence.memory.get(RECEIVER, ())).reshape(-1, len(ClockHistory._fields))[-(window - 1) :]
     return ClockHistory(*(np.concatenate([old, new]) for old, new in zip(before.T, own, strict=True))), rows
-
-
-def remembered_clock(evidence: Evidence, window: int) -> ClockMemory:
-    """Return the clock's memory for the next block."""
-    history, _ = clock_history(evidence, window)
-    rows = np.stack(history, axis=1)[-(window - 1) :].tolist()
-    return tuple(
-        ClockEpoch(time_s=t, bias_m=b, drift_mps=d, bias_variance_m2=vb, drift_variance_m2ps2=vd)
-        for t, b, d, vb, vd in rows
-    )

@@ -37,10 +37,12 @@ from jaxtyping import Bool, Float
 
 from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.monitoring.memory import CheckMemory
 from vestige.acas_processor.monitoring.recs_windows import (
     Recs,
     last_of,
     recs_of_satellites,
+    remembered_recs,
     scatter,
     scatter_threshold,
 )
@@ -139,6 +141,10 @@ class E6PhaseMonitor(Monitor):
             return f"the phase of E6 scatters about that of E1 {statistic[here]:.1f} times as much as noise does"
 
         return series_of(self, statistic, threshold, explain)
+
+    def remember(self, evidence: Evidence) -> CheckMemory:
+        """Return the last N − 1 RECS of each satellite."""
+        return remembered_recs(evidence, self.window - 1)
 
     def _tested(self, recs: Recs, ends_here: Bool[np.ndarray, " k"], power: Float[np.ndarray, " tests"]) -> _Tested:
         """Return the properties of each window; `ends_here` marks the windows that end in the block."""

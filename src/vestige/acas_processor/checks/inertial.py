@@ -32,7 +32,8 @@ from jaxtyping import Float
 
 from vestige.acas_processor.checks.check import Monitor, series_of, two_sided_detection, two_sided_factor
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.position.inertial_bridging import rate_steps
+from vestige.acas_processor.monitoring.memory import CheckMemory
+from vestige.acas_processor.position.inertial_bridging import rate_steps, remembered_rates
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records.checks import CheckName, CheckSeries
 
@@ -97,3 +98,7 @@ class InertialMonitor(Monitor):
             return f"the range rate changed by {statistic[epoch, satellite]:+.2f} m/s more than the motion explains"
 
         return series_of(self, statistic, np.where(np.isnan(statistic), np.nan, threshold), explain)
+
+    def remember(self, evidence: Evidence) -> CheckMemory:
+        """Return the range rates at the last RECS, and the increments of velocity since then."""
+        return remembered_rates(evidence)

@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.monitoring.memory import CarrierEpoch, CarrierMemory
+from vestige.acas_processor.monitoring.memory import CheckMemory
 from vestige.theory.variance_test import variance_threshold
 
 
@@ -37,12 +37,18 @@ class Recs(NamedTuple):
 
     row: Int[np.ndarray, " k"]  # epoch of the block; −1 for earlier RECS
     stretch: Int[np.ndarray, " k"]  # number of times that E1 lost the satellite since the block began
-    # as in `CarrierEpoch`
-    time_s: Float[np.ndarray, " k"]
+    # remembered from block to block
+    time_s: Float[np.ndarray, " k"]  # after the first epoch that the receiver ever processed
+    # detecting correlator minus the phase that E1 predicts, up to a constant; NaN if unknown
     phase_rad: Float[np.ndarray, " k"]
+    # magnitude of the detecting correlator in standard deviations of the noise per dimension
     magnitude_sigma: Float[np.ndarray, " k"]
     cn0_e1_dbhz: Float[np.ndarray, " k"]
+    # time over which the Doppler of E1 extrapolates its phase to the middle of the RECS
     extrapolated_s: Float[np.ndarray, " k"]
+
+
+_REMEMBERED = Recs._fields[2:]
 
 
 def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
@@ -54,7 +60,7 @@ def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
     of_recs = (phase_rad, detected.magnitude_sigma, snapshots.e1.cn0_dbhz, extrapolated_s)
     lost = np.cumsum(~snapshots.e1.seen, axis=0)
     for column, svid in enumerate(snapshots.svids):
-        before = np.array(evidence.carrier.get(svid, ()), np.float64).reshape(-1, len(CarrierEpoch._fields)).T
+        before = np.array(evidence.memory.get(svid, ()), np.float64).reshape(-1, len(_REMEMBERED)).T
         rows = np.flatnonzero(detected.tap[:, column] >= 0)
         now = [
             evidence.time_s[rows],
@@ -68,16 +74,14 @@ def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
         )
 
 
-def remembered_carrier(evidence: Evidence, most: int) -> CarrierMemory:
+def remembered_recs(evidence: Evidence, most: int) -> CheckMemory:
     """Return the memory for the next block: the last `most` RECS of each satellite that E1 still tracks, 1 or more."""
     lost = np.count_nonzero(~evidence.measured.snapshots.e1.seen, axis=0)
     found = {}
     for column, recs in enumerate(recs_of_satellites(evidence)):
         last = np.flatnonzero(recs.stretch == lost[column])[-most:]
         if last.size:
-            found[evidence.measured.snapshots.svids[column]] = tuple(
-                CarrierEpoch(*values) for values in np.stack(recs[2:])[:, last].T.tolist()
-            )
+            found[evidence.measured.snapshots.svids[column]] = tuple(np.stack(recs[2:])[:, last].T.ravel().tolist())
     return found
 
 

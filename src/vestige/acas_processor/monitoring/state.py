@@ -7,15 +7,7 @@ from dataclasses import dataclass, field
 
 from vestige.acas_processor.monitoring.alarm import AlarmState
 from vestige.acas_processor.monitoring.baseline import Baseline
-from vestige.acas_processor.monitoring.memory import (
-    CarrierMemory,
-    ClockMemory,
-    FixMemory,
-    MissMemory,
-    OsnmaMemory,
-    RateMemory,
-    Vector,
-)
+from vestige.acas_processor.monitoring.memory import CheckMemory, FixMemory, OsnmaMemory, Vector
 from vestige.records.checks import CheckName
 from vestige.records.time_uncertainty import TimeUncertainty
 from vestige.time import GalileoTime
@@ -40,12 +32,8 @@ class ReceiverState:
     baseline: Baseline = field(default_factory=Baseline)  # reference levels of power, C/N0 and noise floor
     position_m: Vector | None = None  # ECEF position of the last fix; None before the first
     fix: FixMemory | None = None  # last fix, which limits the position of the receiver; None before the first
-    # memory of single checks
-    clock: ClockMemory = ()
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
-    rates: RateMemory | None = None
-    misses: MissMemory = field(default_factory=dict)
-    carrier: CarrierMemory = field(default_factory=dict)
+    memory: Mapping[CheckName | str, CheckMemory] = field(default_factory=dict)  # by check
     search: SearchMemory = field(default_factory=SearchMemory)
     # number of last tests in a row that failed, by satellite, for each check that needs confirmation
     streaks: Mapping[CheckName | str, Mapping[int, int]] = field(default_factory=dict)

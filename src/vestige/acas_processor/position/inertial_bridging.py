@@ -14,14 +14,14 @@ path also gives the velocities at both ends.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.monitoring.memory import RateMemory, SatelliteRate
+from vestige.acas_processor.monitoring.memory import RECEIVER, CheckMemory
 from vestige.navigation.earth import local_axes_at
 from vestige.records.times import GalileoTimes
 
@@ -86,40 +86,50 @@ def rate_steps(evidence: Evidence) -> RateSteps:
     )
 
 
-def remembered_rates(evidence: Evidence) -> RateMemory | None:
-    """Return the memory for the next block."""
+def remembered_rates(evidence: Evidence) -> CheckMemory:
+    """Return the memory for the next block; empty without a position at the last RECS.
+
+    The numbers of the receiver are time (GST second and fraction), position (ECEF) and whether the increments since the
+    RECS have no gap, and then those of each increment: the time of its end, and velocity (east, north, up). Each
+    satellite has its range rate, its range rate for a receiver and a clock at rest, the σ of the range rate and the
+    unit vector to the satellite (ECEF).
+    """
     snapshots = evidence.measured.snapshots
     after = int(np.max(np.flatnonzero(snapshots.recs), initial=-1)) + 1
-    last = _left_behind(evidence, after - 1) if after and snapshots.increments is not None else evidence.rates
+    last = _left_behind(evidence, after - 1) if after and snapshots.increments is not None else evidence.memory
     return _with_increments(evidence, last, after, evidence.shape[0])
 
 
-def _with_increments(evidence: Evidence, left: RateMemory | None, first: int, last: int) -> RateMemory | None:
+_OF_END, _OF_INCREMENT = 6, 5  # numbers of the receiver in its memory
+
+
+def _with_increments(evidence: Evidence, left: CheckMemory, first: int, last: int) -> CheckMemory:
     """Return the memory of an epoch, with the increments of the rows from `first` to before `last` added."""
     increments = evidence.measured.snapshots.increments
-    if left is None or increments is None:
-        return None
-    here = np.flatnonzero((increments.epoch >= first) & (increments.epoch < last)).tolist()
-    more = tuple((increments.time.at(k), tuple(increments.delta_velocity_mps[k].tolist())) for k in here)
-    covered = left.covered and bool(np.all(increments.covered[first:last]))
-    return replace(left, increments=(*left.increments, *more), covered=covered)
+    if not left or increments is None:
+        return {}
+    here = (increments.epoch >= first) & (increments.epoch < last)
+    time = increments.time[np.flatnonzero(here)]
+    more = np.column_stack([time.second, time.fraction, increments.delta_velocity_mps[here]])
+    *end, covered = left[RECEIVER][:_OF_END]
+    covered = float(bool(covered) and bool(np.all(increments.covered[first:last])))
+    return {**left, RECEIVER: (*end, covered, *left[RECEIVER][_OF_END:], *more.ravel().tolist())}
 
 
-def _left_behind(evidence: Evidence, epoch: int) -> RateMemory | None:
-    """Return the memory of an epoch; None without a position."""
+def _left_behind(evidence: Evidence, epoch: int) -> CheckMemory:
+    """Return the memory of an epoch; empty without a position."""
     found, snapshots = evidence.measured.fix, evidence.measured.snapshots
     if found is None or not found.fix.valid[epoch]:
-        return None
-    x, y, z = found.fix.position_m[epoch].tolist()
-    satellites = {}
+        return {}
+    time = snapshots.time.at(epoch)
+    memory = {RECEIVER: (float(time.gst_seconds), time.fraction, *found.fix.position_m[epoch].tolist(), 1.0)}
     for column, svid in enumerate(snapshots.svids):
         here = (epoch, column)
         rate, static = float(found.range_rate_mps[here]), float(found.static_range_rate_mps[here])
         if np.isfinite(rate) and np.isfinite(static):
-            e_x, e_y, e_z = (-found.fix.geometry[epoch, column, :3]).tolist()
-            sigma = float(found.sigma_rate_mps[here])
-            satellites[svid] = SatelliteRate(rate_mps=rate, static_mps=static, sigma_mps=sigma, towards=(e_x, e_y, e_z))
-    return RateMemory(time=snapshots.time.at(epoch), position_m=(x, y, z), satellites=satellites)
+            towards = (-found.fix.geometry[epoch, column, :3]).tolist()
+            memory[svid] = (rate, static, float(found.sigma_rate_mps[here]), *towards)
+    return memory
 
 
 class _Ends(NamedTuple):
@@ -137,7 +147,7 @@ class _Ends(NamedTuple):
 
 def _ends(evidence: Evidence, recs: Int64[np.ndarray, " k"]) -> _Ends:
     """Return k + 1 ends; without a RECS before the block, the first end has no position."""
-    found, snapshots, left = evidence.measured.fix, evidence.measured.snapshots, evidence.rates
+    found, snapshots, left = evidence.measured.fix, evidence.measured.snapshots, evidence.memory
     q, m = recs.size + 1, len(snapshots.svids)
     valid = np.zeros(q, np.bool_)
     position_m = np.full((q, 3), np.nan)
@@ -150,14 +160,13 @@ def _ends(evidence: Evidence, recs: Int64[np.ndarray, " k"]) -> _Ends:
         rate_mps[1:] = np.where(known, found.range_rate_mps[recs], np.nan)
         static_mps[1:], sigma_mps[1:] = found.static_range_rate_mps[recs], found.sigma_rate_mps[recs]
         towards[1:] = -found.fix.geometry[recs, :, :3]
-    if left is not None:
-        time.second[0], time.fraction[0] = left.time.gst_seconds, left.time.fraction
-        valid[0], position_m[0] = True, left.position_m
+    if left:
+        second, fraction, *place = left[RECEIVER][: _OF_END - 1]
+        time.second[0], time.fraction[0] = int(second), fraction
+        valid[0], position_m[0] = True, place
         for column, svid in enumerate(snapshots.svids):
-            if svid in left.satellites:
-                one = left.satellites[svid]
-                rate_mps[0, column], static_mps[0, column] = one.rate_mps, one.static_mps
-                sigma_mps[0, column], towards[0, column] = one.sigma_mps, one.towards
+            if svid in left:
+                rate_mps[0, column], static_mps[0, column], sigma_mps[0, column], *towards[0, column] = left[svid]
     return _Ends(time, valid, position_m, rate_mps, static_mps, sigma_mps, towards)
 
 
@@ -173,22 +182,21 @@ class _Sensed(NamedTuple):
 
 
 def _sensed(evidence: Evidence, recs: Int64[np.ndarray, " k"]) -> _Sensed:
-    increments, left = evidence.measured.snapshots.increments, evidence.rates
+    increments, left = evidence.measured.snapshots.increments, evidence.memory
     if increments is None:
         return _Sensed(GalileoTimes.of(()), np.zeros((0, 3)), recs, recs, recs > 0)
-    before = () if left is None else left.increments
-    earlier = GalileoTimes.of(time for time, _ in before)
+    of_receiver = left.get(RECEIVER, ())
+    before = np.array(of_receiver[_OF_END:]).reshape(-1, _OF_INCREMENT)
     step = np.append(np.zeros(len(before), np.int64), np.searchsorted(recs, increments.epoch))
     gaps = np.append(0, np.cumsum(~increments.covered))[np.append(0, recs + 1)]
     covered = np.diff(gaps) == 0
-    covered[:1] &= left is None or left.covered
+    covered[:1] &= not left or bool(of_receiver[_OF_END - 1])
     return _Sensed(
         time=GalileoTimes(
-            np.append(earlier.second, increments.time.second), np.append(earlier.fraction, increments.time.fraction)
+            np.append(before[:, 0].astype(np.int64), increments.time.second),
+            np.append(before[:, 1], increments.time.fraction),
         ),
-        delta_velocity_mps=np.concatenate(
-            [np.array([one for _, one in before]).reshape(-1, 3), increments.delta_velocity_mps]
-        ),
+        delta_velocity_mps=np.concatenate([before[:, 2:], increments.delta_velocity_mps]),
         step=step,
         number=np.bincount(step, minlength=recs.size + 1)[: recs.size],
         covered=covered,

@@ -30,6 +30,7 @@ from vestige.records.snapshot_block import BankBlock, E1Block, FrontEndBlock, Sn
 from vestige.records.times import GalileoTimes
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.stored import StoredScenario
+from vestige.theory.search_budget import SEARCH_P_FA
 from vestige.time import GalileoTime
 
 Columns = Mapping[str, np.ndarray]  # columns by name
@@ -111,7 +112,7 @@ def measured_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str
 
 
 def e1_columns(snapshots: SnapshotBlock, finds: SearchFinds) -> dict[str, np.ndarray]:
-    """Return the values of `E1_COLUMNS`; `finds` are the results that the receiver's searches would have."""
+    """Return the values of `E1_COLUMNS`; `finds` are the results that searches with `SEARCH_P_FA` would have."""
     if snapshots.e1.taps is None:
         raise TypeError("E1 of this receiver is not tracked between RECS")
     return {
@@ -252,7 +253,7 @@ def _front_ends(columns: Columns) -> dict[Band, FrontEndBlock]:
 def _searches(scenario: CampaignScenario | StoredScenario, columns: Columns, recs: RecsBlock) -> KnownSearches | None:
     if "e1_signals" not in columns:
         return None
-    finds = SearchFinds(**{of: _double(columns[name]) for name, of in _FINDS.items()})
+    finds = SearchFinds(p_fa=SEARCH_P_FA, **{of: _double(columns[name]) for name, of in _FINDS.items()})
     return KnownSearches(finds=finds, start=scenario.start_time, recs=recs)
 
 

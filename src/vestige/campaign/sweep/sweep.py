@@ -38,7 +38,7 @@ from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError
 from vestige.output import replacement
 from vestige.scenario.campaign import CampaignScenario
-from vestige.scenario.processor_table import ProcessorTable
+from vestige.scenario.tables.processor_table import ProcessorTable
 from vestige.theory.thresholds import probability_of_detection
 
 if TYPE_CHECKING:

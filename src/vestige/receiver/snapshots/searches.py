@@ -2,8 +2,9 @@
 
 The results are drawn at both fidelities: in samples an exhaustive search of 30 s takes minutes. E6 has a result only if
 the receiver has the key, and if the earliest signal provably arrived before the key was disclosed. E1 has a result also
-without the key. The detections of each epoch are drawn for `SEARCH_P_FA`, or come from stored results. This module
-decides which detections may be reported.
+without the key. The detections of each epoch are drawn for the false-alarm probability that the processor asks for, or
+come from stored results. Stored results belong to a single false-alarm probability. This module decides which
+detections may be reported.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from jaxtyping import Bool, Float, Int8
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.osnma.disclosure import provably_before_disclosure
+from vestige.errors import VestigeError
 from vestige.receiver.correlators.search_outcome import WINDOW_S, search_outcome
 from vestige.receiver.snapshots.assistance import recs_block
 from vestige.receiver.snapshots.e1 import single
@@ -23,7 +25,6 @@ from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
 from vestige.records.recs_block import RecsBlock
 from vestige.records.snapshot_block import SEARCH_NOT_RUN, SearchBlock, SearchRequest
 from vestige.records.times import GalileoTimes
-from vestige.theory.search_budget import SEARCH_P_FA
 from vestige.time import GalileoTime
 
 _NO_E1, _NO_RECS, _NOT_FOUND = (
@@ -44,6 +45,7 @@ class SearchFinds:
     the satellite, so no search is made.
     """
 
+    p_fa: float  # false-alarm probability of one search
     e1_signals: Float[np.ndarray, "n m"]  # signals on E1
     handover_carrying: Float[np.ndarray, "n m"]  # number of these with the encrypted chips
     # delay of the earliest of several signals relative to its range on E1; NaN for a single signal
@@ -63,7 +65,11 @@ class KnownSearches:
     recs: RecsBlock  # RECS and keys of the block
 
     def e1(self, request: SearchRequest) -> SearchBlock:
-        """Return the result of the search of E1 with hand-over to E6."""
+        """Return the result of the search of E1 with hand-over to E6.
+
+        Raises `VestigeError` if the request has another false-alarm probability than the known results.
+        """
+        self._require_p_fa(request)
         rows = request.epoch
         on_e1, provable = self.finds.e1_signals[rows], self._provable(request)
         carrying = np.where(provable, self.finds.handover_carrying[rows], 0.0)
@@ -76,7 +82,11 @@ class KnownSearches:
         )
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
-        """Return the result of the exhaustive search of E6."""
+        """Return the result of the exhaustive search of E6.
+
+        Raises `VestigeError` if the request has another false-alarm probability than the known results.
+        """
+        self._require_p_fa(request)
         rows = request.epoch
         count, provable = self.finds.exhaustive_signals[rows], self._provable(request)
         made = provable & (count > 0)
@@ -88,6 +98,14 @@ class KnownSearches:
             earliest_m=np.where(made, self.finds.exhaustive_earliest_m[rows], np.nan),
             not_run=not_run,
         )
+
+    def _require_p_fa(self, request: SearchRequest) -> None:
+        if request.p_fa != self.finds.p_fa:
+            raise VestigeError(
+                f"stored searches: found results for a false-alarm probability of {self.finds.p_fa:g} of one search, "
+                f"expected {request.p_fa:g} as the processor asks; judge them with search_p_fa = {self.finds.p_fa:g}, "
+                "or simulate the scenario again"
+            )
 
     def _provable(self, request: SearchRequest) -> Bool[np.ndarray, "k m"]:
         """Return which RECS have a key, and a true signal that was provably received before the key was on air."""
@@ -101,7 +119,7 @@ class KnownSearches:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrawnSearches:
-    """Search results of a block, drawn for all its RECS at the first request."""
+    """Search results of a block, drawn for all its RECS at the first request of each false-alarm probability."""
 
     of: ReceiverTruth
     # reception of the last sample of each RECS, in s after the scenario's start
@@ -109,19 +127,34 @@ class DrawnSearches:
 
     def e1(self, request: SearchRequest) -> SearchBlock:
         """Return the result of the search of E1 with hand-over to E6."""
-        return self._known.e1(request)
+        return self._known(request.p_fa).e1(request)
 
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
         """Return the result of the exhaustive search of E6."""
-        return self._known.exhaustive(request)
+        return self._known(request.p_fa).exhaustive(request)
+
+    def finds(self, p_fa: float) -> SearchFinds:
+        """Return the results that searches with a false-alarm probability would have."""
+        return self._known(p_fa).finds
+
+    def _known(self, p_fa: float) -> KnownSearches:
+        if p_fa not in self._drawn:
+            self._drawn[p_fa] = KnownSearches(finds=self._finds(p_fa), start=self._start, recs=self._recs)
+        return self._drawn[p_fa]
 
     @cached_property
-    def _known(self) -> KnownSearches:
-        return KnownSearches(finds=self.finds, start=self.of.simulations[0].start, recs=recs_block(self.of))
+    def _drawn(self) -> dict[float, KnownSearches]:
+        return {}
 
     @cached_property
-    def finds(self) -> SearchFinds:
-        """Results that the searches would have."""
+    def _start(self) -> GalileoTime:
+        return self.of.simulations[0].start
+
+    @cached_property
+    def _recs(self) -> RecsBlock:
+        return recs_block(self.of)
+
+    def _finds(self, p_fa: float) -> SearchFinds:
         of = self.of
         drawn = [
             search_outcome(
@@ -132,7 +165,7 @@ class DrawnSearches:
                 seed=simulation.seed,
                 svid=simulation.svid,
                 first=of.first_recs,
-                p_fa=SEARCH_P_FA,
+                p_fa=p_fa,
                 clock_offset_s=simulation.clock_offset_s,
             )
             for simulation, truth in zip(of.simulations, of.of_recs, strict=True)
@@ -155,6 +188,7 @@ class DrawnSearches:
             axis=1,
         )
         return SearchFinds(
+            p_fa=p_fa,
             e1_signals=found("e1_signals"),
             handover_carrying=found("handover_carrying"),
             handover_earliest_m=found("handover_error_m") - of.e1_error_m,

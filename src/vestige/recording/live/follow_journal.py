@@ -30,7 +30,7 @@ from vestige.output import check_output, naming, replacement
 from vestige.time import GalileoTime
 
 LINES, STATE = "verdicts.jsonl", "state.json"
-FORMAT = 2
+FORMAT = 3
 _MAX_BYTES = 1 << 24
 
 _BLOCK_BYTES = 1 << 20

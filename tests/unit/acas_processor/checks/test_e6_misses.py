@@ -11,6 +11,7 @@ from tests.evidence_builder import evidence, outcome
 
 from vestige.acas_processor.checks.power.e6_misses import E6MissesCheck, MissPrediction, expected_miss_rate
 from vestige.acas_processor.evidence import Evidence
+from vestige.acas_processor.monitoring.memory import CheckMemory
 from vestige.records import Outcome
 from vestige.theory.fading import faded_miss_probability
 
@@ -18,7 +19,7 @@ CHECK = E6MissesCheck(p_fa=2e-5)
 OUTCOMES = {Outcome.PASS: "p", Outcome.FAIL: "f", Outcome.NOT_RUN: "n"}
 
 
-def recs(found: str, cn0_dbhz: Any, *, misses: dict[int, float] | None = None, predicted_pd: float = 0.95) -> Evidence:
+def recs(found: str, cn0_dbhz: Any, *, memory: CheckMemory | None = None, predicted_pd: float = 0.95) -> Evidence:
     """Return evidence of one satellite: `d` is a detection, `m` a miss, `x` a RECS that was not correlated."""
     n = len(found)
     letters = np.array(list(found))
@@ -28,7 +29,7 @@ def recs(found: str, cn0_dbhz: Any, *, misses: dict[int, float] | None = None, p
         noise_power=np.where(letters == "x", np.nan, 1.0)[:, None],
         predicted_pd=predicted_pd,
         e1_cn0_dbhz=np.reshape(np.broadcast_to(cn0_dbhz, n), (n, 1)),
-        misses=misses,
+        memory=memory,
     )
 
 
@@ -64,7 +65,7 @@ def test_a_miss_that_proves_nothing_does_not_count() -> None:
     weak = recs("mmmm", 33.0, predicted_pd=0.89)
     assert said(weak) == "nnnn"
     assert "below 0.9" in outcome(CHECK, weak).reason
-    assert CHECK.remembered(weak) == {}
+    assert CHECK.remember(weak) == {}
     assert "not known" in outcome(CHECK, recs("m", np.nan, predicted_pd=np.nan)).reason
 
 
@@ -78,14 +79,14 @@ def test_reasons_name_the_probability() -> None:
 def test_a_run_goes_on_from_block_to_block(cut: int) -> None:
     found, cn0_dbhz = "dmmmmdmmxmm", np.linspace(32.3, 35.1, 11)
     whole = CHECK.series(recs(found, cn0_dbhz)).statistic
-    misses: dict[int, float] = {7: 1.5}  # of another satellite: it stays
+    memory: CheckMemory = {7: (1.5,)}  # of another satellite: it stays
     pieces = []
     for first in range(0, len(found), cut):
-        part = recs(found[first : first + cut], cn0_dbhz[first : first + cut], misses=misses)
+        part = recs(found[first : first + cut], cn0_dbhz[first : first + cut], memory=memory)
         pieces.append(CHECK.series(part).statistic)
-        misses = dict(CHECK.remembered(part))
+        memory = CHECK.remember(part)
     assert np.concatenate(pieces).tobytes() == whole.tobytes()
-    assert misses == {7: 1.5, **CHECK.remembered(recs(found, cn0_dbhz))}
+    assert memory == {7: (1.5,), **CHECK.remember(recs(found, cn0_dbhz))}
 
 
 def test_a_run_of_any_length_stays_a_number() -> None:

@@ -9,7 +9,8 @@ from scipy.stats import binom
 from steady_evidence import steady_evidence
 from vestige.acas_processor.checks.e6_phase import E6PhaseMonitor
 from vestige.acas_processor.checks.power.e6_fading import E6FadingMonitor
-from vestige.acas_processor.monitoring.recs_windows import remembered_carrier
+from vestige.acas_processor.monitoring.memory import CheckMemory
+from vestige.acas_processor.monitoring.recs_windows import remembered_recs
 from vestige.records import Outcome
 
 NO_RAYS = -200.0
@@ -128,14 +129,14 @@ def test_one_by_one_equals_the_block(
     seen[20:22, 1], magnitude[20:22, 1] = False, np.nan
     whole = monitor.series(steady_evidence(phase_rad, magnitude, seen=seen))
     assert np.count_nonzero(whole.run[:, 0]) > np.count_nonzero(whole.run[:, 1]) > 10
-    carrier: dict[int, object] = {}
+    memory: CheckMemory = {}
     for low, high in zip((0, *cuts), (*cuts, 60), strict=True):
         part = slice(low, high)
-        given = steady_evidence(phase_rad[part], magnitude[part], seen=seen[part], first=low, carrier=carrier)
+        given = steady_evidence(phase_rad[part], magnitude[part], seen=seen[part], first=low, memory=memory)
         found = monitor.series(given)
         np.testing.assert_array_equal(found.statistic, whole.statistic[part])
         np.testing.assert_array_equal(found.threshold, whole.threshold[part])
-        carrier = dict(remembered_carrier(given, 11))
+        memory = remembered_recs(given, 11)
 
 
 def test_elevation_scales_the_rays() -> None:

@@ -26,7 +26,14 @@ import numpy as np
 
 from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.evidence import Evidence
-from vestige.acas_processor.monitoring.recs_windows import last_of, recs_of_satellites, scatter, scatter_threshold
+from vestige.acas_processor.monitoring.memory import CheckMemory
+from vestige.acas_processor.monitoring.recs_windows import (
+    last_of,
+    recs_of_satellites,
+    remembered_recs,
+    scatter,
+    scatter_threshold,
+)
 from vestige.navigation.elevation_model import relative_ray_amplitude
 from vestige.records.checks import CheckName, CheckSeries
 
@@ -88,3 +95,7 @@ class E6FadingMonitor(Monitor):
             return f"the magnitude of E6 scatters {statistic[here]:.1f} times as much as noise does"
 
         return series_of(self, statistic, threshold, explain)
+
+    def remember(self, evidence: Evidence) -> CheckMemory:
+        """Return the last N − 1 RECS of each satellite."""
+        return remembered_recs(evidence, self.window - 1)

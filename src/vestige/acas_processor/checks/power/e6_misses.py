@@ -39,7 +39,7 @@ from vestige.acas_processor.checks.check import Monitor, series_of
 from vestige.acas_processor.checks.power.e6_power import MIN_PD
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
-from vestige.acas_processor.monitoring.memory import MissMemory
+from vestige.acas_processor.monitoring.memory import CheckMemory
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.theory.fading import faded_miss_probability
 
@@ -114,11 +114,11 @@ class E6MissesCheck(Monitor):
 
         return series_of(self, statistic, np.full(evidence.shape, limit), explain)
 
-    def remembered(self, evidence: Evidence) -> MissMemory:
-        """Return the run of misses of every satellite after a block."""
-        return self._runs(evidence)[1]
+    def remember(self, evidence: Evidence) -> CheckMemory:
+        """Return −log₁₀ of the probability of the misses in a row after a block, of each satellite with misses."""
+        return {svid: (run,) for svid, run in self._runs(evidence)[1].items()}
 
-    def _runs(self, evidence: Evidence) -> tuple[Float[np.ndarray, "n m"], MissMemory]:
+    def _runs(self, evidence: Evidence) -> tuple[Float[np.ndarray, "n m"], dict[int, float]]:
         """Return −log₁₀ of the probability of each run of misses (NaN without a run), and the runs after the block.
 
         The sum goes from RECS to RECS in order, so the cut into blocks changes no bit.
@@ -127,7 +127,7 @@ class E6MissesCheck(Monitor):
         detected = (measured.detected.tap >= 0) & (measured.availability == Availability.CORRELATED)
         missed = self.prediction.counting(measured) & ~detected
         decades = -np.log10(np.maximum(self.prediction.probability(measured, missed), _LEAST))
-        after: dict[int, float] = dict(evidence.misses)
+        after = {svid: run for svid, (run,) in evidence.memory.items()}
         for column, svid in enumerate(measured.snapshots.svids):
             run = after.pop(svid, 0.0)
             for row in np.flatnonzero(missed[:, column] | detected[:, column]).tolist():

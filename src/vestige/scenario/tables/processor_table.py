@@ -25,7 +25,7 @@ from vestige.constants import MAX_SVID
 from vestige.own_parts import OwnPartError, is_own
 from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.errors.clock import TwoStateClock
-from vestige.scenario.own_tables import named_part
+from vestige.scenario.tables.own_tables import named_part
 from vestige.scenario.toml.toml_file import InconsistentSettingsError, Section
 
 _DETECTOR = {"anyOf": [{"enum": list(DETECTORS)}, {"type": "string", "pattern": ":"}]}
