@@ -46,7 +46,7 @@ class ExportedSatellite:
     @cached_property
     def tail_s(self) -> float:
         """Time in s from the last transmission to the last sample; every spoofing signal ends before."""
-        return TAIL_S + latest_s(self.simulation.spoofer, self.svid, self.truth.time_s)
+        return tail_after_s(self.simulation, self.truth.time_s)
 
     @cached_property
     def path(self) -> ContinuousTruth:
@@ -171,3 +171,8 @@ class ExportedSatellite:
                 numbers[f"attack{k}_{band}_delay_m"] = effects.delay_m[:, k]
                 numbers[f"attack{k}_{band}_power_db"] = effects.power_db[:, k]
         return columns | {name: [repr(float(value)) for value in values] for name, values in numbers.items()}
+
+
+def tail_after_s(simulation: Simulation, times_s: Float[np.ndarray, " n"]) -> float:
+    """Return the time in s from the last transmission to the last sample of a satellite; `times_s` are its epochs."""
+    return TAIL_S + latest_s(simulation.spoofer, simulation.svid, times_s)
