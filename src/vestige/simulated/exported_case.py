@@ -74,6 +74,7 @@ class AcasTestCase:
     def satellites(self) -> tuple[ExportedSatellite, ...]:
         """All satellites that the receiver sees at any time."""
         message = self.message
+        forged = None if message is None else message.forged(self.scenario.seed)
         return tuple(
             ExportedSatellite(
                 simulation=one,
@@ -81,6 +82,7 @@ class AcasTestCase:
                 first=self.first,
                 end=self.end,
                 symbols=None if message is None else message.symbols(one.svid, one.start),
+                forged_symbols=None if forged is None else forged.symbols(one.svid, one.start),
             )
             for one in self.scenario.simulations
         )

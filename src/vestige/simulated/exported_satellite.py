@@ -31,6 +31,7 @@ class ExportedSatellite:
     first: int
     end: int
     symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
+    forged_symbols: Sequence | None = None  # the same of an attacker's own message; None for random symbols
 
     @property
     def svid(self) -> int:
@@ -87,7 +88,9 @@ class ExportedSatellite:
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
         """Return the received signal of the satellite in a band, and its spoofing signals."""
-        return SatelliteOnAir(simulation=self.simulation, path=self.path, symbols=self.symbols).received(band)
+        return SatelliteOnAir(
+            simulation=self.simulation, path=self.path, symbols=self.symbols, forged_symbols=self.forged_symbols
+        ).received(band)
 
     @cached_property
     def observations(self) -> tuple[E1Observation | None, ...]:

@@ -95,7 +95,7 @@ def test_a_symbol_outside_the_message_is_refused() -> None:
     first = (1200 + 1) * 250  # of subframe 40
     assert symbol(np.arange(first, first + 2 * 7500)).size == 15_000
     for outside in (first - 1, first + 2 * 7500):
-        with pytest.raises(VestigeError, match="E07: found a symbol of .*expected one of the message, from"):
+        with pytest.raises(VestigeError, match=r"E07: found a symbol of .*expected one of the message, from"):
             symbol(np.array([outside]))
 
 

@@ -25,7 +25,7 @@ from vestige.receiver.samples.continuous import ContinuousTruth
 from vestige.receiver.samples.recorder import Propagation, ReceivedSatellite
 from vestige.records import Band
 from vestige.signal_generator.waveform import Component
-from vestige.signals.definitions import CARRIER_HZ
+from vestige.signals.definitions import CARRIER_HZ, E1B
 from vestige.spoofer.spoofer import BandEffects, Spoofer
 
 
@@ -110,16 +110,33 @@ def spoofing_satellites(
     path: ContinuousTruth,
     spoofer: Spoofer,
     band: Band,
-    forged: tuple[Component, ...],
     *,
+    forged_chips: Component,
+    forged_data: Component,
     seed: int,
 ) -> Iterator[ReceivedSatellite]:
-    """Yield the spoofing signals of a satellite in a band; `seed` is the seed of an attacker's estimates."""
-    forged_chips = spoofer.effects(band, true.svid, np.zeros(1)).forged_chips
-    for number, own in enumerate(forged_chips):
+    """Yield the spoofing signals of a satellite in a band.
+
+    Parameters
+    ----------
+    true, path, spoofer, band
+        The true signal, its truth, the attacker, and the band.
+    forged_chips
+        Signal that an attacker invents in place of the true one.
+    forged_data
+        E1-B with an attacker's own data.
+    seed
+        Seed of an attacker's estimates.
+    """
+    effects = spoofer.effects(band, true.svid, np.zeros(1))
+    for number, attack in enumerate(spoofer.attacks):
         signal = ReceivedSpoofingSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)
-        replayed = tuple(spoofer.attacks[number].replayed(one, true.svid, seed) for one in true.components)
-        yield replace(true, components=forged if own else replayed, pseudorange=signal, propagation=signal)
+        sent = true.components
+        if effects.forged_nav_data[number]:
+            sent = tuple(forged_data if one.signal is E1B else one for one in sent)
+        replayed = tuple(attack.replayed(one, true.svid, seed) for one in sent)
+        components = (forged_chips,) if effects.forged_chips[number] else replayed
+        yield replace(true, components=components, pseudorange=signal, propagation=signal)
 
 
 def latest_s(spoofer: Spoofer, svid: int, times_s: Float[np.ndarray, " n"]) -> float:

@@ -14,7 +14,7 @@ from vestige.receiver.simulation import Simulation
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signal_generator.keystream import encrypted_component, encryption_key
-from vestige.signal_generator.waveform import Component, Sequence, coded_component, open_component
+from vestige.signal_generator.waveform import Component, Sequence, coded_component, open_component, random_signs
 from vestige.signals.definitions import E1B, E1C, E6B
 from vestige.streams import stream, stream_key
 
@@ -59,6 +59,7 @@ class SatelliteOnAir:
     simulation: Simulation
     path: ContinuousTruth
     symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
+    forged_symbols: Sequence | None = None  # the same of an attacker's own message; None for random symbols
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
         """Return the true signal in a band, and its spoofing signals."""
@@ -71,8 +72,22 @@ class SatelliteOnAir:
             propagation=self.path.propagation(band, simulation.integration_s),
         )
         secret = stream_key(simulation.seed, "chips that an attacker makes up")
-        forged = (encrypted_component(secret, simulation.svid, simulation.start),)
-        return true, *spoofing_satellites(true, self.path, simulation.spoofer, band, forged, seed=simulation.seed)
+        return true, *spoofing_satellites(
+            true,
+            self.path,
+            simulation.spoofer,
+            band,
+            forged_chips=encrypted_component(secret, simulation.svid, simulation.start),
+            forged_data=self._forged_data(),
+            seed=simulation.seed,
+        )
+
+    def _forged_data(self) -> Component:
+        """Return E1-B with an attacker's own data."""
+        svid = self.simulation.svid
+        if self.forged_symbols is not None:
+            return coded_component(E1B, svid, self.forged_symbols)
+        return coded_component(E1B, svid, random_signs(stream_key(self.simulation.seed, "forged symbols", svid)))
 
     def _components(self, band: Band) -> tuple[Component, ...]:
         seed, start, svid = self.simulation.seed, self.simulation.start, self.simulation.svid
