@@ -9,7 +9,7 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs.group_delay import LSB_S, inter_frequency_delay_s
 from vestige.receiver.samples.attacked_sky import spoofing_satellites
 from vestige.receiver.samples.continuous import ContinuousTruth
-from vestige.receiver.samples.recorder import ReceivedSatellite
+from vestige.receiver.samples.recorder import ReceivedSatellite, stretch_samples
 from vestige.receiver.simulation import Simulation
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
@@ -79,6 +79,7 @@ class SatelliteOnAir:
             band,
             forged_chips=encrypted_component(secret, simulation.svid, simulation.start),
             forged_data=self._forged_data(),
+            stretch_s=stretch_samples(simulation.front_end.sample_rate_hz) / simulation.front_end.sample_rate_hz,
             seed=simulation.seed,
         )
 
