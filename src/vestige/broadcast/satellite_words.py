@@ -112,6 +112,11 @@ class SatelliteWords:
         self._reduced: tuple[GalileoTime, ReducedCed | None] | None = None
 
     @property
+    def system(self) -> SystemData:
+        """Data that all satellites send alike."""
+        return self._system
+
+    @property
     def issues(self) -> tuple[EphemerisIssue, ...]:
         """Ephemerides of the satellite in the order of their issue."""
         return tuple(self._issues)
@@ -178,7 +183,7 @@ class SatelliteWords:
 
     def _reduced_ced(self, start: GalileoTime) -> ReducedCed | None:
         """Return the reduced CED of a subframe; the fit is made once for all its pages."""
-        subframe = start.subframe
-        if self._reduced is None or self._reduced[0] != subframe:
-            self._reduced = subframe, ReducedCed.from_ephemeris(self.ephemeris(start), start)
-        return self._reduced[1]
+        subframe, known = start.subframe, self._reduced  # read once, because threads share the words
+        if known is None or known[0] != subframe:
+            known = self._reduced = subframe, ReducedCed.from_ephemeris(self.ephemeris(start), start)
+        return known[1]

@@ -1,36 +1,42 @@
 """The navigation message of all satellites of a sky: I/NAV words with OSNMA in them, and the symbols of E1-B.
 
-In each subframe the operator of OSNMA authenticates the words of earlier subframes, from all satellites. So a message
-is made once, in the order of time, from the operator's first subframe on. Afterwards any part can be read.
+In each subframe the operator of OSNMA authenticates the words of earlier subframes, from all satellites. Pages are made
+when they are asked for, and a message keeps only a few of them. A page has the same bits in every message that contains
+it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Int8, Int64
 
-from vestige.broadcast.inav_transmission import InavTransmission
+from vestige.broadcast.inav_transmission import InavTransmission, OsnmaSource
+from vestige.broadcast.osnma_fields import OsnmaFields, page_starts
 from vestige.broadcast.satellite_words import EphemerisIssue, SatelliteWords, SystemData
 from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S, SYMBOLS_PER_S
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
+from vestige.crypto.osnma.operator.tag_plan import SUBFRAMES_REMEMBERED
 from vestige.errors import VestigeError
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.navigation.inav.almanac_words import almanac_sets
 from vestige.navigation.inav.ephemeris_words import as_broadcast
 from vestige.navigation.inav.ionosphere import NO_IONOSPHERE, BroadcastIonosphere
-from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S, InavPage
+from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, OSNMA_BYTES, PAGE_S, InavPage
 from vestige.navigation.inav.timing_words import UtcModel
-from vestige.navigation.inav.words import word_type
 from vestige.navigation.reissue import referred_to
+from vestige.streams import stream_key
 from vestige.time import GalileoTime
 
 _ISSUE_S = 600  # a new issue every ten minutes, as on air
 _ISSUES = 128  # IODnav as on air: it counts the ten minutes of its toe
 Symbols = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]
 _SYMBOLS_A_PAGE = PAGE_S * SYMBOLS_PER_S
+_PAGES_KEPT = 16  # of each satellite; a delayed signal is seldom more than a page behind the workers
+_FORGED_CLOCK_S = 2.0**-20  # 286 m, a multiple of the resolution of word 4
 
 
 def ephemeris_issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[EphemerisIssue]:
@@ -52,18 +58,31 @@ def ephemeris_issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime)
 
 @dataclass(frozen=True, kw_only=True)
 class SkyMessage:
-    """E1-B messages of the satellites of a sky: their I/NAV pages, and the transmissions that make the pages.
+    """E1-B messages of the satellites of a sky, over whole subframes.
 
     Attributes
     ----------
-    pages
-        The pages of each satellite by SVID, in the order of time, one every 2 s.
     transmissions
-        Transmission of each satellite, which makes the pages, by SVID.
+        Transmission of each satellite, which makes its pages, by SVID.
+    first
+        Start of the first subframe.
+    n_subframes
+        Number of subframes.
     """
 
-    pages: Mapping[int, tuple[InavPage, ...]]
     transmissions: Mapping[int, InavTransmission]
+    first: GalileoTime
+    n_subframes: int
+
+    @property
+    def pages(self) -> dict[int, tuple[InavPage, ...]]:
+        """All pages of each satellite by SVID, in the order of time, one every 2 s. They are made at each access."""
+        made: dict[int, list[InavPage]] = {svid: [] for svid in self.transmissions}
+        for number in range(self.n_subframes):
+            starts = page_starts(self.first + float(SUBFRAME_S * number))
+            for svid, one in self.transmissions.items():
+                made[svid] += [one.page(time) for time in starts]
+        return {svid: tuple(of_one) for svid, of_one in made.items()}
 
     def symbols(self, svid: int, reference: GalileoTime) -> Symbols:
         """Return the symbols of a satellite as ±1 by their number after a whole second; logic 0 is +1.
@@ -77,19 +96,19 @@ class SkyMessage:
         reference
             A whole second, at which symbol 0 begins.
         """
-        made: dict[int, Int8[np.ndarray, " 500"]] = {}
-        pages, transmission = self.pages[svid], self.transmissions[svid]
-        before = (reference.gst_seconds - pages[0].time.gst_seconds) * SYMBOLS_PER_S
+        transmission, n_pages = self.transmissions[svid], self.n_subframes * PAGES_A_SUBFRAME
+        first = self.first + float(FIRST_PAGE_OFFSET_S)
+        before = (reference.gst_seconds - first.gst_seconds) * SYMBOLS_PER_S
 
+        @lru_cache(maxsize=_PAGES_KEPT)
         def page(number: int) -> Int8[np.ndarray, " 500"]:
-            if number not in made:
-                if not 0 <= number < len(pages):
-                    raise VestigeError(
-                        f"E{svid:02d}: the message goes from {pages[0].time} to {pages[-1].time}; found a symbol "
-                        f"{number} pages after its beginning"
-                    )
-                made[number] = np.int8(1) - np.int8(2) * transmission.symbols(pages[number].time).astype(np.int8)
-            return made[number]
+            start = first + float(PAGE_S * number)
+            if not 0 <= number < n_pages:
+                raise VestigeError(
+                    f"E{svid:02d}: found a symbol of {start}, expected one of the message, from {first} to "
+                    f"{first + float(PAGE_S * n_pages)}"
+                )
+            return np.int8(1) - np.int8(2) * transmission.symbols(start).astype(np.int8)
 
         def symbol(index: Int64[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
             number, place = np.divmod(index + before, _SYMBOLS_A_PAGE)
@@ -101,25 +120,66 @@ class SkyMessage:
 
         return symbol
 
+    def forged(self, seed: int) -> SkyMessage:
+        """Return the message that an attacker invents: own words, and tags and keys that are not valid.
+
+        The clock of every satellite is 2⁻²⁰ s later (0.95 µs, 286 m) in all words that contain it. The attacker repeats
+        the public HKROOT bytes. He cannot know the keys, so the MACK bits are random.
+
+        Parameters
+        ----------
+        seed
+            Seed of the MACK bits.
+        """
+        return replace(
+            self,
+            transmissions={
+                svid: replace(one, words=_with_later_clock(one.words), osnma=_invented_mack(one.osnma, seed))
+                for svid, one in self.transmissions.items()
+            },
+        )
+
+
+def _with_later_clock(words: SatelliteWords) -> SatelliteWords:
+    issues = [
+        replace(one, ephemeris=replace(one.ephemeris, af0_s=one.ephemeris.af0_s + _FORGED_CLOCK_S))
+        for one in words.issues
+    ]
+    return SatelliteWords(issues, words.system, fec2=words.fec2)
+
+
+def _invented_mack(true: OsnmaSource, seed: int) -> OsnmaSource:
+    """Return fields with the HKROOT byte of the true field and four random bytes."""
+
+    def field(svid: int, start: GalileoTime) -> bytes:
+        key = stream_key(seed, "MACK that an attacker invents", svid, start.gst_seconds)
+        return true(svid, start)[:1] + key[: OSNMA_BYTES - 1]
+
+    return field
+
 
 def make_sky_message(
     ephemerides: Iterable[Ephemeris],
     operator: OsnmaOperator,
     end: GalileoTime,
     *,
+    first: GalileoTime | None = None,
     almanac: Iterable[Ephemeris] = (),
     ionosphere: BroadcastIonosphere = NO_IONOSPHERE,
 ) -> SkyMessage:
-    """Return the message of some satellites from the operator's first subframe on.
+    """Return the message of some satellites.
 
     Parameters
     ----------
     ephemerides
         One ephemeris of each satellite that sends.
     operator
-        Operator that makes the OSNMA fields; no field has been made yet.
+        Operator that makes the OSNMA fields; the message keeps it for itself.
     end
         Time up to which the message must last.
+    first
+        Time in the first subframe of the message; None for the operator's first subframe. Pages have the same bits for
+        any `first`.
     almanac
         One ephemeris of each satellite of the constellation, for words 7 to 10. Without any ephemeris, word 0 is sent
         instead.
@@ -129,32 +189,21 @@ def make_sky_message(
     Raises
     ------
     VestigeError
-        If an ephemeris does not fit into its words; the message names the satellite.
+        If an ephemeris does not fit into its words; the message names the satellite. Pages raise this error if the
+        operator does not broadcast then.
     """
     start = operator.configuration.start
+    begin = start if first is None else max(first.subframe, start)
+    remembered = max(begin + -float(SUBFRAME_S * SUBFRAMES_REMEMBERED), start)
     system = SystemData(
         utc=UtcModel.at(start),
         ionosphere=ionosphere,
         almanac=almanac_sets(tuple(almanac), start + -float(start.gst_seconds % _ISSUE_S)),
     )
-    fields: dict[tuple[int, GalileoTime], bytes] = {}
-    transmissions = {
-        one.svid: InavTransmission(
-            words=SatelliteWords(tuple(ephemeris_issues(one, start, end)), system),
-            osnma=lambda svid, time: fields[svid, time],
-        )
-        for one in ephemerides
-    }
-    subframes = int((end - start) // SUBFRAME_S) + 1
-    pages: dict[int, list[InavPage]] = {svid: [] for svid in transmissions}
-    for number in range(subframes):
-        subframe = start + float(SUBFRAME_S * number)
-        starts = [subframe + float(FIRST_PAGE_OFFSET_S + PAGE_S * k) for k in range(PAGES_A_SUBFRAME)]
-        words = {svid: [one.words.word(time) for time in starts] for svid, one in transmissions.items()}
-        made = operator.subframe(
-            subframe, {svid: {word_type(word): word for word in sent} for svid, sent in words.items()}
-        )
-        for svid, of_pages in made.items():
-            fields |= {(svid, time): field for time, field in zip(starts, of_pages, strict=True)}
-            pages[svid] += [transmissions[svid].page(time) for time in starts]
-    return SkyMessage(pages={svid: tuple(made) for svid, made in pages.items()}, transmissions=transmissions)
+    words = {one.svid: SatelliteWords(tuple(ephemeris_issues(one, remembered, end)), system) for one in ephemerides}
+    fields = OsnmaFields(operator=operator, words=words)
+    return SkyMessage(
+        transmissions={svid: InavTransmission(words=one, osnma=fields) for svid, one in words.items()},
+        first=begin,
+        n_subframes=int((end - begin) // SUBFRAME_S) + 1,
+    )

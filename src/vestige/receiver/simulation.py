@@ -56,6 +56,7 @@ SVID = 11  # the paper's single line of sight needs a name
 KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # alpha does not change the time at which a key is sent
 CLOCK_FOLLOWS_S = 0.1  # a travel time grows by less, so a larger delay is an error of the clock
 _STREAMS_A_SATELLITE = 1 << 16
+_AFTER_LAST_EPOCH_S = 2.0  # longer than the samples and the message go on after the last epoch, without a delay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +87,7 @@ class Simulation:
     truth_interval_s: float | None = None
     # time that a receiver takes to acquire after it lost E1 or was restarted, until it has measurements again
     reacquisition_s: float = REACQUISITION_S
+    longest_delay_s: float = 0.0  # upper limit of the delays of spoofing signals under a sky
 
     def truth(self) -> TruthProcess:
         """Return the truth process in its state at the start."""
@@ -117,7 +119,10 @@ class Simulation:
 
     @property
     def _subframes(self) -> int:
-        return int(self.n_epochs * self.interval_s / SUBFRAME_S) + 3
+        """Number of subframes of the OSNMA operator from the start on: one for each key, and each sample's message."""
+        duration_s = self.n_epochs * self.interval_s
+        message_s = self.start - self.start.subframe + duration_s + self.longest_delay_s + _AFTER_LAST_EPOCH_S
+        return max(int(duration_s / SUBFRAME_S) + 3, int(message_s / SUBFRAME_S) + 1)
 
     def e1_multipath_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
         """Return the range error that multipath causes on E1, in m."""

@@ -280,12 +280,13 @@ class CampaignScenario(Section):
         if self.constellation is None or self.trajectory is None:
             return (one,)
         service = self.osnma.service(self.start_time, self.epochs * self.interval_s)
+        delay_s = longest_delay_s(self.attack)
         sky = satellites_in_view(
             self.constellation,
             self.trajectory,
             self.start_time,
             duration_s=self.epochs * self.interval_s + max(-self.receiver.clock_offset_s, 0.0),
-            longest_delay_s=longest_delay_s(self.attack) + max(self.receiver.clock_offset_s, 0.0),
+            longest_delay_s=delay_s + max(self.receiver.clock_offset_s, 0.0),
         )
         return tuple(
             replace(
@@ -306,6 +307,7 @@ class CampaignScenario(Section):
                 osnma=service,
                 cn0_dbhz=one.cn0_dbhz + effects.nominal_db,
                 cn0_e1_dbhz=one.cn0_e1_dbhz + effects.nominal_db,
+                longest_delay_s=delay_s,
             )
             for effects in (through_atmosphere(one, self.atmosphere.models()) for one in sky)
         )

@@ -149,6 +149,13 @@ def check_disclosed(attacks: Sequence[Attack], sent_s: Sequence[float], key_dela
 
 def longest_delay_s(attacks: Sequence[Attack]) -> float:
     """Return the longest delay of the spoofing signals of some attacks in s, with a margin for the travel time."""
-    delays_s = [getattr(attack, "delay_s", 0.0) for attack in attacks]
-    delays_s += [extremes(attack.delay_m)[1] / SPEED_OF_LIGHT_MPS for attack in attacks if hasattr(attack, "delay_m")]
+    delays_s = [
+        getattr(attack, "delay_s", 0.0) + extremes(getattr(attack, "range_offset_m", 0.0))[1] / SPEED_OF_LIGHT_MPS
+        for attack in attacks
+    ]
+    delays_s += [
+        (extremes(attack.delay_m)[1] + getattr(attack, "e6_lag_m", 0.0)) / SPEED_OF_LIGHT_MPS
+        for attack in attacks
+        if hasattr(attack, "delay_m")
+    ]
     return max(delays_s, default=-_WAY_S) + _WAY_S

@@ -77,7 +77,7 @@ def _add_block(x, levels, u, step, cos, sin, re, im, index):
 
 
 @njit(cache=True, nogil=True)
-def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler_hz, doppler_rate):
+def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler_hz, doppler_rate, growth=0.0):
     """Add the signal that arrives by one path to samples.
 
     Parameters
@@ -96,6 +96,8 @@ def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler
         Amplitude with the phase of the carrier, complex128.
     doppler_hz, doppler_rate
         Frequency of the carrier in the samples in Hz, and its rate of change in Hz/s.
+    growth
+        Relative growth of the amplitude per s, new for each block.
     """
     n_samples = x.size // 2
     n_blocks = -(-n_samples // BLOCK)
@@ -114,7 +116,7 @@ def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler
         centre = start + MIDDLE * dt
         step = (rate + acceleration * centre) * dt
         u = code + rate * centre + 0.5 * acceleration * centre * centre - MIDDLE * step
-        a = amplitude * turn_at(doppler_hz, doppler_rate, centre)
+        a = amplitude * turn_at(doppler_hz, doppler_rate, centre) * (1.0 + growth * centre)
         _add_block(
             x[2 * b * BLOCK : 2 * (b * BLOCK + n)],
             levels,

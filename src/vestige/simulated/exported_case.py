@@ -21,18 +21,19 @@ from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.errors import VestigeError
 from vestige.receiver.samples.recorder import ReceivedSatellite
+from vestige.receiver.samples.sampled_epoch import SUBFRAMES_BEFORE
 from vestige.receiver.samples.spoofer_interference import SpooferInterference
 from vestige.receiver.simulation import Simulation
 from vestige.records import Assistance, Band, EncryptedSegment, GroupDelay
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.scenario.campaign import CampaignScenario
 from vestige.simulated.exported_receiver import ExportedReceiver
-from vestige.simulated.exported_satellite import ExportedSatellite
+from vestige.simulated.exported_satellite import ExportedSatellite, tail_after_s
 from vestige.time import GalileoTime
 
 PLACED_M = 25_000_000.0  # default range if the scenario gives none; Galileo satellites are 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # largest range rate, of a receiver in a low orbit
-_MESSAGE_AFTER_S = 5.0  # duration of the message beyond the last epoch, and largest delay of a spoofing signal
+_MESSAGE_SPARE_S = 1.0  # duration of the message beyond the last sample
 PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # range of travel times in which a recording is processed
 
 
@@ -73,6 +74,7 @@ class AcasTestCase:
     def satellites(self) -> tuple[ExportedSatellite, ...]:
         """All satellites that the receiver sees at any time."""
         message = self.message
+        forged = None if message is None else message.forged(self.scenario.seed)
         return tuple(
             ExportedSatellite(
                 simulation=one,
@@ -80,6 +82,7 @@ class AcasTestCase:
                 first=self.first,
                 end=self.end,
                 symbols=None if message is None else message.symbols(one.svid, one.start),
+                forged_symbols=None if forged is None else forged.symbols(one.svid, one.start),
             )
             for one in self.scenario.simulations
         )
@@ -94,17 +97,37 @@ class AcasTestCase:
             [one.elevation.path.ephemeris for one in scenario.simulations if one.elevation is not None],
             self.simulation.osnma_operator(),
             self._message_end,
+            first=self._message_begin,
             almanac=constellation.ephemerides(scenario.start_time),
             ionosphere=scenario.atmosphere.models().broadcast,
         )
 
     @property
+    def _message_begin(self) -> GalileoTime | None:
+        """Time in the first subframe of the message; with events, None for all subframes of the operator.
+
+        The message begins as long before the first epoch as the operator begins before the scenario. So slow tags have
+        data to authenticate, and the longest delay of a spoofing signal is covered.
+        """
+        if self.simulation.osnma.events:
+            return None
+        first = self.scenario.start_time + self.first * self.scenario.interval_s
+        return first.subframe + -float(SUBFRAME_S * SUBFRAMES_BEFORE)
+
+    @property
     def _message_end(self) -> GalileoTime:
-        """Least end time of the message: with events, the end of the subframe after the last epoch."""
+        """Least end time of the message: after the last sample; with events, the end of the subframe at least."""
         last = self.scenario.start_time + self.end * self.scenario.interval_s
+        end = last + (self.tail_s + _MESSAGE_SPARE_S)
         if not self.simulation.osnma.events:
-            return last + _MESSAGE_AFTER_S
-        return last.subframe + (2.0 * SUBFRAME_S - 1.0)  # contains the keys of the last RECS
+            return end
+        return max(end, last.subframe + (2.0 * SUBFRAME_S - 1.0))  # contains the keys of the last RECS
+
+    @cached_property
+    def tail_s(self) -> float:
+        """Time in s from the last transmission to the last sample; every spoofing signal ends before."""
+        times_s = self.scenario.interval_s * np.arange(self.first, self.end)
+        return max(tail_after_s(one, times_s) for one in self.scenario.simulations)
 
     @cached_property
     def heard(self) -> OsnmaReceiver | None:
@@ -121,8 +144,7 @@ class AcasTestCase:
     def samples(self) -> range:
         """Numbers of the samples from epoch `first` on, counted from the scenario's start; see `tail_s`."""
         rate_hz, sent_s = self.scenario.receiver.sample_rate_hz, self.satellites[0].truth.time_s
-        tail_s = max(one.tail_s for one in self.satellites)
-        return range(int(sent_s[0] * rate_hz), int(np.ceil((sent_s[-1] + tail_s) * rate_hz)))
+        return range(int(sent_s[0] * rate_hz), int(np.ceil((sent_s[-1] + self.tail_s) * rate_hz)))
 
     def sky(self, band: Band) -> tuple[ReceivedSatellite, ...]:
         """Return all signals in a band, including spoofing signals."""

@@ -31,6 +31,7 @@ class ExportedSatellite:
     first: int
     end: int
     symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
+    forged_symbols: Sequence | None = None  # the same of an attacker's own message; None for random symbols
 
     @property
     def svid(self) -> int:
@@ -46,7 +47,7 @@ class ExportedSatellite:
     @cached_property
     def tail_s(self) -> float:
         """Time in s from the last transmission to the last sample; every spoofing signal ends before."""
-        return TAIL_S + latest_s(self.simulation.spoofer, self.svid, self.truth.time_s)
+        return tail_after_s(self.simulation, self.truth.time_s)
 
     @cached_property
     def path(self) -> ContinuousTruth:
@@ -87,7 +88,9 @@ class ExportedSatellite:
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
         """Return the received signal of the satellite in a band, and its spoofing signals."""
-        return SatelliteOnAir(simulation=self.simulation, path=self.path, symbols=self.symbols).received(band)
+        return SatelliteOnAir(
+            simulation=self.simulation, path=self.path, symbols=self.symbols, forged_symbols=self.forged_symbols
+        ).received(band)
 
     @cached_property
     def observations(self) -> tuple[E1Observation | None, ...]:
@@ -171,3 +174,8 @@ class ExportedSatellite:
                 numbers[f"attack{k}_{band}_delay_m"] = effects.delay_m[:, k]
                 numbers[f"attack{k}_{band}_power_db"] = effects.power_db[:, k]
         return columns | {name: [repr(float(value)) for value in values] for name, values in numbers.items()}
+
+
+def tail_after_s(simulation: Simulation, times_s: Float[np.ndarray, " n"]) -> float:
+    """Return the time in s from the last transmission to the last sample of a satellite; `times_s` are its epochs."""
+    return TAIL_S + latest_s(simulation.spoofer, simulation.svid, times_s)

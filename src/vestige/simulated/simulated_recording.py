@@ -45,6 +45,7 @@ Say = Callable[[str], None]
 SCALES: Mapping[SampleType, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
 _PROBE_S = 0.05
 _KEPT_BATCHES = 50  # half a second, the most that is made again after a process was killed
+_LONG_S = 900.0  # length of a recording whose other files take seconds
 _WRITING = 1.5  # time for synthesis, conversion, checksum and disk as a multiple of synthesis alone
 
 
@@ -224,7 +225,8 @@ class SimulatedRecording:
         progress
             Called with the band, the number of samples that are written, and the number of all samples.
         say
-            Called with a line if a recording is resumed, and with a line at the end if samples clip.
+            Called with a line if a recording is resumed, with a line before the other files of a long recording are
+            written, and with a line at the end if samples clip.
 
         Raises
         ------
@@ -245,6 +247,8 @@ class SimulatedRecording:
             if left and say is not None:
                 there = [f"{n / self.sample_rate_hz:.2f} s of {band.value}" for band in Band if (n := left.get(band))]
                 say(f"{folder}: resumes an interrupted recording; already there: {', '.join(there)}")
+            if self.duration_s > _LONG_S and say is not None:
+                say(f"{folder}: writes message, truth and assistance before the samples")
             (part / "scenario.toml").write_text(scenario_text, encoding="utf-8", newline="\n")
             self.companions(part)
             metas, clipped = self._write_samples(unfinished, form, workers, progress)

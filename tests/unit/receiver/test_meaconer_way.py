@@ -43,7 +43,18 @@ def test_a_satellite_is_late_by_the_way_over_the_antenna(settings: tuple[str, ..
         sent_m = ecef_from_geodetic(*np.radians([[ANTENNA[0]], [ANTENNA[1]]]), np.array([ANTENNA[2]]))
         assert np.linalg.norm(fixed.motion(t_s).position_m - sent_m, axis=1).max() < 1e-6
         expected_m = type(path)(ephemeris=path.ephemeris, start=path.start, trajectory=fixed).range_m(t_s)
-        assert received_m == pytest.approx(expected_m, abs=0.02)
+        assert received_m == pytest.approx(expected_m, abs=2e-3)  # 0.8 mm are the motion in the repeater's delay
+
+
+@pytest.mark.parametrize("settings", [(), (CIRCLE.replace("400.0", "40.0"),)], ids=["standing", "moving"])
+def test_the_delay_and_its_rate_have_no_step(settings: tuple[str, ...]) -> None:
+    """The rate is the derivative at any time, and changes by 0.1 m/s at most in 10 ms: 10 m/s² on the circle."""
+    t_s, step_s = np.arange(20.0, 40.0, 0.01) + 1e-3, 1e-4
+    for one in scenario(*settings).simulations:
+        before, now, after = (one.spoofer.effects(Band.E1, one.svid, t_s + at_s) for at_s in (-step_s, 0.0, step_s))
+        rate_mps = (after.delay_m - before.delay_m) / (2 * step_s)
+        assert now.delay_rate_mps == pytest.approx(rate_mps, abs=1e-4)
+        assert np.max(np.abs(np.diff(now.delay_rate_mps, axis=0))) < 0.2
 
 
 def test_the_ways_of_the_satellites_differ() -> None:

@@ -153,3 +153,44 @@ def test_observations_are_missing_where_the_campaign_has_none(waveform: str) -> 
     assert not shown[3:7].any()
     assert not shown[7].any()  # it acquires
     assert shown[-1].all()
+
+
+@pytest.mark.parametrize(
+    ("attack", "end", "settings"),
+    [
+        ("", 1, ()),
+        ('kind="meaconing", delay_s=10', 24, ()),
+        ('kind="meaconing", delay_s=40', 1, ()),
+        ('kind="meaconing", delay_s=60', 180, ()),
+        ('kind="meaconing", delay_s=60', 180, ('start="2026-11-22T22:00:29 GST"',)),
+        ('kind="forgery-after-disclosure", delay_s=32', 1, ("recs.key_delay=0",)),
+        ('kind="forgery-after-disclosure", delay_s=120, range_offset_m=1e10', 180, ()),
+    ],
+)
+def test_the_message_lasts_as_long_as_the_samples(attack: str, end: int, settings: tuple[str, ...]) -> None:
+    """Both ends of the recording have samples, and every page of the message has OSNMA."""
+    attacks = f"attack=[{{{attack}, power_db=6}}]" if attack else "attack=[]"
+    sky = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[6, 7]")
+    scenario = load_scenario(NIGHT, (*sky, attacks, *settings))
+    assert isinstance(scenario, CampaignScenario)
+    one = AcasTestCase(scenario=scenario, first=0, end=end)
+    recording = simulated(one)
+    begin_s, end_s = (at / recording.sample_rate_hz for at in (one.samples.start, one.samples.stop))
+    for at_s in (begin_s, end_s - 0.02):
+        assert recording.window(Band.E1, at_s, at_s + 0.02).samples.size == 124_000
+    assert one.message is not None
+    assert all(len(pages) == 15 * one.message.n_subframes for pages in one.message.pages.values())
+
+
+def test_a_late_part_of_a_sky_has_the_samples_of_the_whole() -> None:
+    """The message of the part begins 16 minutes later than that of the whole, after a change of ephemerides."""
+    sky = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[6, 7]", "epochs=1200")
+    scenario = load_scenario(NIGHT, sky)
+    assert isinstance(scenario, CampaignScenario)
+    whole, part = (AcasTestCase(scenario=scenario, first=first, end=1200) for first in (0, 1170))
+    assert whole.message is not None
+    assert part.message is not None
+    assert part.message.first - whole.message.first == 39 * 30
+    for band in Band:
+        one, other = (simulated(case).window(band, 1180.0, 1180.05).samples for case in (whole, part))
+        assert np.array_equal(one, other)

@@ -6,9 +6,12 @@ that arrived τ earlier. The receiver's clock is that at the arrival of the spoo
     P'(t) = s(t − τ) + clock(t) + c τ
 
 The additional phase of the spoofing signal's carrier is in the phasor of its propagation. This phase is zero for a
-delay line (`Coherent`), while a locked or slipping carrier diverges from its code. Power and phase follow the attack's
-profiles in steps of a stretch, 10 ms. The time of the profiles is that of transmission, as in a run. Signals sent
-before the scenario's start have the profile values of the start.
+delay line (`Coherent`), while a locked or slipping carrier diverges from its code. The time of the profiles is that of
+transmission, as in a run. Signals sent before the scenario's start have the profile values of the start.
+
+In a stretch of the recorder delay and phase are parabolas through their values at its begin, its middle and its end.
+The amplitude is a straight line between begin and end. So no value steps between stretches, also where a profile has a
+corner. A signal that is switched on or off begins or ends with a stretch.
 """
 
 from __future__ import annotations
@@ -25,8 +28,10 @@ from vestige.receiver.samples.continuous import ContinuousTruth
 from vestige.receiver.samples.recorder import Propagation, ReceivedSatellite
 from vestige.records import Band
 from vestige.signal_generator.waveform import Component
-from vestige.signals.definitions import CARRIER_HZ
+from vestige.signals.definitions import CARRIER_HZ, E1B
 from vestige.spoofer.spoofer import BandEffects, Spoofer
+
+_SECONDS_KEPT = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,63 +43,98 @@ class ReceivedSpoofingSignal:
     spoofer: Spoofer
     number: int  # number of the attack in the spoofer
     band: Band
+    stretch_s: float  # duration of a stretch of the recorder, about whose middle all times are
     _motions: dict[int, tuple[float, float]] = field(default_factory=dict, repr=False, compare=False)
+    _delays: dict[bytes, Float[np.ndarray, "3 n"]] = field(default_factory=dict, repr=False, compare=False)
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return P'(t) in m."""
-        delay_m, _ = self._delay(t_s)
+        delay_m, _, _ = self._delay(t_s)
         clock_m = self.path.range_m(t_s) - self.path.line_of_sight.range_m(t_s)
         return self.path.line_of_sight.range_m(t_s - delay_m / SPEED_OF_LIGHT_MPS) + clock_m + delay_m
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return dP'/dt in m/s."""
-        delay_m, rate_mps = self._delay(t_s)
+        """Return dP'/dt in m/s, with the mean rate of the delay in the stretch about each time."""
+        delay_m, rate_mps, _ = self._delay(t_s)
         geometry = self.path.line_of_sight
         drift_mps = self.path.rate_mps(t_s) - geometry.rate_mps(t_s)
         slower = 1 - rate_mps / SPEED_OF_LIGHT_MPS
         return geometry.rate_mps(t_s - delay_m / SPEED_OF_LIGHT_MPS) * slower + drift_mps + rate_mps
 
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return d²P'/dt² in m/s²; within a stretch the delay contributes only its rate."""
-        delay_m, _ = self._delay(t_s)
-        geometry = self.path.line_of_sight
+        """Return d²P'/dt² in m/s², with the mean bend of the delay in the stretch about each time."""
+        delay_m, rate_mps, bend_mps2 = self._delay(t_s)
+        geometry, then_s = self.path.line_of_sight, t_s - delay_m / SPEED_OF_LIGHT_MPS
         change_mps2 = self.path.acceleration_mps2(t_s) - geometry.acceleration_mps2(t_s)
-        return geometry.acceleration_mps2(t_s - delay_m / SPEED_OF_LIGHT_MPS) + change_mps2
+        slower = 1 - rate_mps / SPEED_OF_LIGHT_MPS
+        own_mps2 = bend_mps2 * (1 - geometry.rate_mps(then_s) / SPEED_OF_LIGHT_MPS)
+        return geometry.acceleration_mps2(then_s) * slower**2 + change_mps2 + own_mps2
 
     def __call__(self, t_s: float) -> Propagation:
-        """Return, for a time, the delay of the repeated signal and the spoofing signal's own phasor."""
+        """Return the delay of the repeated signal and the spoofing signal's own phasor, for the middle of a stretch."""
         range_m, rate_mps = self._motion_near(t_s)
-        effects, k = self._effects_sent(np.array([t_s - range_m / SPEED_OF_LIGHT_MPS])), self.number
-        carrier_hz = CARRIER_HZ[self.band]
-        cycles = carrier_hz / SPEED_OF_LIGHT_MPS * float(effects.delay_m[0, k])
-        turn = effects.phase_rad[0, k] + 2 * np.pi * (cycles % 1.0)
-        beyond_hz = effects.doppler_hz[0, k] + carrier_hz / SPEED_OF_LIGHT_MPS * effects.delay_rate_mps[0, k]
-        true = self.true.propagation(t_s - float(effects.delay_m[0, k]) / SPEED_OF_LIGHT_MPS)
+        half_s = self.stretch_s / 2 * (1 - rate_mps / SPEED_OF_LIGHT_MPS)
+        sent_s = t_s - range_m / SPEED_OF_LIGHT_MPS + half_s * np.array([-1.0, 0.0, 1.0])
+        effects, k = self._effects_sent(sent_s), self.number
+        delay_m, phase_rad = effects.delay_m[:, k], effects.phase_rad[:, k]
+        cycles = CARRIER_HZ[self.band] / SPEED_OF_LIGHT_MPS * delay_m
+        turn = phase_rad[1] + 2 * np.pi * (cycles[1] % 1.0)
+        turned = self._turned(effects, phase_rad / (2 * np.pi) + cycles % 1.0, half_s)
+        strength, growth_per_s = _straight(10 ** (effects.power_db[:, k] / 20), self.stretch_s)
+        true = self.true.propagation(t_s - float(delay_m[1]) / SPEED_OF_LIGHT_MPS)
         return replace(
             true,
             at_s=t_s,
-            amplitude=complex(true.amplitude * 10 ** (effects.power_db[0, k] / 20) * np.exp(1j * turn)),
-            doppler_hz=true.doppler_hz + float(beyond_hz * (1 - rate_mps / SPEED_OF_LIGHT_MPS)),
+            amplitude=complex(true.amplitude * strength * np.exp(1j * turn)),
+            growth_per_s=growth_per_s,
+            doppler_hz=true.doppler_hz + float(turned[0] + turned[1]) / self.stretch_s,
+            doppler_rate_hz_per_s=4 * float(turned[1] - turned[0]) / self.stretch_s**2,
             ray_delay_m=np.zeros(0),
             ray_amplitude=np.zeros(0, complex),
             ray_doppler_hz=np.zeros(0),
         )
 
-    def _delay(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        effects = self._effects(t_s)
-        return effects.delay_m[:, self.number], effects.delay_rate_mps[:, self.number] * self._kept(t_s)
+    def _turned(self, effects: BandEffects, cycles: Float[np.ndarray, " 3"], half_s: float) -> Float[np.ndarray, " 2"]:
+        """Return the cycles that the carrier turns beyond its pseudorange in both halves of a stretch.
 
-    def _kept(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the seconds of transmission per second of reception; the profiles run on transmission time."""
-        return 1 - self.path.rate_mps(t_s) / SPEED_OF_LIGHT_MPS
+        `cycles` is this phase at the begin, the middle and the end, without whole cycles. The whole cycles follow from
+        the Dopplers: where the delay has a corner, the Doppler of a delay line beyond the pseudorange has no step, and
+        the own Doppler of any other carrier has none.
+        """
+        to_cycles, k = CARRIER_HZ[self.band] / SPEED_OF_LIGHT_MPS, self.number
+        own_hz = effects.doppler_hz[:, k]
+        beyond_hz = own_hz + to_cycles * effects.delay_rate_mps[:, k]
+        if np.ptp(beyond_hz) <= np.ptp(own_hz):
+            about = (beyond_hz[:-1] + beyond_hz[1:]) / 2 * half_s
+        else:
+            about = (own_hz[:-1] + own_hz[1:]) / 2 * half_s + to_cycles * np.diff(effects.delay_m[:, k])
+        return about + np.remainder(np.diff(cycles) - about + 0.5, 1.0) - 0.5
+
+    def _delay(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, "3 n"]:
+        """Return the delay in m in the middle of the stretches about some times, its mean rate and its mean bend."""
+        key = t_s.tobytes()
+        known = self._delays.get(key)  # range, rate and acceleration are asked for at the same times
+        if known is None:
+            half_s = self.stretch_s / 2
+            at_s = np.concatenate([t_s - half_s, t_s, t_s + half_s])
+            begin_m, delay_m, end_m = self._effects(at_s).delay_m[:, self.number].reshape(3, -1)
+            bend_mps2 = ((end_m - delay_m) - (delay_m - begin_m)) / half_s**2
+            known = np.stack([delay_m, (end_m - begin_m) / self.stretch_s, bend_mps2])
+            self._delays.clear()
+            self._delays[key] = known
+        return known
 
     def _motion_near(self, t_s: float) -> tuple[float, float]:
         """Return P(t) and its rate for the phasor, from the middle of the second, with an error of metres (10 ns)."""
         second = int(np.floor(t_s))
-        if second not in self._motions:
+        known = self._motions.get(second)
+        if known is None:
             middle = np.array([second + 0.5])
-            self._motions[second] = float(self.path.range_m(middle)[0]), float(self.path.rate_mps(middle)[0])
-        range_m, rate_mps = self._motions[second]
+            known = float(self.path.range_m(middle)[0]), float(self.path.rate_mps(middle)[0])
+            if len(self._motions) >= _SECONDS_KEPT:
+                self._motions.clear()
+            self._motions[second] = known
+        range_m, rate_mps = known
         return range_m + rate_mps * (t_s - second - 0.5), rate_mps
 
     def _effects(self, t_s: Float[np.ndarray, " n"]) -> BandEffects:
@@ -105,21 +145,52 @@ class ReceivedSpoofingSignal:
         return self.spoofer.effects(self.band, self.true.svid, np.maximum(sent_s, 0.0))
 
 
+def _straight(strength: Float[np.ndarray, " 3"], stretch_s: float) -> tuple[float, float]:
+    """Return the strength in the middle of a stretch and its relative growth per s; no growth if it is switched."""
+    begin, middle, end = (float(one) for one in strength)
+    if not (begin and middle and end):
+        return middle, 0.0
+    mean = (begin + end) / 2
+    return mean, (end - begin) / stretch_s / mean
+
+
 def spoofing_satellites(
     true: ReceivedSatellite,
     path: ContinuousTruth,
     spoofer: Spoofer,
     band: Band,
-    forged: tuple[Component, ...],
     *,
+    forged_chips: Component,
+    forged_data: Component,
+    stretch_s: float,
     seed: int,
 ) -> Iterator[ReceivedSatellite]:
-    """Yield the spoofing signals of a satellite in a band; `seed` is the seed of an attacker's estimates."""
-    forged_chips = spoofer.effects(band, true.svid, np.zeros(1)).forged_chips
-    for number, own in enumerate(forged_chips):
-        signal = ReceivedSpoofingSignal(true=true, path=path, spoofer=spoofer, number=number, band=band)
-        replayed = tuple(spoofer.attacks[number].replayed(one, true.svid, seed) for one in true.components)
-        yield replace(true, components=forged if own else replayed, pseudorange=signal, propagation=signal)
+    """Yield the spoofing signals of a satellite in a band.
+
+    Parameters
+    ----------
+    true, path, spoofer, band
+        The true signal, its truth, the attacker, and the band.
+    forged_chips
+        Signal that an attacker invents in place of the true one.
+    forged_data
+        E1-B with an attacker's own data.
+    stretch_s
+        Duration of a stretch of the recorder in s.
+    seed
+        Seed of an attacker's estimates.
+    """
+    effects = spoofer.effects(band, true.svid, np.zeros(1))
+    for number, attack in enumerate(spoofer.attacks):
+        signal = ReceivedSpoofingSignal(
+            true=true, path=path, spoofer=spoofer, number=number, band=band, stretch_s=stretch_s
+        )
+        sent = true.components
+        if effects.forged_nav_data[number]:
+            sent = tuple(forged_data if one.signal is E1B else one for one in sent)
+        replayed = tuple(attack.replayed(one, true.svid, seed) for one in sent)
+        components = (forged_chips,) if effects.forged_chips[number] else replayed
+        yield replace(true, components=components, pseudorange=signal, propagation=signal)
 
 
 def latest_s(spoofer: Spoofer, svid: int, times_s: Float[np.ndarray, " n"]) -> float:

@@ -173,6 +173,8 @@ class ContinuousPropagation:
                 between(self.truth.truth.geometry.amplitude) * np.exp(2j * np.pi * ((earlier_m * to_cycles) % 1.0))
             ),
             doppler_hz=float(to_cycles * slope * (advance_m[left + 1] - advance_m[left])),
+            growth_per_s=0.0,
+            doppler_rate_hz_per_s=0.0,
             **self._rays(left, u, place - u, span_s, share),
         )
 

@@ -10,7 +10,8 @@ of the same scenario have the same bits where they overlap.
 
 **Propagation.** All effects in addition to the pseudorange are computed once per stretch. A group delay moves the code
 of the line of sight and not its carrier. An ionosphere moves the carrier the other way. Both delays change over a
-stretch with their rates at its middle, so that a tracking loop meets no step.
+stretch with their rates at its middle, so that a tracking loop meets no step. The amplitude of a spoofing signal
+changes in steps of a block of the synthesis kernel.
 """
 
 from __future__ import annotations
@@ -58,7 +59,9 @@ class Propagation:
     ray_amplitude: Complex128[np.ndarray, " n_rays"]  # relative to the line of sight
     ray_doppler_hz: Float[np.ndarray, " n_rays"]  # relative to the line of sight
     amplitude: complex = 1.0 + 0j  # amplitude of the line of sight, in addition to its C/N0; 0 means no signal
+    growth_per_s: float = 0.0  # relative growth of this amplitude
     doppler_hz: float = 0.0  # Doppler of the line of sight, in addition to that of its pseudorange
+    doppler_rate_hz_per_s: float = 0.0  # rate of all Dopplers, in addition to that of the pseudorange
     delay_rate_mps: float = 0.0  # rate of the group delay
 
 
@@ -307,5 +310,6 @@ def _add(
             -rate_hz * acceleration_mps2 / SPEED_OF_LIGHT_MPS,
             complex(strength * ray),
             to_hz * rate_mps + doppler_hz,
-            to_hz * acceleration_mps2,
+            to_hz * acceleration_mps2 + held.doppler_rate_hz_per_s,
+            held.growth_per_s,
         )

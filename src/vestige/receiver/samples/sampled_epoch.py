@@ -32,7 +32,7 @@ from vestige.streams import stream_key
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
-_SUBFRAMES_BEFORE = 12  # subframes needed before the run: the slow tags of ADKD 12 come a subframe and ten more later
+SUBFRAMES_BEFORE = 12  # subframes needed before the run: the slow tags of ADKD 12 come a subframe and ten more later
 _MARGIN_S = 5e-6  # duration of samples on either side of the RECS: 1.5 km, for taps, reflections and errors
 
 
@@ -184,8 +184,8 @@ def osnma_operator(seed: int, start: GalileoTime, subframes: int, service: Osnma
 
     The operator broadcasts before the run begins, so that the tags of the run's first subframes have data to cover.
     """
-    first = start.subframe + -SUBFRAME_S * _SUBFRAMES_BEFORE
-    return service.operator(stream_key(seed, "OSNMA chain"), first, subframes + _SUBFRAMES_BEFORE)
+    first = start.subframe + -SUBFRAME_S * SUBFRAMES_BEFORE
+    return service.operator(stream_key(seed, "OSNMA chain"), first, subframes + SUBFRAMES_BEFORE)
 
 
 @lru_cache(maxsize=2)

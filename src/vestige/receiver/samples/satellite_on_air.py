@@ -9,14 +9,14 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.recs.group_delay import LSB_S, inter_frequency_delay_s
 from vestige.receiver.samples.attacked_sky import spoofing_satellites
 from vestige.receiver.samples.continuous import ContinuousTruth
-from vestige.receiver.samples.recorder import ReceivedSatellite
+from vestige.receiver.samples.recorder import ReceivedSatellite, stretch_samples
 from vestige.receiver.simulation import Simulation
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band
 from vestige.signal_generator.keystream import encrypted_component, encryption_key, forged_key
-from vestige.signal_generator.waveform import Component, Sequence, coded_component, open_component
+from vestige.signal_generator.waveform import Component, Sequence, coded_component, open_component, random_signs
 from vestige.signals.definitions import E1B, E1C, E6B
-from vestige.streams import stream
+from vestige.streams import stream, stream_key
 
 _BGD_LSB = (6, 21)  # range in units of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m between the bands
 
@@ -59,6 +59,7 @@ class SatelliteOnAir:
     simulation: Simulation
     path: ContinuousTruth
     symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
+    forged_symbols: Sequence | None = None  # the same of an attacker's own message; None for random symbols
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
         """Return the true signal in a band, and its spoofing signals."""
@@ -70,8 +71,23 @@ class SatelliteOnAir:
             pseudorange=self.path,
             propagation=self.path.propagation(band, simulation.integration_s),
         )
-        forged = (encrypted_component(forged_key(simulation.seed), simulation.svid, simulation.start),)
-        return true, *spoofing_satellites(true, self.path, simulation.spoofer, band, forged, seed=simulation.seed)
+        return true, *spoofing_satellites(
+            true,
+            self.path,
+            simulation.spoofer,
+            band,
+            forged_chips=encrypted_component(forged_key(simulation.seed), simulation.svid, simulation.start),
+            forged_data=self._forged_data(),
+            stretch_s=stretch_samples(simulation.front_end.sample_rate_hz) / simulation.front_end.sample_rate_hz,
+            seed=simulation.seed,
+        )
+
+    def _forged_data(self) -> Component:
+        """Return E1-B with an attacker's own data."""
+        svid = self.simulation.svid
+        if self.forged_symbols is not None:
+            return coded_component(E1B, svid, self.forged_symbols)
+        return coded_component(E1B, svid, random_signs(stream_key(self.simulation.seed, "forged symbols", svid)))
 
     def _components(self, band: Band) -> tuple[Component, ...]:
         seed, start, svid = self.simulation.seed, self.simulation.start, self.simulation.svid

@@ -18,7 +18,10 @@ _STREAMS = {Band.E1: 161, Band.E6: 166}  # first stream numbers of the waveforms
 
 @dataclass(frozen=True, kw_only=True)
 class SpooferInterference:
-    """The noise and jamming that the attacks of a simulation add to a band, the same for all satellites."""
+    """The noise and jamming that the attacks of a simulation add to a band, the same for all satellites.
+
+    An SCER attack whose noise depends on the satellite counts with the noise of the simulation's satellite.
+    """
 
     simulation: Simulation
     band: Band

@@ -30,7 +30,8 @@ NAVIGATION_FIELDS: Mapping[int, tuple[tuple[int, int, int], ...]] = {
     ADKD_TIMING: ((6, 6, 105), (10, 86, 128)),
 }
 
-_USED_WORDS = frozenset(word for fields in NAVIGATION_FIELDS.values() for word, _, _ in fields)
+# types of the words that tags cover
+TAGGED_WORDS = frozenset(word for fields in NAVIGATION_FIELDS.values() for word, _, _ in fields)
 _PIECES = {word: (start, end) for fields in NAVIGATION_FIELDS.values() for word, start, end in fields}
 
 
@@ -61,7 +62,7 @@ class NavigationWords:
         received = {
             word >> 122: (word, start + FIRST_PAGE_OFFSET_S + PAGE_S * index)
             for index, word in enumerate(subframe.words)
-            if word is not None and word >> 122 in _USED_WORDS
+            if word is not None and word >> 122 in TAGGED_WORDS
         }
         replaced = {
             kind: self.words[kind]

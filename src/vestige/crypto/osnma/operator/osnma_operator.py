@@ -151,23 +151,62 @@ class OsnmaOperator:
         VestigeError
             If the time is not that of the next subframe, or a word does not have its type.
         """
-        if time >= self._end:
-            raise VestigeError(f"OSNMA operator: the broadcast ends at {self._end}; found a subframe of {time}")
-        if time != self._next:
-            raise VestigeError(f"OSNMA operator: the next subframe is {self._next}, found {time}")
+        self._check_next(time)
         for svid, sent in words.items():
             for kind, word in sent.items():
                 if word >> 122 != kind:
                     raise VestigeError(
                         f"OSNMA operator: E{svid:02d}: found word type {word >> 122}, expected {kind} in 128 bits"
                     )
-        self._next = time + SUBFRAME_S
         silent = silent_svids(self.configuration.events, words, time)
         if phase_at(self._phases, time).silent:
             silent = frozenset(words)
         fields = {svid: NO_OSNMA if svid in silent else self._fields(svid, time) for svid in sorted(words)}
-        self._history.add(time, words)
+        self.pass_over(time, words)
         return fields
+
+    @property
+    def next_subframe(self) -> GalileoTime:
+        """Start of the subframe whose fields are made next."""
+        return self._next
+
+    def pass_over(self, time: GalileoTime, words: Mapping[int, Mapping[int, int]]) -> None:
+        """Take the words of the next subframe without making its fields.
+
+        Parameters and errors are those of `subframe`, except that the type of a word is not checked.
+        """
+        self._check_next(time)
+        self._next = time + SUBFRAME_S
+        self._history.add(time, words)
+
+    def resume_at(self, time: GalileoTime) -> None:
+        """Forget all words, and continue with another subframe.
+
+        After `SUBFRAMES_REMEMBERED` subframes with complete words the fields are those of an operator that made all
+        subframes.
+
+        Parameters
+        ----------
+        time
+            Start of the next subframe.
+
+        Raises
+        ------
+        VestigeError
+            If the operator does not broadcast then.
+        """
+        if time < self.configuration.start:
+            raise VestigeError(
+                f"OSNMA operator: the broadcast begins at {self.configuration.start}; found a subframe of {time}"
+            )
+        self._history, self._next = NavigationHistory(), time
+        self._check_next(time)
+
+    def _check_next(self, time: GalileoTime) -> None:
+        if time >= self._end:
+            raise VestigeError(f"OSNMA operator: the broadcast ends at {self._end}; found a subframe of {time}")
+        if time != self._next:
+            raise VestigeError(f"OSNMA operator: the next subframe is {self._next}, found {time}")
 
     def write_files(self, folder: Path) -> None:
         """Write the files that receivers trust: `public_key.pem`, `public_key.xml` and `merkle_tree.xml`.

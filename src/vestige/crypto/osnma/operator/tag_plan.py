@@ -19,6 +19,7 @@ from vestige.crypto.osnma.operator.mack import TagContent
 from vestige.time import GalileoTime
 
 MAX_CUT_OFF = 15  # COP has 4 bits [OSNMA-ICD, MACK]
+SUBFRAMES_REMEMBERED = MAX_CUT_OFF + 3  # COP counts from complete data, which take two subframes, word 10 included
 
 
 @dataclass(slots=True)

@@ -1,0 +1,80 @@
+"""The OSNMA fields of a sky's pages, made when a page asks for them.
+
+The fields of a subframe depend on the words of the subframes before, back to `SUBFRAMES_REMEMBERED`. So the fields of
+any subframe can be made without those of the whole broadcast, with the same bits.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from threading import Lock
+
+from vestige.broadcast.satellite_words import SatelliteWords
+from vestige.constants import PAGES_A_SUBFRAME, SUBFRAME_S
+from vestige.crypto.osnma.messages.navigation_data import TAGGED_WORDS
+from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
+from vestige.crypto.osnma.operator.tag_plan import SUBFRAMES_REMEMBERED
+from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S
+from vestige.navigation.inav.schedule import scheduled_word
+from vestige.time import GalileoTime
+
+_SUBFRAMES_KEPT = 8
+
+_Fields = dict[int, tuple[bytes, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OsnmaFields:
+    """OSNMA fields of all satellites of a sky, for a page of a satellite; threads may share them.
+
+    Attributes
+    ----------
+    operator
+        Operator that makes the fields. Nobody else may ask this operator for fields.
+    words
+        Words of all satellites by SVID, from the operator's start or from `SUBFRAMES_REMEMBERED` before the first page.
+    """
+
+    operator: OsnmaOperator
+    words: Mapping[int, SatelliteWords]
+    _made: OrderedDict[GalileoTime, _Fields] = field(default_factory=OrderedDict, repr=False, compare=False)
+    _lock: Lock = field(default_factory=Lock, repr=False, compare=False)
+
+    def __call__(self, svid: int, start: GalileoTime) -> bytes:
+        """Return the 5 bytes of the page of a satellite that starts at a time.
+
+        Raises
+        ------
+        VestigeError
+            If the operator does not broadcast then.
+        """
+        subframe = start.subframe
+        with self._lock:
+            if subframe not in self._made:
+                self._made[subframe] = self._fields(subframe)
+                if len(self._made) > _SUBFRAMES_KEPT:
+                    self._made.popitem(last=False)
+            return self._made[subframe][svid][(start.second - subframe.second - FIRST_PAGE_OFFSET_S) // PAGE_S]
+
+    def _fields(self, time: GalileoTime) -> _Fields:
+        operator = self.operator
+        if not 0 <= time - operator.next_subframe <= SUBFRAME_S * SUBFRAMES_REMEMBERED:
+            begin = time + -float(SUBFRAME_S * SUBFRAMES_REMEMBERED)
+            operator.resume_at(max(begin, operator.configuration.start))
+        while operator.next_subframe < time:
+            before = operator.next_subframe
+            operator.pass_over(before, self._tagged(before))
+        return operator.subframe(time, self._tagged(time))
+
+    def _tagged(self, subframe: GalileoTime) -> dict[int, dict[int, int]]:
+        """Return the words of a subframe that tags cover, by SVID and type."""
+        starts = page_starts(subframe)
+        due = [(time, kind) for time in starts if (kind := scheduled_word(time)) in TAGGED_WORDS]
+        return {svid: {kind: one.word(time) for time, kind in due} for svid, one in self.words.items()}
+
+
+def page_starts(subframe: GalileoTime) -> tuple[GalileoTime, ...]:
+    """Return the starts of the pages of the subframe that starts at a time."""
+    return tuple(subframe + float(FIRST_PAGE_OFFSET_S + PAGE_S * k) for k in range(PAGES_A_SUBFRAME))
