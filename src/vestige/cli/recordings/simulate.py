@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import PATH, number_option, parts_option, set_option, threads_option
-from vestige.cli.terminal import echo, note
+from vestige.cli.terminal import echo, note, warn
 from vestige.errors import InputFileError, VestigeError
 from vestige.output import check_new_folder
 
@@ -100,6 +100,7 @@ def command(scenario: Path, **options: Any) -> None:
             workers=options["workers"],
             progress=report,
             say=note,
+            warn=warn,
         )
     for path in files:
         echo(str(path))
@@ -150,7 +151,7 @@ def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
                 component=component,
                 workers=options["workers"],
                 progress=report,
-                say=note,
+                warn=warn,
             )
         output.flush()
     except BrokenPipeError:
