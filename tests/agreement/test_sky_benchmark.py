@@ -83,6 +83,11 @@ def test_the_exit_status_and_the_json(
 
 
 @needs_gnss_sdr
+@pytest.mark.judged(
+    by="gnss-sdr",
+    what="E6 samples that `vestige simulate --export gnss-sdr` writes",
+    figure="Doppler within 0.5 Hz, C/N0 within 1.0 dB",
+)
 def test_it_judges_a_recording_of_the_command(script: ModuleType, tmp_path: Path) -> None:
     """E6-B of two satellites."""
     settings = ["receiver.sample_rate_hz=10.3e6", "constellation.svids=[8, 13]"]
