@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,16 +109,23 @@ def fixes_of(printed: str) -> Fixes:
     return Fixes(at_s=table[:, 0], used=table[:, 1], position_m=position_m)
 
 
-def fixes_by_gnss_sdr(folder: Path, case: AcasTestCase, timeout_s: float, *, least: int) -> Fixes:
-    """Return what gnss-sdr makes of E1; the samples stay.
+def run_until(
+    folder: Path, name: str, timeout_s: float, enough: Callable[[str], bool], *, at_most: int
+) -> tuple[str, int]:
+    """Run gnss-sdr until what it printed, or wrote, is enough; return what it printed last, and the number of runs.
 
-    Its scheduler decides at which sample a channel begins, and now and then one is not pulled in and found again half a
-    minute later. So it is started again on the same samples, twice at most, if it has less than `least` fixes.
+    The scheduler of gnss-sdr decides at which sample a channel begins. Now and then a channel is not pulled in, and is
+    found again half a minute later. So gnss-sdr is started again on the same samples.
     """
+    runs = 0
+    while True:
+        printed, runs = run_gnss_sdr(folder, name, timeout_s), runs + 1
+        if enough(printed) or runs == at_most:
+            return printed, runs
+
+
+def fixes_by_gnss_sdr(folder: Path, case: AcasTestCase, timeout_s: float, *, least: int) -> Fixes:
+    """Return what gnss-sdr makes of E1, from the first of three runs with at least `least` fixes; the samples stay."""
     record(folder, case, Band.E1)
-    printed = ""
-    for _ in range(3):
-        printed = run_gnss_sdr(folder / "gnss-sdr", "e1", timeout_s)
-        if fix_count(printed) >= least:
-            break
+    printed, _ = run_until(folder / "gnss-sdr", "e1", timeout_s, lambda said: fix_count(said) >= least, at_most=3)
     return fixes_of(printed)

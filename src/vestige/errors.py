@@ -63,6 +63,22 @@ class UnsupportedError(VestigeError):
     """The input is valid, but vestige does not support a part of the standard, which the message names."""
 
 
+class SettingError(ValueError):
+    """A value of a setting is outside its range, or does not fit to other settings.
+
+    Parameters
+    ----------
+    place
+        Key of the value, relative to the checked table: `delay_s`, `receiver.clock`.
+    found, expected
+        The value at that key, and the expected value.
+    """
+
+    def __init__(self, place: str, found: object, expected: str) -> None:
+        super().__init__(f"{place}: found {found}, expected {expected}")
+        self.place, self.found, self.expected = place, found, expected
+
+
 def satellite_names(svids: Iterable[int]) -> str:
     """Return the names of satellites for messages, such as `E02, E07`."""
     return ", ".join(f"E{svid:02d}" for svid in svids)

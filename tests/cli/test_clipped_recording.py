@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from vestige.cli.main import main
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.receiver.samples.front_end import FrontEnd
 from vestige.records import Band
@@ -54,6 +55,21 @@ def test_through_a_pipe(tmp_path: Path) -> None:
     assert "E1" not in line
     assert warnings(simulated("-o", "-", "--band", "e1")) == []
     assert warnings(simulated("-o", "-", "--band", "e6", "--format", "float32")) == []
+
+
+@pytest.mark.parametrize("output", [("-o", "-", "--band", "e6"), ("-o", "{}/quiet")])
+def test_quiet_keeps_the_line(
+    tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes], output: tuple[str, ...]
+) -> None:
+    """With `--quiet` one line stands for all warnings; of a single warning it is the warning itself."""
+    words = [one.format(tmp_path) for one in output]
+    with pytest.raises(SystemExit) as stop:
+        main(["simulate", str(QUICK), "--epochs", "5:6", *(f"--set={one}" for one in CHIRP), "--quiet", *words])
+    assert not stop.value.code
+    (line,) = capfdbinary.readouterr().err.decode().splitlines()
+    assert line.startswith("warning: ")
+    assert line.count("warning") == 1
+    assert "% of the numbers of E6 clip" in line
 
 
 def test_a_gain_that_does_not_follow_the_power(tmp_path: Path) -> None:

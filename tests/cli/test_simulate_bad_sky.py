@@ -35,12 +35,12 @@ def night(tmp_path: Path) -> Path:
     return path
 
 
-def refused(capsys: pytest.CaptureFixture[str], scenario: Path, *settings: str) -> str:
+def refused(capsys: pytest.CaptureFixture[str], scenario: Path, *settings: str, epochs: str = "0:1") -> str:
     """The line on stderr; the exit status is that of bad input, and nothing is written."""
     output = scenario.parent / "out"
     arguments = [item for one in settings for item in ("--set", one)]
     with pytest.raises(SystemExit) as stop:
-        main(["simulate", str(scenario), "-o", str(output), "--epochs", "0:1", *arguments])
+        main(["simulate", str(scenario), "-o", str(output), "--epochs", epochs, *arguments])
     assert stop.value.code == 1
     assert not output.exists()
     (line,) = capsys.readouterr().err.strip().splitlines()
@@ -160,6 +160,30 @@ def test_an_osnma_key_of_the_user_signs(night: Path, with_tree: bool) -> None:
 )
 def test_too_narrow_a_band(night: Path, capsys: pytest.CaptureFixture[str], setting: str, said: str) -> None:
     assert f"{night}: {said}" in refused(capsys, night, setting)
+
+
+@pytest.mark.parametrize(
+    ("epochs", "advice"),
+    [
+        ("1:2", "the next one is at epoch 30; take --epochs 1:31"),
+        ("151:170", "the last one is at epoch 150; take --epochs 150:170"),
+    ],
+)
+def test_epochs_without_recs(night: Path, capsys: pytest.CaptureFixture[str], epochs: str, advice: str) -> None:
+    assert refused(capsys, night, epochs=epochs) == (
+        f"vestige: {night}: --epochs {epochs}: found no RECS, expected at least one; RECS come every 30 s, and {advice}"
+    )
+
+
+def test_a_satellite_below_the_mask_is_named(night: Path) -> None:
+    """The recording is made without it, and a line says so."""
+    settings = ("--set", "constellation.svids=[7, 1]", "--epochs", "0:1", "-o", str(night.parent / "out"))
+    result = CliRunner().invoke(simulate, [str(night), *settings], standalone_mode=False)
+    assert result.exception is None
+    lines = [line for line in result.stderr.splitlines() if line.startswith("warning")]
+    assert lines == [
+        "warning: constellation.svids: E01 left out, because never above mask_deg = 9 in this run; the scenario has E07"
+    ]
 
 
 @pytest.mark.slow

@@ -117,7 +117,7 @@ ATTACK = (
         ("size_m = '3'", 'attack.0.size_m: found the text "3", expected a number'),
         ("size_m = 3\nsize = 3", "attack.0.size: found an unknown key size, expected size_m"),
         ("size_m = 3\nnames = [1]", "attack.0.names.0: found 1, expected a text"),
-        ("size_m = 3\nstart_s = -1", "attack.0: found size_m = 3, start_s = -1, expected an attack starts at 0 s"),
+        ("size_m = 3\nstart_s = -1", "attack.0.start_s: found -1 s with stop_s = inf s, expected 0 s or later"),
         ("size_m = -3", "attack.0: found size_m = -3, expected a size that is not negative"),
     ],
 )

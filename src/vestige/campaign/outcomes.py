@@ -16,7 +16,7 @@ detection by less than 1 m on average. A spoofing signal with invented chips mak
 The report gives two times and an error:
 
     time to detect      from the attack's first epoch to the first alarm (SUSPECT, SPOOFED, NOT_DETECTED) under attack
-    time to mitigate    from the attack's first epoch to the first from which on a share `SHARE` of the detections are TRUE
+    time to mitigate    from the attack's first epoch to the first from which on `SHARE` of the detections are TRUE
     worst range         largest error of a range in use (`range_errors.py`)
 
 All functions are pure and take results as the campaign stores them. Without an attack every detection is TRUE.

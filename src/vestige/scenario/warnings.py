@@ -23,12 +23,27 @@ def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[s
     attacks = (*Spoofer(attacks=scenario.attack).warnings(), *_aimed_at_nobody(scenario))
     stairs = _staircase(scenario.receiver.sample_rate_hz) if scenario.fidelity == "samples" else ()
     return (
+        *left_out(scenario),
         *attacks,
         *_estimated_symbols(scenario),
         *_never(scenario),
         *_old_orbits(scenario),
         *stairs,
         *_round_peak(scenario),
+    )
+
+
+def left_out(scenario: CampaignScenario) -> tuple[str, ...]:
+    """Return a warning if satellites of `constellation.svids` are never above the mask, and so are not simulated."""
+    if scenario.constellation is None:
+        return ()
+    sky = {simulation.svid for simulation in scenario.simulations}
+    absent = sorted(set(scenario.constellation.svids) - sky)
+    if not absent:
+        return ()
+    return (
+        f"constellation.svids: {satellite_names(absent)} left out, because never above mask_deg = "
+        f"{scenario.constellation.mask_deg:g} in this run; the scenario has {satellite_names(sorted(sky))}",
     )
 
 

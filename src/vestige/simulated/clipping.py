@@ -72,7 +72,7 @@ def clipping_warning(shares: Mapping[Band, float], front_end: FrontEnd) -> str:
     >>> from vestige.simulated.clipping import clipping_warning
     >>> line = clipping_warning({Band.E1: 0.9, Band.E6: 0.0}, FrontEnd(sample_rate_hz=12.5e6, bits=8, agc=False))
     >>> line.split(", ")[0]
-    'warning: 90 % of the numbers of E1 clip'
+    '90 % of the numbers of E1 clip'
     """
     found = [
         f"{100 * share:.2g} % of the numbers of {band.value}"
@@ -90,6 +90,4 @@ def clipping_warning(shares: Mapping[Band, float], front_end: FrontEnd) -> str:
         advice = "set receiver.front_end.agc = true"
     else:
         advice = "the gain follows the power over 10 ms, so shorter pulses clip, as in a receiver"
-    return (
-        f"warning: {' and '.join(found)} clip, because the samples are stronger than the number format holds; {advice}"
-    )
+    return f"{' and '.join(found)} clip, because the samples are stronger than the number format holds; {advice}"

@@ -112,7 +112,7 @@ class SimulatedRecording:
         component: SampleType = "int8",
         workers: int = 2,
         progress: Report | None = None,
-        say: Say | None = None,
+        warn: Say | None = None,
     ) -> None:
         """Pass samples to `write`, about 10 ms at a time.
 
@@ -132,7 +132,7 @@ class SimulatedRecording:
             Number of threads that make samples; the samples do not depend on it.
         progress
             Called with the bands, the number of written samples of each band, and the number of all samples.
-        say
+        warn
             Called with one line at the end if samples clip.
 
         Raises
@@ -155,11 +155,11 @@ class SimulatedRecording:
                 if progress is not None:
                     progress(f"{name} samples", done, len(self.samples))
         shares = {band: n / max(2 * done, 1) for band, n in clipped.items()}
-        self._say_clipping(shares, say)
+        self._warn_of_clipping(shares, warn)
 
-    def _say_clipping(self, shares: Mapping[Band, float], say: Say | None) -> None:
-        if say is not None and (line := clipping_warning(shares, self.front_end)):
-            say(line)
+    def _warn_of_clipping(self, shares: Mapping[Band, float], warn: Say | None) -> None:
+        if warn is not None and (line := clipping_warning(shares, self.front_end)):
+            warn(line)
 
     def _made(self, band: Band, samples: range, *, noise: bool, pool: Executor | None = None) -> Iterator[SampleBatch]:
         return record_band(
@@ -207,6 +207,7 @@ class SimulatedRecording:
         workers: int = 2,
         progress: Report | None = None,
         say: Say | None = None,
+        warn: Say | None = None,
     ) -> tuple[Path, ...]:
         """Write the folder and return its files; resume if an earlier process was killed while it wrote the folder.
 
@@ -225,8 +226,10 @@ class SimulatedRecording:
         progress
             Called with the band, the number of samples that are written, and the number of all samples.
         say
-            Called with a line if a recording is resumed, with a line before the other files of a long recording are
-            written, and with a line at the end if samples clip.
+            Called with a line if a recording is resumed, and with a line before the other files of a long recording are
+            written.
+        warn
+            Called with one line at the end if samples clip.
 
         Raises
         ------
@@ -258,7 +261,7 @@ class SimulatedRecording:
                 write_ion_metadata(part / f"recording{ION_SUFFIX}", recording.description)
             for name in exports:
                 export(name, recording, part, self.exported_sky)
-        self._say_clipping(clipped, say)
+        self._warn_of_clipping(clipped, warn)
         return tuple(sorted(path for path in folder.rglob("*") if path.is_file()))
 
     @property

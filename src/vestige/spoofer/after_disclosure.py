@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.errors import SettingError
 from vestige.records import Band
 from vestige.spoofer.attack import CheckedAttack, SpoofingSignal, check_delay, delayed
 from vestige.spoofer.phase import COHERENT
@@ -59,8 +60,10 @@ class ForgeryAfterDisclosure(CheckedAttack):
 
     def __post_init__(self) -> None:
         if not 0 < self.delay_s <= LONGEST_FORGERY_S:
-            raise ValueError(f"a forger is late by more than 0 and at most {LONGEST_FORGERY_S:g} s, not {self.delay_s}")
-        check_delay(self.range_offset_m)
+            raise SettingError(
+                "delay_s", f"{self.delay_s:g} s", f"a delay of more than 0 s and at most {LONGEST_FORGERY_S:g} s"
+            )
+        check_delay("range_offset_m", self.range_offset_m)
         CheckedAttack.__post_init__(self)
 
     @property

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.constants import MAX_SVID, SPEED_OF_LIGHT_MPS
+from vestige.errors import SettingError
 from vestige.own_parts import kind_of
 from vestige.records import Band
 from vestige.signal_generator.waveform import Component
@@ -91,11 +92,12 @@ class Attack:
 
     def __post_init__(self) -> None:
         if not 0 <= self.start_s < self.stop_s:
-            raise ValueError(f"an attack starts at 0 s or later and then stops, found {self.start_s} and {self.stop_s}")
+            found = f"{self.start_s:g} s with stop_s = {self.stop_s:g} s"
+            raise SettingError("start_s", found, "0 s or later, and before stop_s")
         if not all(1 <= svid <= MAX_SVID for svid in self.svids):
-            raise ValueError(f"satellites have numbers from 1 to {MAX_SVID}, found {self.svids}")
+            raise SettingError("svids", list(self.svids), f"numbers of satellites from 1 to {MAX_SVID}")
         if len(set(self.svids)) < len(self.svids):
-            raise ValueError("each satellite once in svids")
+            raise SettingError("svids", list(self.svids), "each satellite once")
 
     @property
     def kind(self) -> str:
@@ -170,35 +172,40 @@ def delayed(
     )
 
 
-def check_delay(delay_m: AnyProfile | float) -> None:
-    """Raise ValueError if a delay profile exceeds the limits of attacks: 1 ms early to 60 s late, 10 km/s."""
+def check_delay(key: str, delay_m: AnyProfile | float) -> None:
+    """Raise `SettingError` if a delay profile exceeds the limits of attacks: 1 ms early to 60 s late, 10 km/s."""
     low_m, high_m = extremes(delay_m)
     if not (low_m >= -_MAX_EARLY_M and high_m <= MAX_DELAY_S * SPEED_OF_LIGHT_MPS):
-        raise ValueError(f"delays lie between -300 km and {MAX_DELAY_S:g} s, found {low_m:g} to {high_m:g} m")
+        latest_m = MAX_DELAY_S * SPEED_OF_LIGHT_MPS
+        raise SettingError(
+            key, f"{low_m:g} to {high_m:g} m", f"{-_MAX_EARLY_M:g} to {latest_m:.3g} m ({MAX_DELAY_S:g} s)"
+        )
     if not fastest(delay_m) <= _MAX_RATE_MPS:
-        raise ValueError(f"delays change by at most {_MAX_RATE_MPS:g} m/s, found {fastest(delay_m):g} m/s")
+        raise SettingError(
+            key, f"a change of {fastest(delay_m):g} m/s", f"a delay that changes by at most {_MAX_RATE_MPS:g} m/s"
+        )
 
 
-def check_bands(bands: tuple[Band, ...]) -> None:
-    """Raise ValueError if an attack names no band, or a band twice."""
+def check_bands(key: str, bands: tuple[Band, ...]) -> None:
+    """Raise `SettingError` if an attack names no band, or a band twice."""
     if not bands or len(set(bands)) != len(bands):
-        raise ValueError(f"an attack names each of its bands once, found {[band.value for band in bands]}")
+        raise SettingError(key, [band.value for band in bands], "one band or more, each once")
 
 
-def check_level(level_db: AnyProfile | float) -> None:
-    """Raise ValueError if a power exceeds its reference by more than 100 dB; -inf means no power."""
+def check_level(key: str, level_db: AnyProfile | float) -> None:
+    """Raise `SettingError` if a power exceeds its reference by more than 100 dB; -inf means no power."""
     high_db = extremes(level_db)[1]
     if not high_db <= MAX_LEVEL_DB:
-        raise ValueError(f"powers are at most {MAX_LEVEL_DB:g} dB, found {high_db:g} dB")
+        raise SettingError(key, f"{high_db:g} dB", f"at most {MAX_LEVEL_DB:g} dB")
 
 
-def check_gain(reception_gain_db: float) -> None:
-    """Raise ValueError if the attacker's reception gain is impossible for any antenna."""
+def check_gain(key: str, reception_gain_db: float) -> None:
+    """Raise `SettingError` if the attacker's reception gain is impossible for any antenna."""
     if not -50 <= reception_gain_db <= 100:
-        raise ValueError(f"a reception gain lies between -50 and 100 dB, found {reception_gain_db:g}")
+        raise SettingError(key, f"{reception_gain_db:g} dB", "-50 to 100 dB")
 
 
-_CHECKS: Mapping[str, Callable[[Any], None]] = {
+_CHECKS: Mapping[str, Callable[[str, Any], None]] = {
     "bands": check_bands,
     "delay_m": check_delay,
     "e6_lag_m": check_delay,
@@ -217,4 +224,4 @@ class CheckedAttack(Attack):
         Attack.__post_init__(self)
         for name, check in _CHECKS.items():
             if hasattr(self, name):
-                check(getattr(self, name))
+                check(name, getattr(self, name))

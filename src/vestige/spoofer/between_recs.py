@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
+from vestige.errors import SettingError
 from vestige.records import Band
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.spoofer.attack import Attack, CheckedAttack, SpoofingSignal, check_delay
@@ -55,9 +56,12 @@ class BetweenRecs(CheckedAttack):
     def __post_init__(self) -> None:
         CheckedAttack.__post_init__(self)
         if not 0 < self.guard_s < self.period_s / 2:
-            raise ValueError(f"a guard lies between 0 and half a period, found {self.guard_s} of {self.period_s} s")
+            raise SettingError(
+                "guard_s", f"{self.guard_s:g} s", f"more than 0 s and less than half of period_s = {self.period_s:g} s"
+            )
         rise_s = self.period_s / 2 - self.guard_s
-        check_delay(Ramp(first=0.0, last=self.top_m, start_s=0.0, stop_s=rise_s, smooth=True) if self.top_m else 0.0)
+        rise = Ramp(first=0.0, last=self.top_m, start_s=0.0, stop_s=rise_s, smooth=True) if self.top_m else 0.0
+        check_delay("top_m", rise)
 
     def on(self, times_s: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         """Return whether the attack is on at each time."""

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.constants import FUNDAMENTAL_FREQUENCY_HZ
+from vestige.errors import SettingError
 from vestige.records import Band
 from vestige.spoofer.attack import CheckedAttack, Jamming
 from vestige.spoofer.jammers import WIDEBAND, Jammer
@@ -43,7 +44,7 @@ class Jam(CheckedAttack):
     def __post_init__(self) -> None:
         CheckedAttack.__post_init__(self)
         if not 1e3 <= self.noise_bandwidth_hz <= 1e9:
-            raise ValueError(f"a noise bandwidth lies between 1 kHz and 1 GHz, found {self.noise_bandwidth_hz:g} Hz")
+            raise SettingError("noise_bandwidth_hz", f"{self.noise_bandwidth_hz:g} Hz", "1 kHz to 1 GHz")
 
     def jamming(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Jamming | None:
         """Return the jamming waveform that the attack adds to a band, or None."""

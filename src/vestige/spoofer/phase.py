@@ -18,6 +18,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.errors import SettingError
 
 _MAX_SLIP_HZ = 1e4  # twice the range of an acquisition
 
@@ -58,7 +59,7 @@ class Slipping:
 
     def __post_init__(self) -> None:
         if not abs(self.slip_hz) <= _MAX_SLIP_HZ:
-            raise ValueError(f"a carrier slips by at most {_MAX_SLIP_HZ:g} Hz, found {self.slip_hz:g} Hz")
+            raise SettingError("slip_hz", f"{self.slip_hz:g} Hz", f"at most {_MAX_SLIP_HZ:g} Hz up or down")
 
     def phase(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
         """Return φ in rad."""

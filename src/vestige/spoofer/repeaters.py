@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.errors import SettingError
 from vestige.records import Band
 from vestige.spoofer.attack import MAX_DELAY_S, Attack, CheckedAttack, SpoofingSignal, delayed
 from vestige.spoofer.phase import COHERENT, Locked, Phase
@@ -206,7 +207,7 @@ class Meaconing(CheckedAttack):
 
     def __post_init__(self) -> None:
         if not 0 <= self.delay_s <= MAX_DELAY_S:
-            raise ValueError(f"a meaconer delays by 0 to {MAX_DELAY_S:g} s, found {self.delay_s}")
+            raise SettingError("delay_s", f"{self.delay_s:g} s", f"a delay of the meaconer from 0 to {MAX_DELAY_S:g} s")
         CheckedAttack.__post_init__(self)
 
     @property

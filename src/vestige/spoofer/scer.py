@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int8, Int64
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.errors import SettingError
 from vestige.records import Band
 from vestige.signal_generator.noise_kernel import normal_pairs
 from vestige.signal_generator.waveform import Chips, Component, Sequence
@@ -84,9 +85,9 @@ class Scer(CheckedAttack):
             if found != "received":
                 raise ValueError(f"the victim's C/N0 is a number of dBHz or received, found {found!r}")
         elif not 0 <= found <= 70:
-            raise ValueError(f"the victim's C/N0 lies between 0 and 70 dBHz, found {found:g}")
+            raise SettingError("victim_cn0_dbhz", f"{found:g} dBHz", "0 to 70 dBHz")
         if not 0 <= self.latency_s <= _MAX_LATENCY_S:
-            raise ValueError(f"a latency lies between 0 and {_MAX_LATENCY_S:g} s, found {self.latency_s:g}")
+            raise SettingError("latency_s", f"{self.latency_s:g} s", f"0 to {_MAX_LATENCY_S:g} s")
 
     @property
     def attacker_cn0_dbhz(self) -> float:

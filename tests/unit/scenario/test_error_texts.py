@@ -15,7 +15,12 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
     ("setting", "text"),
     [
         ("receiver.cn0_dbz=1", "receiver.cn0_dbz: found an unknown key cn0_dbz, expected cn0_dbhz"),
-        ("zzz=1", "zzz: found an unknown key zzz, expected one of the keys in docs/scenarios.md"),
+        (
+            "zzz=1",
+            "zzz: found an unknown key zzz, expected a key of this table of kind campaign: docs/scenarios.md has them",
+        ),
+        ("recs.zzz=1", "recs.zzz: found an unknown key zzz, expected one of the keys in docs/scenarios.md"),
+        ("recs.evry=1", "recs.evry: found an unknown key evry, expected every"),
         (
             'trajectory={kind="static", latitude_deg=48.0, longitude_deg=11.0, height_m=0.0, speed_mps=5.0}',
             "trajectory.speed_mps: found an unknown key speed_mps, "
@@ -32,8 +37,7 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
         ),
         (
             'attack=[{kind="osnma-denial", j_over_n_db=10, svids=[6, 6]}]',
-            "attack.0: found kind = osnma-denial, j_over_n_db = 10, svids = [6, 6], "
-            "expected each satellite once in svids",
+            "attack.0.svids: found [6, 6], expected each satellite once",
         ),
         ('attack=[{knd="scer"}]', "attack.0: found an unknown key knd, expected kind"),
         ("receiver.cn0_dbhz=nan", "receiver.cn0_dbhz: found nan, expected a finite number"),
@@ -86,6 +90,31 @@ def test_errors_in_our_words(setting: str, text: str) -> None:
     with pytest.raises(InputFileError) as caught:
         load_scenario(QUICK, (setting,))
     assert str(caught.value) == f"{QUICK}: {text}"
+
+
+@pytest.mark.parametrize(
+    ("waveform", "expected"),
+    [
+        ('kind="chirp", span_hz=4e6', "a key of this table of kind chirp: docs/scenarios.md has them"),
+        ('kind="chirp", last_hz=4e6', "a key of this table of kind chirp: docs/scenarios.md has them"),
+        ('kind="chirp", bandwith_hz=4e6', "bandwidth_hz"),
+        ('kind="pulsed", bandwidth_hz=4e6', "a key of this table of kind pulsed: docs/scenarios.md has them"),
+    ],
+)
+def test_suggestions_are_keys_of_the_same_table(waveform: str, expected: str) -> None:
+    """Keys of other tables look alike: `slip_hz` of a phase, `last` of a delay, `bandwidth_hz` of another kind."""
+    with pytest.raises(InputFileError) as error:
+        load_scenario(QUICK, (f'attack=[{{kind="jamming", j_over_n_db=15, waveform={{{waveform}}}}}]',))
+    assert error.value.expected == expected
+    assert error.value.place.startswith("attack.0.waveform.")
+
+
+def test_a_delay_that_is_too_long_names_its_key() -> None:
+    with pytest.raises(InputFileError) as error:
+        load_scenario(QUICK, ('attack=[{kind="meaconing", delay_s=70, power_db=3}]',))
+    assert str(error.value) == (
+        f"{QUICK}: attack.0.delay_s: found 70 s, expected a delay of the meaconer from 0 to 60 s"
+    )
 
 
 @pytest.mark.parametrize("setting", ["receiver.cn0_dbhz=", "epochs=", "epochs=-", "attack=", "seed=", "start="])

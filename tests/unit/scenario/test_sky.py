@@ -51,6 +51,16 @@ def test_no_satellite_is_in_view() -> None:
         sky_scenario("constellation.svids=[1]", "epochs=3")
 
 
+def test_a_chosen_satellite_below_the_mask_gives_a_warning() -> None:
+    night = SCENARIO.with_name("night.toml")
+    (line,) = scenario_warnings(sky_scenario("constellation.svids=[6, 7, 1, 2]", path=night))
+    assert line == (
+        "constellation.svids: E01, E02 left out, because never above mask_deg = 9 in this run; "
+        "the scenario has E06, E07"
+    )
+    assert scenario_warnings(sky_scenario("constellation.svids=[6, 7]", path=night)) == ()
+
+
 @pytest.mark.parametrize(("last_s", "fits"), [(59.0, False), (60.0, False), (61.0, True)])
 def test_waypoints_reach_over_the_whole_run(tmp_path: Path, last_s: float, fits: bool) -> None:
     (tmp_path / "way.csv").write_text(f"{WAYPOINTS}0,48.1,11.6,500\n{last_s},48.2,11.7,600\n", encoding="utf-8")

@@ -44,7 +44,7 @@ def test_true_chips_without_noise_late_on_both_bands_with_a_range_of_the_attacke
 
 @pytest.mark.parametrize("delay_s", [0.0, -1.0, 120.1, np.nan, np.inf])
 def test_how_late_a_forger_is(delay_s: float) -> None:
-    with pytest.raises(ValueError, match="a forger is late by more than 0 and at most 120 s"):
+    with pytest.raises(ValueError, match="expected a delay of more than 0 s and at most 120 s"):
         ForgeryAfterDisclosure(delay_s=delay_s, power_db=0.0)
 
 

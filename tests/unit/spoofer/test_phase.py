@@ -36,5 +36,5 @@ def test_a_wavelength_of_delay_is_a_turn_backwards() -> None:
 
 @pytest.mark.parametrize("slip_hz", [1.1e4, -1e9, np.inf, np.nan])
 def test_what_is_no_slip(slip_hz: float) -> None:
-    with pytest.raises(ValueError, match="slips by at most 10000 Hz"):
+    with pytest.raises(ValueError, match="expected at most 10000 Hz up or down"):
         Slipping(slip_hz=slip_hz)

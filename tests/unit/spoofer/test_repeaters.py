@@ -70,7 +70,7 @@ def test_bands_are_named_once(bands: tuple[Band, ...]) -> None:
         lambda: BetweenRecs(top_m=9.0, power_db=0.0, period_s=30.0, bands=bands),
         lambda: Jam(j_over_n_db=3.0, bands=bands),
     ):
-        with pytest.raises(ValueError, match="bands once"):
+        with pytest.raises(ValueError, match="expected one band or more, each once"):
             make()
 
 

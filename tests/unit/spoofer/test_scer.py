@@ -92,8 +92,8 @@ def test_who_replays_what() -> None:
         ({"symbols": "estimated"}, "symbols are one of known, hard, soft, found 'estimated'"),
         ({"chips": "linear"}, "chips are one of repeated, hard, soft, found 'linear'"),
         ({"victim_cn0_dbhz": "measured"}, "a number of dBHz or received, found 'measured'"),
-        ({"victim_cn0_dbhz": 450.0}, "between 0 and 70 dBHz, found 450"),
-        ({"latency_s": 1.0}, "a latency lies between 0 and 0.004 s, found 1"),
+        ({"victim_cn0_dbhz": 450.0}, "victim_cn0_dbhz: found 450 dBHz, expected 0 to 70 dBHz"),
+        ({"latency_s": 1.0}, "latency_s: found 1 s, expected 0 to 0.004 s"),
     ],
 )
 def test_impossible_keys_are_refused(wrong: dict[str, object], said: str) -> None:

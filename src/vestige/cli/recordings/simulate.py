@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vestige.cli.options import PATH, number_option, parts_option, set_option, threads_option
-from vestige.cli.terminal import echo, note
+from vestige.cli.terminal import echo, note, warn
 from vestige.errors import InputFileError, VestigeError
 from vestige.output import check_new_folder
 
@@ -63,7 +63,9 @@ def command(scenario: Path, **options: Any) -> None:
     from vestige.scenario.recording import RecordingScenario
     from vestige.scenario.toml.toml_file import overridden, read_toml
     from vestige.scenario.toml.toml_text import toml_text
-    from vestige.simulated.exported_case import with_default_range
+    from vestige.scenario.warnings import left_out
+    from vestige.simulated.exported_case import AcasTestCase, with_default_range
+    from vestige.simulated.exported_case_folder import simulated
     from vestige.simulated.open_code_recording import open_code_recording
 
     to_pipe = options["output"] == Path("-")
@@ -80,7 +82,12 @@ def command(scenario: Path, **options: Any) -> None:
         loaded = with_default_range(loaded)
         raw.setdefault("line_of_sight", {})["s0_m"] = loaded.line_of_sight.s0_m
         _check_band(scenario, loaded)
-        source = _test_case(loaded, options["epochs"])
+        first, end = _chosen(options["epochs"], loaded)
+        if not to_pipe:
+            _check_recs(scenario, loaded, first, end)
+        for line in left_out(loaded):
+            warn(line)
+        source = simulated(AcasTestCase(scenario=loaded, first=first, end=end))
     if to_pipe:
         _to_pipe(source, options)
         return
@@ -100,6 +107,7 @@ def command(scenario: Path, **options: Any) -> None:
             workers=options["workers"],
             progress=report,
             say=note,
+            warn=warn,
         )
     for path in files:
         echo(str(path))
@@ -150,7 +158,7 @@ def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
                 component=component,
                 workers=options["workers"],
                 progress=report,
-                say=note,
+                warn=warn,
             )
         output.flush()
     except BrokenPipeError:
@@ -158,12 +166,25 @@ def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), output.fileno())
 
 
-def _test_case(scenario: CampaignScenario, epochs: str | None) -> SimulatedRecording:
-    """Return the recording of the epochs `A:B`, by default of all epochs."""
-    from vestige.simulated.exported_case import AcasTestCase
-    from vestige.simulated.exported_case_folder import simulated
-
+def _chosen(epochs: str | None, scenario: CampaignScenario) -> tuple[int, int]:
+    """Return the first epoch of `A:B` and the epoch after the last, by default of all epochs."""
     match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", epochs or f"0:{scenario.epochs}", re.ASCII)
     if match is None:
         raise click.UsageError(f"--epochs: found {epochs}, expected A:B within 0:{scenario.epochs}")
-    return simulated(AcasTestCase(scenario=scenario, first=int(match[1]), end=int(match[2])))
+    return int(match[1]), int(match[2])
+
+
+def _check_recs(path: Path, scenario: CampaignScenario, first: int, end: int) -> None:
+    """Raise `VestigeError` if no RECS is sent in the epochs of a test case."""
+    every = scenario.recs.every
+    following = -(-first // every) * every
+    if not first < end <= min(scenario.epochs, following):
+        return  # the epochs have a RECS, or are none of the scenario
+    if following < scenario.epochs:
+        which, advice = f"the next one is at epoch {following}", f"{first}:{following + 1}"
+    else:
+        which, advice = f"the last one is at epoch {following - every}", f"{following - every}:{end}"
+    raise VestigeError(
+        f"{path}: --epochs {first}:{end}: found no RECS, expected at least one; RECS come every "
+        f"{every * scenario.interval_s:g} s, and {which}; take --epochs {advice}"
+    )

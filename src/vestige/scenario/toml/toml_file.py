@@ -16,7 +16,7 @@ from pydantic_core import ErrorDetails
 
 from vestige.crypto.file_bytes import read_text
 from vestige.crypto.file_toml import DEEPEST, parse_toml
-from vestige.errors import InputFileError, VestigeError
+from vestige.errors import InputFileError, SettingError, VestigeError
 
 NOTHING = "none"  # value of a setting that removes a key
 OURS, OWN = "a kind of vestige", "a user's own kind"  # parts between the keys in the position of an error
@@ -33,15 +33,11 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class InconsistentSettingsError(ValueError):
+class InconsistentSettingsError(SettingError):
     """Error about values that do not fit together.
 
     `place` is the key with the error, relative to the checked table: `receiver.clock`.
     """
-
-    def __init__(self, place: str, found: object, expected: str) -> None:
-        super().__init__(f"{place}: {found}, expected {expected}")
-        self.place, self.found, self.expected = place, found, expected
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -141,7 +137,7 @@ def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[st
     first = min(error.errors(), key=lambda one: one["type"] not in _UNKNOWN_KEY)
     place = _place(raw, first["loc"])
     cause = first.get("ctx", {}).get("error")
-    if isinstance(cause, InconsistentSettingsError):
+    if isinstance(cause, SettingError):
         return InconsistentSettingsError(
             ".".join(part for part in (place, cause.place) if part), cause.found, cause.expected
         )
@@ -155,7 +151,7 @@ def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[st
             )
         place = ".".join(filter(None, (place, "kind")))
         return InconsistentSettingsError(place, first["ctx"].get("tag", "nothing"), kinds or "a kind")
-    found, expected = _found_and_expected(first, adapter, _table_of(raw, first["loc"][:-1]))
+    found, expected = _found_and_expected(first, adapter, raw)
     return InconsistentSettingsError(place, found, expected)
 
 
@@ -186,15 +182,17 @@ _EXPECTED = {
 }
 
 
-def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], table: Mapping[str, Any]) -> tuple[object, str]:
-    """Return the found and the expected value at the position of an error in a table."""
+def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> tuple[object, str]:
+    """Return the found and the expected value at the position of an error in the tables."""
     if first["type"] in _UNKNOWN_KEY:
-        unknown = str(first["loc"][-1])
-        near = difflib.get_close_matches(unknown, _keys(adapter.json_schema()), n=1)
-        if near == [unknown]:  # a key of another table, or of another kind of this table
+        *loc, unknown = first["loc"]
+        schema, table = adapter.json_schema(), _table_of(raw, tuple(loc))
+        if near := difflib.get_close_matches(str(unknown), _keys_of_table(schema, raw, tuple(loc)), n=1):
+            return f"an unknown key {unknown}", near[0]
+        if "kind" in table or unknown in _keys(schema):  # the key may belong to another table, or another kind
             kind = f" of kind {table['kind']}" if "kind" in table else ""
             return f"an unknown key {unknown}", f"a key of this table{kind}: docs/scenarios.md has them"
-        return f"an unknown key {unknown}", near[0] if near else "one of the keys in docs/scenarios.md"
+        return f"an unknown key {unknown}", "one of the keys in docs/scenarios.md"
     found = "nothing" if first["type"] == "missing" else first["input"]
     if (expected := _EXPECTED.get(first["type"])) is not None:
         if isinstance(found, str) and expected in (
@@ -209,12 +207,43 @@ def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], table: M
     return found, first["msg"].removeprefix("Value error, ")
 
 
+def _inside_of(raw: Any, part: int | str) -> bool:
+    """Return whether a part of a position is a key or a number in the file; the names of kinds are not."""
+    return part in raw if isinstance(raw, dict) else isinstance(raw, list) and part in range(len(raw))
+
+
 def _table_of(raw: Any, loc: tuple[int | str, ...]) -> Mapping[str, Any]:
     """Return the table at a position."""
     for part in loc:
-        inside = part in raw if isinstance(raw, dict) else isinstance(raw, list) and part in range(len(raw))
-        raw = raw[part] if inside else raw  # the names of kinds are not keys of the file
+        raw = raw[part] if _inside_of(raw, part) else raw
     return raw if isinstance(raw, dict) else {}
+
+
+def _keys_of_table(schema: Mapping[str, Any], raw: Any, loc: tuple[int | str, ...]) -> set[str]:
+    """Return the keys that a JSON schema permits in the table at a position, of the kind that the table names."""
+    definitions = schema.get("$defs", {})
+    tables = _variants(schema, definitions, raw)
+    for part in loc:
+        if _inside_of(raw, part):
+            raw = raw[part]
+            inner = (
+                one.get("items") if isinstance(part, int) else one.get("properties", {}).get(part) for one in tables
+            )
+            tables = [found for one in inner if one for found in _variants(one, definitions, raw)]
+    return set().union(*(one.get("properties", ()) for one in tables))
+
+
+def _variants(schema: Mapping[str, Any], definitions: Mapping[str, Any], raw: Any) -> list[Mapping[str, Any]]:
+    """Return the schemas that may describe a value; of tables with kinds only those of the value's kind."""
+    if "$ref" in schema:
+        return _variants(definitions[schema["$ref"].rpartition("/")[2]], definitions, raw)
+    inner = [one for name in ("anyOf", "oneOf", "allOf") for one in schema.get(name, ())]
+    if inner:
+        return [found for one in inner for found in _variants(one, definitions, raw)]
+    kind = schema.get("properties", {}).get("kind", {})
+    kinds = kind.get("enum", [kind["const"]] if "const" in kind else [])
+    named = raw.get("kind") if isinstance(raw, dict) else None
+    return [schema] if named is None or not kinds or named in kinds else []
 
 
 def _keys(schema: Any) -> set[str]:
