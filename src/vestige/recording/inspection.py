@@ -17,7 +17,6 @@ from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.osnma.disclosure import provably_before_disclosure
 from vestige.recording.adc_statistics import AdcStatistics, adc_statistics
-from vestige.recording.assistance.assistance_files import FileKind
 from vestige.recording.assistance.folder import AssistanceFolder, read_assistance
 from vestige.recording.description import RecordingDescription, redated
 from vestige.recording.doctor.e1_signals import Progress

@@ -160,9 +160,7 @@ def read_recs(path: Path, settings: Settings) -> Contents:
     others = None
     if settings.window is not None and not segments:
         others = RecsOfOtherTimes.of((segment.transmit_time for segment in file.segments), settings.window)
-    return Contents(
-        summary=f"{summary}, from {file.start}", signature=signature, segments=segments, other_times=others
-    )
+    return Contents(summary=f"{summary}, from {file.start}", signature=signature, segments=segments, other_times=others)
 
 
 def read_group_delays(path: Path, settings: Settings) -> Contents:

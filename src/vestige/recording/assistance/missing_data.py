@@ -20,9 +20,7 @@ OLDEST_GROUP_DELAY_S = 7 * DAY_S
 NO_RECS = "RECS: none"
 
 
-def missing_data(
-    assistance: Assistance, files: Sequence[AssistanceFile], trust: FileTrust | None
-) -> tuple[str, ...]:
+def missing_data(assistance: Assistance, files: Sequence[AssistanceFile], trust: FileTrust | None) -> tuple[str, ...]:
     """Return one line for each kind of data that the processor needs and the folder lacks."""
     missing = []
     if trust is None:

@@ -41,9 +41,7 @@ class RecsOfOtherTimes:
     leap_s: int
 
     @classmethod
-    def of(
-        cls, times: Iterable[GalileoTime], window: tuple[GalileoTime, GalileoTime]
-    ) -> RecsOfOtherTimes | None:
+    def of(cls, times: Iterable[GalileoTime], window: tuple[GalileoTime, GalileoTime]) -> RecsOfOtherTimes | None:
         """Return the RECS outside a window from their times of transmission; None if all are in the window."""
         begin, end = window
         outside = [time for time in times if not begin <= time <= end]
@@ -94,9 +92,13 @@ class RecsOfOtherTimes:
     def _advice(self) -> str:
         behind = f"UTC is {abs(self.leap_s)} s behind GST"
         if self.leap_s > 0:
-            return f"perhaps the start is UTC and was taken as GST ({behind}): write UTC after the time, or give --start"
+            return (
+                f"perhaps the start is UTC and was taken as GST ({behind}): write UTC after the time, or give --start"
+            )
         if self.leap_s < 0:
-            return f"perhaps the start is GST and was taken as UTC ({behind}): write GST after the time, or give --start"
+            return (
+                f"perhaps the start is GST and was taken as UTC ({behind}): write GST after the time, or give --start"
+            )
         return "correct the start of the recording (--start), or get the RECS of this time"
 
 

@@ -188,9 +188,7 @@ def _first_that_fits(
     return None, tried
 
 
-def _groups(
-    file: BandFile, other: BandFile | None
-) -> Iterator[tuple[str, Callable[[], str], Iterator[_Hit | None]]]:
+def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Callable[[], str], Iterator[_Hit | None]]]:
     """Yield the name of each kind of mistake, the words for its values, and its readings with their signals, or None.
 
     The words are known after the readings.
