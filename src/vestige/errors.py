@@ -47,7 +47,7 @@ class InputFileError(VestigeError):
     """
 
     def __init__(self, path: Path | str, place: str, found: object, expected: object) -> None:
-        super().__init__(f"{printable(str(path))}: {place}: found {_short(found)}, expected {_short(expected)}")
+        super().__init__(f"{printable(str(path))}: {place}: found {_short(found)}, expected {_whole(expected)}")
         self.path, self.place, self.found, self.expected = Path(path), place, found, expected
 
     def __reduce__(self) -> tuple[type[InputFileError], tuple[Path, str, object, object]]:
@@ -93,6 +93,11 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(one if one.isprintable() else one.encode("unicode_escape").decode("ascii") for one in text)
+
+
+def _whole(value: object) -> str:
+    """Return the expected value as printable text of any length: it says what to do, and is never cut here."""
+    return printable(value if isinstance(value, str) else repr(value))
 
 
 def _short(value: object, limit: int = 80) -> str:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import click
@@ -41,7 +42,10 @@ def test_a_campaign_is_printed_with_the_keys_of_its_file_and_not_as_python() -> 
     result = CliRunner().invoke(command, arguments, standalone_mode=False)
     assert result.exception is None
     told = " ".join(result.stdout.split())
-    assert "attack.0: lift-off: start_s = 0, stop_s = inf, delay_m = {sine: first = 71.5, turn = 0" in told
+    assert "attack.0: lift-off: start_s = 0, stop_s = inf" in told
+    assert "attack.0.delay_m: sine: first = 71.5, turn = 0" in told
+    assert re.search(r"(?m)^  processor\.budget: hardware_m = 0, group_delay_m = ", result.stdout)
+    assert "{" not in told.partition("processor:")[2].partition("attack.0")[0]
     assert "detector = maximum, spacing = 1, p_fa = 1e-07" in told
     assert "receiver.bias: none" in told
     assert not {"(", "None", "True", "False", "'"} & set(told.replace("BOC(1,1)", "").replace("(", " ( ").split())

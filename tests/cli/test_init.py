@@ -32,3 +32,16 @@ def test_a_folder_that_is_there_is_left_alone(tmp_path: Path) -> None:
 
 def test_there_are_scenarios_in_a_checkout() -> None:
     assert [path.parent for path in shipped_scenarios()] == [SCENARIOS] * len(shipped_scenarios())
+
+
+def test_the_second_time_names_what_to_type(tmp_path: Path) -> None:
+    (tmp_path / "scenarios").mkdir()
+    result = CliRunner().invoke(command, [str(tmp_path)], standalone_mode=False)
+    assert str(result.exception).endswith("give another folder: vestige init FOLDER")
+
+
+def test_comments_stand_apart_from_the_commands(tmp_path: Path) -> None:
+    result = CliRunner().invoke(command, [str(tmp_path / ("long" * 10))], standalone_mode=False)
+    commands = [line for line in result.stdout.splitlines() if line.startswith("  vestige ")]
+    assert len(commands) == 3
+    assert all("  # " in line for line in commands)

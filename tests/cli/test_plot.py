@@ -56,6 +56,26 @@ def test_a_sky_is_needed(kind: str, store: Path, tmp_path: Path) -> None:
     assert "[constellation]" in refused(kind, store, "-o", tmp_path / "a.png")
 
 
+def test_what_one_line_of_sight_lacks_is_said(store: Path, tmp_path: Path) -> None:
+    line = refused("sky", store, "-o", tmp_path / "a.png")
+    assert "because its scenario has one line of sight" in line
+    assert "`vestige init` writes" in line
+
+
+def test_the_folder_of_a_figure_is_made_and_none_is_left_empty(store: Path, tmp_path: Path) -> None:
+    file = tmp_path / "new" / "figures" / "range.png"
+    assert "found no elevation_deg" in refused("sky", store, "-o", file)
+    two = stored(campaign_results(3, svids=(1, 2)), tmp_path / "2")
+    assert "expected one of 1, 2: give --svid" in refused("all", two, "-o", tmp_path / "new" / "figures")
+    assert not (tmp_path / "new").exists()
+    result = plot("all", store, "-o", file)
+    assert result.exit_code == 2
+    assert "all writes a folder of figures" in result.stderr
+    assert not (tmp_path / "new").exists()
+    assert plot("range-histogram", store, "-o", file).exit_code == 0
+    assert file.exists()
+
+
 def test_all(store: Path, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "figures"
     result = plot("all", store, "-o", folder)

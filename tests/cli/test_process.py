@@ -25,7 +25,7 @@ from vestige.cli.main import main
 from vestige.cli.options import DETECTOR_NAMES
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
-from vestige.cli.recordings.verdicts import VERDICT_COLUMNS, csv_writer
+from vestige.cli.recordings.verdicts import VERDICT_COLUMNS, Tally, csv_writer
 from vestige.cli.services.recs_make import command as recs_make
 from vestige.constants import MEDIAN_TRAVEL_TIME_S, SPEED_OF_LIGHT_MPS
 from vestige.errors import InputFileError, VestigeError
@@ -37,7 +37,7 @@ from vestige.recording.recording import open_recording
 from vestige.recording.samples.sample_format import SampleFormat
 from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
 from vestige.recording.snapshots import MARGIN_S, RecordingSource
-from vestige.records import Band, SampleBatch, Snapshot
+from vestige.records import Band, SampleBatch, Snapshot, Status
 from vestige.sample_processor.correlator import CorrelatableSamples
 from vestige.sample_processor.tracking.settings import TrackingSettings
 
@@ -128,7 +128,7 @@ def test_the_exit_status_that_a_script_asks_for(
         with pytest.raises(SystemExit) as stop:  # as the shell sees it
             main(["process", str(folder), "--hardware-bias-m", str(bias_m), "--fail-on", limit])
         assert (stop.value.code or 0) == status
-        assert ("troubleshooting" in capsys.readouterr().out) is (bias_m == -2000.0)
+        assert ("likely causes" in capsys.readouterr().out) is (bias_m == -2000.0)
 
 
 def test_the_table_and_the_csv_say_the_same(folder: Path, calibrated: dict, tmp_path: Path) -> None:
@@ -274,6 +274,53 @@ def test_redated_recording_has_no_recs(folder: Path) -> None:
     assert result["verdicts"] == []
 
 
+def test_utc_that_was_taken_as_gst_is_named(folder: Path) -> None:
+    shown = invoke(process, folder, "--start", "2026-11-21T11:59:58")
+    assert shown.stderr.count("no RECS for this time: the assistance folder has 4, sent ") == 1
+    assert "the start is UTC and was taken as GST (UTC is 18 s behind GST)" in shown.stderr
+    assert "no verdict: no RECS for this time" in shown.stdout
+    assert "RECS: none" not in shown.stderr
+    assert "no RECS was found within" not in shown.stderr
+
+
+def test_every_warning_before_the_verdicts_is_in_the_json(folder: Path) -> None:
+    shown = invoke(process, folder, "--json")
+    said = [line.removeprefix("warning: ") for line in shown.stderr.splitlines() if line.startswith("warning: ")]
+    assert len(said) > 2
+    assert json.loads(shown.stdout)["warnings"] == said
+
+
+def test_no_position_has_its_reason(folder: Path, tmp_path: Path) -> None:
+    shown = invoke(process, folder, "--calibrate", "--positions", tmp_path / "a.csv")
+    assert "no position was computed, because there are no orbits; give --navigation FILE" in shown.stderr
+    shown = invoke(process, folder, "--time-uncertainty", "6", "--positions", tmp_path / "a.csv")
+    assert "no position was computed, because no satellite is AUTHENTIC" in shown.stderr
+
+
+def test_a_wrong_cipher_mode_gives_the_causes(folder: Path) -> None:
+    shown = invoke(process, folder, "--cipher-mode", "ctr")
+    assert "no satellite was found on E6, likely causes:" in shown.stdout
+    for cause in ("spectral_inversion, sample_rate_hz", "another key than they name", "--cipher-mode", "--taps 63"):
+        assert cause in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("reason", "seen", "advice"),
+    [
+        ("E1 predicts a detection probability of 0.6 only, below 0.9", True, "sample_rate_hz is wrong by some ppm"),
+        ("no validated OSNMA key", True, ""),
+        ("", False, "sample_rate_hz, format, layout, center_frequency_hz"),
+    ],
+)
+def test_each_case_without_a_verdict_names_its_causes(reason: str, seen: bool, advice: str) -> None:
+    tally = Tally()
+    verdicts = [SimpleNamespace(status=Status.NOT_AVAILABLE, reason=reason)] if seen else []
+    state = SimpleNamespace(on_e1={8: None} if seen else {})
+    step = SimpleNamespace(verdicts=verdicts, changes=(), positions=(), unseen=frozenset({3}), state=state)
+    tally.add(step)  # type: ignore[arg-type]
+    assert (advice in " ".join(tally.advice)) if advice else tally.advice == ()
+
+
 def test_calibration_needs_satellites(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(VestigeError, match="calibrate"):
         _json(process, folder, "--start", "2026-11-21T13:00:16 GST", "--calibrate")
@@ -326,7 +373,8 @@ def test_what_was_taken_on_the_folders_word_is_said(folder: Path) -> None:
     own = _json(process, folder)
     assert any("own public key" in line for line in own["warnings"])
     named = _json(process, folder, "--public-key", folder / "osnma" / "public_key.pem")
-    assert named["warnings"] == [f"{folder / 'assistance'}: {OPEN_CODE}"]
+    assert f"{folder / 'assistance'}: {OPEN_CODE}" in named["warnings"]
+    assert not any("own public key" in line for line in named["warnings"])
     assert {one["status"] for one in named["verdicts"]} == {"AUTHENTIC"}
 
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import os
 import signal
 import subprocess
@@ -64,6 +65,9 @@ def test_what_came_of_an_attack(tmp_path: Path) -> None:
     assert maximum["time_to_mitigate_s"] is None
     assert sum(early["shares"].values()) == pytest.approx(1.0)
     assert maximum["shares"]["SPOOFER"] > 0.4 > early["shares"]["SPOOFER"]
+    assert re.search(
+        r"early flank of the correlation peak, where outliers cluster: \d+ range offsets between -27 and", text
+    )
     assert f"attack on E11: 1000 epochs from 500 s on, first alarm after {early['time_to_detect_s']:g} s" in text
     assert f"it returned to the true signal after {early['time_to_mitigate_s']:g} s and stayed" in text
     assert "it did not return to the true signal to stay" in text.splitlines()[-1]

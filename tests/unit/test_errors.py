@@ -38,3 +38,8 @@ def test_a_line_has_an_end() -> None:
     assert len(text) <= LONGEST + 3
     assert text.startswith("--set x=999")
     assert text.endswith(": expected a number")
+
+
+def test_what_was_expected_is_never_cut() -> None:
+    expected = "one of " + ", ".join(f"key_{number}" for number in range(40))
+    assert str(InputFileError("a.toml", "x", "an unknown key", expected)).endswith(expected)

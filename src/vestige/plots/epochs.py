@@ -51,8 +51,10 @@ def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None
     if svid is None and len(svids) == 1:
         svid = svids[0]
     if svid not in svids:
-        asked = "no choice of satellite" if svid is None else f"no satellite {svid}"
-        raise VestigeError(f"found {asked}, expected one of {', '.join(map(str, svids))}")
+        known = ", ".join(map(str, svids))
+        if svid is None:
+            raise VestigeError(f"found no choice of satellite, expected one of {known}: give --svid, in Python svid=")
+        raise VestigeError(f"found no satellite {svid}, expected one of {known}")
     return results.isel(detector=detectors.index(detector), satellite=svids.index(svid))
 
 

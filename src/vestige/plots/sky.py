@@ -121,4 +121,7 @@ def monitor_timeline(time_s: Float[np.ndarray, " n"], lines: Sequence[MonitorLin
 def _check(results: xarray.Dataset, *names: str) -> None:
     for name in names:
         if name not in results.variables:
-            raise VestigeError(f"results of a campaign: found no {name}, expected those of a [constellation]")
+            raise VestigeError(
+                f"results of a campaign: found no {name}, because its scenario has one line of sight; expected a "
+                "scenario with the table [constellation], such as night.toml, which `vestige init` writes"
+            )

@@ -17,7 +17,6 @@ from vestige.acas_processor.searches.vestigial import TRAVEL_TIME_S
 from vestige.constants import SUBFRAME_S
 from vestige.crypto.osnma.disclosure import provably_before_disclosure
 from vestige.recording.adc_statistics import AdcStatistics, adc_statistics
-from vestige.recording.assistance.assistance_files import FileKind
 from vestige.recording.assistance.folder import AssistanceFolder, read_assistance
 from vestige.recording.description import RecordingDescription, redated
 from vestige.recording.doctor.e1_signals import Progress
@@ -215,11 +214,9 @@ def _missing(
         seen = None if coverage is None else coverage.span
         if coverage is not None and seen is not None and (seen[1] < span[0] or span[1] < seen[0]):
             yield f"no observations for this time: {coverage.file.path.name} has {seen[0]} to {seen[1]}"
-        if not assistance.assistance.segments and any(file.kind is FileKind.RECS for file in assistance.files):
-            yield f"no RECS for this time: none is transmitted during the E6 samples, {span[0]} to {span[1]}"
         if description is not None and description.time_uncertainty_s < SUBFRAME_S:
             yield from _missing_margin(description.time_uncertainty_s, assistance.assistance)
-    yield from assistance.missing
+    yield from assistance.missing_for(span)
 
 
 def _missing_time(uncertainty_s: float) -> Iterator[str]:

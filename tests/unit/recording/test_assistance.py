@@ -197,6 +197,18 @@ def test_window(folder: Path, assistance: Assistance) -> None:
     assert result.assistance.segments == assistance.segments[2:8]
 
 
+def test_recs_of_another_time_are_counted_over_all_files(folder: Path, assistance: Assistance) -> None:
+    window = (START + -50.0, START + -40.0)
+    result = read_assistance(folder, window=window)
+    assert result.other_times is not None
+    assert result.other_times.n == len(assistance.segments)
+    first, *others = result.missing_for(window)
+    assert first.startswith(f"no RECS for this time: the assistance folder has {len(assistance.segments)}, sent from")
+    assert "RECS: none" in result.missing
+    assert "RECS: none" not in others
+    assert read_assistance(folder, window=(START, START + 90.5)).other_times is None
+
+
 def test_empty_folder_says_what_is_missing(tmp_path: Path) -> None:
     result = read_assistance(tmp_path)
     assert result.assistance == Assistance()

@@ -17,19 +17,25 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
         ("receiver.cn0_dbz=1", "receiver.cn0_dbz: found an unknown key cn0_dbz, expected cn0_dbhz"),
         (
             "zzz=1",
-            "zzz: found an unknown key zzz, expected a key of this table of kind campaign: docs/scenarios.md has them",
+            "zzz: found an unknown key zzz, expected a key of this table of kind campaign: `vestige check --schema` and "
+            "docs/scenarios.md list them",
         ),
-        ("recs.zzz=1", "recs.zzz: found an unknown key zzz, expected one of the keys in docs/scenarios.md"),
+        (
+            "recs.zzz=1",
+            "recs.zzz: found an unknown key zzz, expected one of the keys: `vestige check --schema` and "
+            "docs/scenarios.md list them",
+        ),
         ("recs.evry=1", "recs.evry: found an unknown key evry, expected every"),
+        ("receiver.cn0=1", "receiver.cn0: found an unknown key cn0, expected cn0_dbhz"),
         (
             'trajectory={kind="static", latitude_deg=48.0, longitude_deg=11.0, height_m=0.0, speed_mps=5.0}',
             "trajectory.speed_mps: found an unknown key speed_mps, "
-            "expected a key of this table of kind static: docs/scenarios.md has them",
+            "expected a key of this table of kind static: `vestige check --schema` and docs/scenarios.md list them",
         ),
         (
             "svids=[6]",
             "svids: found an unknown key svids, "
-            "expected a key of this table of kind campaign: docs/scenarios.md has them",
+            "expected a key of this table of kind campaign: `vestige check --schema` and docs/scenarios.md list them",
         ),
         (
             "receiver.accelerometers.sigma_bias_mps2=-1",
@@ -145,7 +151,12 @@ def test_endless_nesting_is_one_line() -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("[recevier]", "kind: found nothing, expected 'campaign' or 'recording'"),
+        ("seed = 1", "kind: found nothing, expected 'campaign' or 'recording'"),
+        (
+            "[recevier]",
+            "top level: found an unknown key recevier, and no kind, expected receiver, and kind = 'campaign' or "
+            "'recording'",
+        ),
         ("knd = 'campaign'", "top level: found an unknown key knd, expected kind"),
         ("kind = 'campaign'\n[recevier]", "recevier: found an unknown key recevier, expected receiver"),
     ],

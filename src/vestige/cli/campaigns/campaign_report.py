@@ -167,8 +167,9 @@ def _detector_lines(results: xarray.Dataset, name: str) -> list[str]:
     return [
         f"{name:8s} detector: {found.misses} missed, P_d {rate.value:.6f} "
         f"({100 * rate.confidence:g} %: {rate.low:.6f} to {rate.high:.6f})",
-        f"  range offset: mean {found.range_offset_mean_m:+.2f} m, 1σ {found.range_offset_std_m:.2f} m, "
-        f"{found.cluster.successes} between {low_m:g} and {high_m:g} m",
+        f"  range offset: mean {found.range_offset_mean_m:+.2f} m, 1σ {found.range_offset_std_m:.2f} m",
+        f"  early flank of the correlation peak, where outliers cluster: {found.cluster.successes} range offsets "
+        f"between {low_m:g} and {high_m:g} m",
         "  percentiles: " + ", ".join(f"{p:g} % {value:+.1f} m" for p, value in found.percentiles_m.items()),
     ]
 

@@ -102,10 +102,22 @@ def _in_view(scenario: CampaignScenario) -> list[str]:
 
 
 def _table_lines(name: str, table: Any) -> list[str]:
-    """Return a table of a scenario as text, with the names of its keys, in lines of `_WIDTH` characters."""
-    text = f"  {name}: {_text_of(table) if table else 'none'}".replace(" = ", _EQUALS)
-    wrapped = textwrap.wrap(text, _WIDTH, subsequent_indent="      ", break_long_words=False, break_on_hyphens=False)
-    return [line.replace(_EQUALS, " = ") for line in wrapped]
+    """Return a table of a scenario as text, with the names of its keys, in lines of `_WIDTH` characters.
+
+    A table inside the table begins a line of its own: `processor.budget`.
+    """
+    inner: dict[str, Any] = {}
+    if isinstance(table, dict):
+        inner = {key: one for key, one in table.items() if isinstance(one, dict)}
+        table = {key: one for key, one in table.items() if key not in inner and one not in (None, [])}
+    lines: list[str] = []
+    if table or not inner:
+        text = f"  {name}: {_text_of(table) if table else 'none'}".replace(" = ", _EQUALS)
+        wrapped = textwrap.wrap(
+            text, _WIDTH, subsequent_indent="      ", break_long_words=False, break_on_hyphens=False
+        )
+        lines = [line.replace(_EQUALS, " = ") for line in wrapped]
+    return lines + [line for key, one in inner.items() for line in _table_lines(f"{name}.{key}", one)]
 
 
 def _text_of(value: Any) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -108,6 +109,8 @@ def command(
     A campaign that has not ended is drawn up to its present epoch.
     """
     chosen = KINDS.get(kind)
+    if chosen is None and output.suffix.lower().lstrip(".") in (*FORMATS, "gif"):
+        raise click.BadParameter(f"{output}: {_ALL} writes a folder of figures; give its name", param_hint="-o")
     if chosen is not None and output.suffix.lower().lstrip(".") not in chosen.formats:
         allowed = ", .".join(chosen.formats)
         raise click.BadParameter(f"{output}: the suffix of a figure of this kind is one of .{allowed}", param_hint="-o")
@@ -124,7 +127,9 @@ def command(
     from vestige import plots
 
     sweep = _read_sweep(results, detector, svid, start_s, stop_s)
-    plots.write(plots.detection_curve(sweep, count=_COUNT[kind]), output, width_cm=width_cm)
+    axes = plots.detection_curve(sweep, count=_COUNT[kind])
+    with _folder_of(output):
+        plots.write(axes, output, width_cm=width_cm)
     echo(str(output))
 
 
@@ -135,7 +140,9 @@ def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
 
     if len(folders) > 1:
         raise click.UsageError(f"threats draws one table, found {len(folders)}")
-    plots.write(plots.threat_map(read_threat_dataset(folders[0])), output)
+    axes = plots.threat_map(read_threat_dataset(folders[0]))
+    with _folder_of(output):
+        plots.write(axes, output)
     echo(str(output))
 
 
@@ -153,22 +160,33 @@ def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path,
     """Draw a figure into a file, or all figures of a campaign into a folder, and print the names of the files."""
     from vestige import plots
 
-    if kind != _ALL:
-        figures = [(kind, output, choice)]
-    else:
-        output.mkdir(parents=True, exist_ok=True)
-        figures = _all_of(plots.is_attacked(results), output, choice)
+    figures = _all_of(plots.is_attacked(results), output, choice) if kind == _ALL else [(kind, output, choice)]
     for name, file, of in figures:
         try:
-            if name == "animation":
-                plots.write_animation(results, file, svid=of.svid, width_cm=of.width_cm)
-            else:
-                plots.write(_axes(name, results, of), file, width_cm=of.width_cm)
+            with _folder_of(file):
+                if name == "animation":
+                    plots.write_animation(results, file, svid=of.svid, width_cm=of.width_cm)
+                else:
+                    plots.write(_axes(name, results, of), file, width_cm=of.width_cm)
         except InputFileError:
             raise
         except VestigeError as error:
             raise VestigeError(f"{path}: {error}") from error
         echo(str(file))
+
+
+@contextmanager
+def _folder_of(file: Path) -> Iterator[None]:
+    """Make the folder of a file that is written; remove it again if nothing is written into it."""
+    made = [folder for folder in file.parents if not folder.exists()]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        for folder in made:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Path, _Choice]]:

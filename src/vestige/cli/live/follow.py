@@ -158,6 +158,7 @@ def _run(
 
 def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited: bool) -> None:
     """Print the summary, and end with the exit status that `--fail-on` sets."""
+    from vestige.cli.recordings.advice import in_one_line
     from vestige.cli.recordings.verdicts import exit_status
 
     n_dropped = following.live.n_dropped
@@ -165,7 +166,7 @@ def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited:
     if tally.nothing and waited and not tally.too_early:  # RECS that came too early have their own warning
         warn(f"{tally.nothing}: {following.live.extent}")
     elif tally.counts and tally.advice:
-        warn(tally.advice)
+        warn(in_one_line(tally.advice))
     note(f"{tally.snapshots} snapshots: {tally}{_dropped(n_dropped)}")
     _check_nothing_dropped(n_dropped, tally)
     exit_status(tally, options["fail_on"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from vestige.recording.snapshots import RecordingSource
     from vestige.recording.tracked.track_recording import TrackedRecording
     from vestige.records import Assistance
+    from vestige.time import GalileoTime
 
 # Behind a narrow filter the peak is round, and linear interpolation gives up to twice the offset. Half steps after the
 # first step converge, where whole steps would oscillate.
@@ -106,7 +107,12 @@ def command(recording_path: Path, **options: Any) -> None:
         writers.append(stack.enter_context(outputs_for_others(options, replace=True)))
         tracked = _tracked(recording, options, folder)
         processor, source, warnings = prepared(recording, options, tracked, channels)
-        tally = Tally(tracked=_satellites(tracked), too_early=_sent_before_tracking(source, tracked))
+        tally = Tally(
+            tracked=_satellites(tracked),
+            too_early=_sent_before_tracking(source, tracked),
+            no_recs=_why_no_recs(warnings),
+            has_orbits=bool(processor.monitoring.fix.ephemerides),
+        )
         if tally.too_early:
             warn(tally.too_early)
             warnings.append(tally.too_early)
@@ -122,13 +128,15 @@ def command(recording_path: Path, **options: Any) -> None:
             print_json(steps, tally, hardware_bias_s=bias_s, remarks=remarks)
         else:
             print_table(steps, tally, hardware_bias_s=bias_s)
+    if options["positions"] and tally.no_position:
+        warn(tally.no_position)
     exit_status(tally, options["fail_on"])
 
 
 def prepared(
     recording: Recording, options: dict[str, Any], tracked: TrackedRecording | None, channels: OtherChannels
 ) -> tuple[AcasProcessor, RecordingSource, list[str]]:
-    """Return the processor and the source of snapshots that the options describe, and the warnings of the assistance.
+    """Return the processor and the source of snapshots that the options describe, and all warnings, also printed.
 
     Parameters
     ----------
@@ -163,21 +171,27 @@ def prepared(
     processor = processor_from_options(options, tracked, found.navigation)
     detail(processor.limits)
     known = found.assistance
-    open_code = open_code_warning(folder, known.segments, known.keys, cipher_mode=processor.cipher_mode)
-    warnings = [*found.warnings, *([open_code] if open_code else [])]
-    missing = found.missing
+    missing = found.missing_for(_span(recording, told_s or 0.0))
     if options["hardware_bias_m"] is not None or options["calibrate"]:  # the bias is then known
         missing = tuple(line for line in missing if not line.startswith(RECEIVER_NAME))
-    for line in (*recording.notes, *found.problems, *missing, *warnings):
-        warn(line)
+    warnings: list[str] = []
+
+    def say(*lines: object) -> None:
+        for line in lines:
+            warn(line)
+            warnings.append(str(line))
+
+    say(*recording.notes, *found.problems, *missing, *found.warnings)
+    if open_code := open_code_warning(folder, known.segments, known.keys, cipher_mode=processor.cipher_mode):
+        say(open_code)
     if options["calibrate"]:
-        warn(
+        say(
             "--calibrate takes the hardware bias from this recording itself: "
             "a delay of E6 that is common to all satellites cannot be seen"
         )
     error_s = told_s or 0.0
-    if around_s:
-        error_s = label_error_s(recording, known, around_s, processor)
+    if around_s and known.segments:
+        error_s = label_error_s(recording, known, around_s, processor, say)
     source = RecordingSource(
         recording=recording,
         assistance=_with_bias(known, options["hardware_bias_m"]),
@@ -189,11 +203,25 @@ def prepared(
         channels=channels,
     )
     if (sent := min(source.epochs(), default=None)) and (why := processor.monitoring.fix.why_no_fix(sent)):
-        warn(f"{options['navigation']}: {why}")
-    lacks = [*_missing_bands(recording), *filter(None, [time_tag_warning(told_s or 0.0)])]
-    for line in lacks:
-        warn(line)
-    return processor, source, [*warnings, *lacks]
+        say(f"{options['navigation']}: {why}")
+    say(*_missing_bands(recording), *filter(None, [time_tag_warning(told_s or 0.0)]))
+    return processor, source, warnings
+
+
+def _span(recording: Recording, late_s: float) -> tuple[GalileoTime, GalileoTime] | None:
+    """Return the times of the first and the last E6 sample on the clock of the signal; None without E6."""
+    e6 = recording.e6
+    return None if e6 is None else (e6.start + -late_s, e6.start + (e6.duration_s - late_s))
+
+
+def _why_no_recs(warnings: Iterable[str]) -> str:
+    """Return why the assistance has no RECS for the recording; "" if it has RECS."""
+    from vestige.recording.assistance.missing_data import NO_RECS
+    from vestige.recording.assistance.other_times import OTHER_TIMES
+
+    if NO_RECS in warnings:
+        return "the assistance folder has no usable RECS; get those for the time of the recording"
+    return next((line for line in warnings if line.startswith(OTHER_TIMES)), "")
 
 
 def _missing_bands(recording: Recording) -> list[str]:

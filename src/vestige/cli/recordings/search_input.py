@@ -56,7 +56,9 @@ def decrypted_recs(
     found = read_assistance(
         folder, window=time_span(recording, uncertainty_s=around_s if math.isfinite(around_s) else 0.0), strict=False
     )
-    for line in (*found.problems, *found.missing, *found.warnings):
+    e6 = recording.e6
+    span = None if e6 is None else (e6.start, e6.start + e6.duration_s)
+    for line in (*found.problems, *found.missing_for(span), *found.warnings):
         warn(line)
     keys = {key.time: key for key in found.assistance.keys}
     segments = [one for one in found.assistance.segments if one.svid in svids and one.key_time in keys]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
-
-from vestige.cli.terminal import warn
 
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor, Step
@@ -83,8 +82,14 @@ def label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
     return 0.0 if recording.observations is not None or around_s <= TIME_TAG_TOLERANCE_S else min(around_s, MAX_LABEL_S)
 
 
-def label_error_s(recording: Recording, assistance: Assistance, around_s: float, processor: AcasProcessor) -> float:
-    """Search the samples for RECS, print the result, and return the delay of the time tag in s."""
+def label_error_s(
+    recording: Recording,
+    assistance: Assistance,
+    around_s: float,
+    processor: AcasProcessor,
+    say: Callable[[object], None],
+) -> float:
+    """Search the samples for RECS, give the result to `say`, and return the delay of the time tag in s."""
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
     from vestige.recording.observations.time_tag_search import search_label
 
@@ -98,13 +103,13 @@ def label_error_s(recording: Recording, assistance: Assistance, around_s: float,
     for decision in found.decisions:
         if decision.spoofed:
             times = ", ".join(str(peak.start_time) for peak in decision.peaks)
-            warn(f"E{decision.svid:02d}: spoofing: its RECS was found {len(decision.peaks)} times, at {times}")
+            say(f"E{decision.svid:02d}: spoofing: its RECS was found {len(decision.peaks)} times, at {times}")
     if found.error_s is None:
-        warn(
+        say(
             f"no RECS was found within the time tag's ±{around_s:g} s, so the time tag is taken to be right "
             f"to {TIME_TAG_TOLERANCE_S * 1e3:g} ms: without an observation file E1 tells time only modulo 100 ms"
         )
         return 0.0
     if abs(found.error_s) > TIME_TAG_TOLERANCE_S:
-        warn(f"the time tag is {late_or_early(found.error_s)} by the RECS in the samples")
+        say(f"the time tag is {late_or_early(found.error_s)} by the RECS in the samples")
     return found.error_s if abs(found.error_s) > TIME_TAG_TOLERANCE_S else 0.0

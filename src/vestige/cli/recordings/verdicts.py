@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from vestige.acas_processor.checks.power.e6_power import TOO_WEAK
 from vestige.acas_processor.levels import ALARMS
 from vestige.cli.outputs.verdict_lines import (
     PositionEntry,
@@ -24,9 +25,11 @@ from vestige.cli.outputs.verdict_lines import (
     VerdictLine,
     VerdictRow,
 )
+from vestige.cli.recordings.advice import NOT_ON_E1, NOT_ON_E6, WEAK_ON_E1
 from vestige.cli.terminal import echo
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import VestigeError
+from vestige.navigation.position_fix import UNKNOWNS
 from vestige.output import replacement
 from vestige.records import Outcome, Status, Verdict
 
@@ -44,8 +47,12 @@ class Tally:
 
     tracked: Set[int] = frozenset()  # satellites that tracking found on E1, at a RECS or at another time
     too_early: str = ""  # warning that RECS came before E1 had ranges; "" if none did
+    no_recs: str = ""  # why the assistance folder has no RECS for this recording; "" if unknown
+    has_orbits: bool = True  # whether the processor has the orbits of any satellite
     snapshots: int = 0
+    positions: int = 0
     alarmed: bool = False  # whether any verdict or state was an alarm
+    weak: bool = False  # whether a satellite was too weak on E1 for a verdict
     counts: Counter[str] = field(default_factory=Counter)
     missed: set[int] = field(default_factory=set)
     seen: set[int] = field(default_factory=set)
@@ -53,8 +60,10 @@ class Tally:
     def add(self, step: Step) -> None:
         """Count the verdicts and changes of a snapshot."""
         self.snapshots += 1
+        self.positions += len(step.positions)
         self.counts.update(verdict.status.name for verdict in step.verdicts)
         self.alarmed |= any(one.alarm for one in step.changes) or any(one.status in ALARMS for one in step.verdicts)
+        self.weak |= any(one.reason.startswith(TOO_WEAK) for one in step.verdicts)
         self.missed |= step.unseen
         self.seen |= step.state.on_e1.keys()
 
@@ -72,29 +81,37 @@ class Tally:
             return self.too_early
         if self.missed & self.tracked:
             return "no verdict: satellites of the RECS were tracked, but not when their RECS came"
-        why = (
-            "no satellite of the RECS is seen on E1" if self.missed else "no RECS was transmitted during this recording"
-        )
-        return f"no verdict: {why}"
+        if self.missed:
+            return "no verdict: no satellite of the RECS is seen on E1"
+        return f"no verdict: {self.no_recs or 'no RECS was transmitted during this recording'}"
 
     @property
-    def advice(self) -> str:
-        """Advice on causes to check if no satellite was found on E6; "" otherwise."""
-        if self.too_early and not self.counts:
-            return self.nothing
-        if not self.counts:
-            swapped = (
-                "the files of the two bands may be swapped, or the start may be wrong: " if self.not_seen_on_e1 else ""
-            )
-            return f"{self.nothing}; {swapped}`vestige inspect RECORDING` says what the recording holds"
-        if set(self.counts) != {Status.NOT_DETECTED.name}:
+    def no_position(self) -> str:
+        """Reason why there is no position; empty if there is a position."""
+        if self.positions:
             return ""
-        return (
-            "no satellite was found on E6: E6 may be later than the correlators reach (try --calibrate --taps 63), or "
-            "its sense of the spectrum, sample rate or file may be described wrongly (spectral_inversion, "
-            "sample_rate_hz, file; `vestige inspect RECORDING` finds out); all causes in order: "
-            "docs/site/pages/troubleshooting.md"
-        )
+        if not self.counts[Status.AUTHENTIC.name]:
+            why = "no satellite is AUTHENTIC"
+        elif not self.has_orbits:
+            why = "there are no orbits; give --navigation FILE, a RINEX navigation file of that day"
+        else:
+            why = f"a position needs {UNKNOWNS} AUTHENTIC satellites with orbits in one snapshot"
+        return f"no position was computed, because {why}"
+
+    @property
+    def advice(self) -> tuple[str, ...]:
+        """Lines of advice on causes to check if there is no verdict, or no satellite was found; () otherwise."""
+        if not self.counts:
+            if self.too_early:
+                return (self.nothing,)
+            if self.not_seen_on_e1:
+                return (f"no verdict: {NOT_ON_E1[0]}", *NOT_ON_E1[1:])
+            if self.no_recs:
+                return (self.nothing,)
+            return (f"{self.nothing}; `vestige inspect RECORDING` says what the recording holds",)
+        if set(self.counts) == {Status.NOT_DETECTED.name}:
+            return NOT_ON_E6
+        return WEAK_ON_E1 if self.weak and set(self.counts) == {Status.NOT_AVAILABLE.name} else ()
 
     def fails(self, limit: str | None) -> bool:
         """Return whether the verdicts match the value of `--fail-on`: `spoofed`, `alarm` or `unauthenticated`."""
@@ -258,7 +275,7 @@ def print_table(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float) 
         print_snapshot(step)
         tally.add(step)
     if tally.advice:
-        echo("", tally.advice)
+        echo("", *tally.advice)
     echo("", f"hardware bias E6-E1 used: {hardware_bias_s * SPEED_OF_LIGHT_MPS:+.1f} m")
     print_not_seen(tally)
     echo(f"result: {tally}")

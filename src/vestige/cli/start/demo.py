@@ -82,7 +82,7 @@ def command(folder: Path) -> None:
     echo("", "9. A replay of both bands, which level 1 cannot see: six runs, at each mitigation level.")
     _run("threats", "--quick", "--only", "A3", "-j", "2")
     echo("", f"Files: {folder}/; figures: {folder / 'figures'}/; a page for a browser: {folder / 'quick.html'}")
-    echo("Next: all attacks: vestige threats --quick -j 2 -o threats; one of your own: docs/your_own_attack.md")
+    echo("Next: all attacks: vestige threats --quick -j 2 -o threats; options: vestige threats --help")
     echo(f"      vestige inspect {night}; vestige theory --paper; vestige run {scenarios / 'harsh.toml'} -o harsh.zarr")
 
 

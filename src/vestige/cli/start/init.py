@@ -24,12 +24,14 @@ def command(folder: Path) -> None:
         echo(f"  {path.name:<22}{path.read_text(encoding='utf-8').splitlines()[0].removeprefix('# ')}")
     scenarios = written[0].parent
     echo("", "Next:")
-    for line, what in (
+    commands = (
         (f"vestige run {scenarios / 'quick.toml'} -o quick.zarr", "statistics of the paper's harsh conditions"),
         (f"vestige simulate {scenarios / 'first_light.toml'} -o first_light", "a recording of both bands"),
         ("vestige demo", "both, with an attack and the verdicts"),
-    ):
-        echo(f"  {line:<64}# {what}")
+    )
+    width = max(len(line) for line, _ in commands)
+    for line, what in commands:
+        echo(f"  {line:<{width}}  # {what}")
 
 
 def write_scenarios(folder: Path) -> list[Path]:
@@ -38,7 +40,8 @@ def write_scenarios(folder: Path) -> list[Path]:
 
     target = folder / "scenarios"
     if target.exists():
-        raise InputFileError(target, "folder", "an existing file or folder", "a new name")
+        expected = "a new name; give another folder: vestige init FOLDER"
+        raise InputFileError(target, "folder", "an existing file or folder", expected)
     target.mkdir(parents=True)
     written = []
     for path in shipped_scenarios():

@@ -32,6 +32,7 @@ from vestige.crypto.recs.file_signature import SignatureStatus, verify_data
 from vestige.crypto.recs.recs_name import parse_name
 from vestige.errors import AuthenticationError, VestigeError
 from vestige.navigation.inav.page import InavPage
+from vestige.recording.assistance.other_times import RecsOfOtherTimes
 from vestige.recording.assistance.receiver_corrections import (
     IONOSPHERE_NAME,
     RECEIVER_NAME,
@@ -116,6 +117,7 @@ class Contents:
     summary: str  # content of the file in one line
     signature: SignatureStatus | None = None  # None for kinds of files that are not signed
     segments: tuple[EncryptedSegment, ...] = ()
+    other_times: RecsOfOtherTimes | None = None  # RECS outside the window, if the file has none in the window
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
     roots: tuple[RootKey, ...] = ()
@@ -155,7 +157,10 @@ def read_recs(path: Path, settings: Settings) -> Contents:
         first, last = settings.window
         segments = tuple(segment for segment in segments if first <= segment.transmit_time <= last)
     summary = f"E{file.svid:02d}, {len(segments)} RECS" + (f" of {file.n_segments}" if settings.window else "")
-    return Contents(summary=f"{summary}, from {file.start}", signature=signature, segments=segments)
+    others = None
+    if settings.window is not None and not segments:
+        others = RecsOfOtherTimes.of((segment.transmit_time for segment in file.segments), settings.window)
+    return Contents(summary=f"{summary}, from {file.start}", signature=signature, segments=segments, other_times=others)
 
 
 def read_group_delays(path: Path, settings: Settings) -> Contents:

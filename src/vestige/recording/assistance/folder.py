@@ -17,7 +17,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from vestige.constants import DAY_S
 from vestige.crypto.file_bytes import list_folder
 from vestige.crypto.osnma.chain_register import ChainRegister, RevokedKeyError
 from vestige.crypto.osnma.osnma_report import AuthenticatedData
@@ -31,15 +30,13 @@ from vestige.recording.assistance.assistance_files import (
     Settings,
     assistance_kind,
 )
+from vestige.recording.assistance.missing_data import NO_RECS, missing_data
+from vestige.recording.assistance.other_times import RecsOfOtherTimes
 from vestige.records import Assistance
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
 T = TypeVar("T")
-
-# RECS are published up to a week ahead [WFO, Sec. II-A], together with the group delays. Older group delays are used
-# with a warning, because the validity of a file is not public.
-OLDEST_GROUP_DELAY_S = 7 * DAY_S
 
 Message = tuple[Path, Callable[[Settings], Contents | None]]  # source and reader of the message
 FileCache = dict[Path, tuple[tuple[object, ...], Contents]]  # state and content of each file when read
@@ -79,6 +76,8 @@ class AssistanceFolder:
         One line for each kind of data that the processor needs and the folder lacks.
     navigation
         Navigation data of the receiver's own message that OSNMA tags verified.
+    other_times
+        The RECS of other times if no RECS in the folder is in the window; None otherwise.
     """
 
     assistance: Assistance
@@ -86,6 +85,13 @@ class AssistanceFolder:
     problems: tuple[VestigeError, ...]
     missing: tuple[str, ...]
     navigation: tuple[AuthenticatedData, ...] = ()
+    other_times: RecsOfOtherTimes | None = None
+
+    def missing_for(self, span: tuple[GalileoTime, GalileoTime] | None) -> tuple[str, ...]:
+        """Return `missing` for a recording from one time to another: all RECS may be of other times."""
+        if span is None or self.other_times is None:
+            return self.missing
+        return (self.other_times.line(*span), *(line for line in self.missing if line != NO_RECS))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -229,13 +235,13 @@ def read_assistance(
         for path in remembered.keys() - {path for path, _ in read}:
             del remembered[path]
     assistance = _joined(read, problems)
-    missing = _missing(assistance, files, trust)
     return AssistanceFolder(
         assistance=assistance,
         files=tuple(files),
         problems=tuple(problems.collected),
-        missing=missing,
+        missing=missing_data(assistance, files, trust),
         navigation=navigation,
+        other_times=_other_times(contents for _, contents in read),
     )
 
 
@@ -308,6 +314,17 @@ def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assis
     )
 
 
+def _other_times(read: Iterable[Contents]) -> RecsOfOtherTimes | None:
+    """Return the RECS of other times if no file has RECS in the window."""
+    found = None
+    for one in read:
+        if one.segments:
+            return None
+        if one.other_times is not None:
+            found = one.other_times if found is None else found | one.other_times
+    return found
+
+
 def _usable_keys(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> list[tuple[Path, ValidatedKey]]:
     """Return the keys that no signed root key of any file withdraws."""
     register = ChainRegister()
@@ -349,51 +366,3 @@ def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problem
         for (path, earlier_path), count in between.items()
     )
     return tuple(found[key][0] for key in sorted(found) if key not in contradicted)
-
-
-def _of_another_time(assistance: Assistance) -> Iterator[str]:
-    """Yield a line for each satellite whose group delays are not valid at the time of its RECS."""
-    last = {segment.svid: segment.transmit_time for segment in assistance.segments}  # in the order of time
-    for svid, sent in sorted(last.items()):
-        since = [delay.valid_from for delay in assistance.group_delays if delay.svid == svid]
-        ages_s = [sent - one for one in since if one <= sent]
-        if since and not ages_s:
-            yield f"group delays: those of E{svid:02d} begin at {min(since)}, after its RECS; taken as 0"
-        elif ages_s and min(ages_s) > OLDEST_GROUP_DELAY_S:
-            yield (
-                f"group delays: those of E{svid:02d} are {min(ages_s) / DAY_S:.0f} days older than its RECS, expected "
-                f"at most {OLDEST_GROUP_DELAY_S / DAY_S:g}; get the BGD file that belongs to them"
-            )
-
-
-def _missing(assistance: Assistance, files: Sequence[AssistanceFile], trust: FileTrust | None) -> tuple[str, ...]:
-    """Return one line for each kind of data that the processor needs and the folder lacks."""
-    missing = []
-    if trust is None:
-        missing.append("OSNMA public key or Merkle tree: none, so no key can be validated")
-    if not assistance.segments:
-        missing.append("RECS: none")
-    needed = {segment.key_time for segment in assistance.segments}
-    absent = sorted(needed - {key.time for key in assistance.keys})
-    if absent:
-        first, more = str(absent[0]), len(absent) - 1
-        which = f"the key of {first} and {more} more are missing" if more else f"the key of {first} is missing"
-        missing.append(
-            f"OSNMA keys: {which}, and RECS without their key get no verdict; `vestige osnma verify` writes a key file "
-            "from navigation pages"
-        )
-    elif not assistance.keys:
-        missing.append("OSNMA keys: none")
-    without = {s.svid for s in assistance.segments} - {delay.svid for delay in assistance.group_delays}
-    if without:
-        missing.append(f"group delays: none for {', '.join(f'E{svid:02d}' for svid in sorted(without))}; taken as 0")
-    missing += _of_another_time(assistance)
-    kinds = {file.kind for file in files}
-    if FileKind.RECEIVER not in kinds:
-        missing.append("receiver.toml: none, so the delay between the front ends is taken as 0")
-    if FileKind.IONOSPHERE not in kinds:
-        missing.append("ionosphere.csv: none, so no ionospheric delay is predicted")
-    unverified = sum(file.signature not in (None, SignatureStatus.VERIFIED) for file in files)
-    if unverified:
-        missing.append(f"signatures: {unverified} files have no verified signature of the server")
-    return tuple(missing)

@@ -198,7 +198,10 @@ def _at_the_beginning(reader: SampleReader, followed: Sequence[E1Satellite]) -> 
         )  # fmt: skip
 
 
-_ADVICE = "record again with fewer losses (faster disk, larger buffers), or cut the file there"
+_ADVICE = (
+    "record again with fewer losses (faster disk, larger buffers), or cut the file there; if nothing was lost, "
+    "sample_rate_hz is wrong by some ppm"
+)
 
 
 def _place(reader: SampleReader, first: int, count: int, followed: Sequence[E1Satellite]) -> MeasuredPlace | None:

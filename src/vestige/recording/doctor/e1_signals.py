@@ -38,7 +38,6 @@ _TRY_STRETCHES = 2  # number of code periods for each reading, down to about 38 
 _STRONGER_DB = 0.5  # least gain in C/N0 over the simpler reading before
 _TRY_BINS = 2  # every second Doppler bin takes half of the time and loses 1 dB on average
 _RATES = 8  # number of usual sampling rates
-_RATE_STRETCHES = 1  # number of code periods for each sampling rate that is tried; enough above about 41 dBHz
 
 Progress = Callable[[str, int, int], None]
 
@@ -174,7 +173,7 @@ def _first_that_fits(
 ) -> tuple[_Hit | None, list[str]]:
     """Return the reading that shows signals, these signals, and the kinds of mistakes whose readings were all tried."""
     tried: list[str] = []
-    for name, hits in _groups(file, other):
+    for name, tells, hits in _groups(file, other):
         strongest: _Hit | None = None
         number = 0
         for number, hit in enumerate(hits):
@@ -185,19 +184,32 @@ def _first_that_fits(
                 return strongest, tried
         if strongest is not None:
             return strongest, tried
-        tried.append(name)
+        tried.append(tells())
     return None, tried
 
 
-def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Iterator[_Hit | None]]]:
-    """Yield the name of each kind of mistake, and its readings with their signals, or None."""
-    yield "reversed spectrum", _tried(reversed_readings(file))
+def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Callable[[], str], Iterator[_Hit | None]]]:
+    """Yield the name of each kind of mistake, the words for its values, and its readings with their signals, or None.
+
+    The words are known after the readings.
+    """
+
+    def named(name: str, hits: Iterator[_Hit | None]) -> tuple[str, Callable[[], str], Iterator[_Hit | None]]:
+        return name, lambda: name, hits
+
+    yield named("reversed spectrum", _tried(reversed_readings(file)))
     if other is not None:
-        yield "swapped bands", _tried(swapped_readings(file, other))
+        yield named("swapped bands", _tried(swapped_readings(file, other)))
     # The formats are compared together, because the high bytes of other numbers give weak signals, too.
-    yield "real or complex and number formats", _tried(chain(layout_readings(file), format_readings(file)))
-    yield "the likeliest sampling rates", _rates(file)
-    yield f"centre frequencies to ±{(WIDE_HZ + 5e3) / 1e3:.0f} kHz", _centres(file)
+    formats = chain(layout_readings(file), format_readings(file))
+    yield named("real or complex and number formats", _tried(formats))
+    rates_hz: list[float] = []
+    yield (
+        "the likeliest sampling rates",
+        lambda: f"sampling rates {', '.join(f'{rate / 1e6:g}' for rate in rates_hz) or 'none'} Msps",
+        _rates(file, rates_hz),
+    )
+    yield named(f"centre frequencies to ±{(WIDE_HZ + 5e3) / 1e3:.0f} kHz", _centres(file))
 
 
 def _tried(readings: Iterable[Reading]) -> Iterator[_Hit | None]:
@@ -206,8 +218,11 @@ def _tried(readings: Iterable[Reading]) -> Iterator[_Hit | None]:
         yield (reading, found) if found else None
 
 
-def _rates(file: BandFile) -> Iterator[_Hit | None]:
-    """Yield the sampling rates that the repetition of the codes suggests, the likeliest first, until one fits."""
+def _rates(file: BandFile, rates_hz: list[float]) -> Iterator[_Hit | None]:
+    """Yield the sampling rates that the repetition of the codes suggests, the likeliest first, until one fits.
+
+    Each rate that is tried is appended to `rates_hz`.
+    """
     batch = head(file, E1_WINDOW_S)
     if batch is None:
         return
@@ -215,8 +230,9 @@ def _rates(file: BandFile) -> Iterator[_Hit | None]:
     for rate_hz in rates_by_repetition_hz(batch.samples, E1_CODE_PERIOD_S, carrier=carrier)[:_RATES]:
         if rate_hz == file.sample_rate_hz:
             continue
+        rates_hz.append(rate_hz)
         reading = rate_reading(file, rate_hz)
-        found = _acquire(head(reading.file, _window_s(_RATE_STRETCHES)), _RATE_STRETCHES, bin_step=_TRY_BINS)
+        found = _acquire(head(reading.file, _window_s(_TRY_STRETCHES)), _TRY_STRETCHES, bin_step=_TRY_BINS)
         if found:
             yield reading, found
             return

@@ -153,9 +153,9 @@ class MavlinkOutput:
     Raises
     ------
     VestigeError
-        If pymavlink is not installed, or knows no such message or address.
+        If pymavlink is not installed, or knows no such message or address, or the address cannot be opened.
     OSError
-        If the file or address cannot be opened.
+        If the file cannot be opened.
     """
 
     def __init__(self, target: str) -> None:
@@ -182,6 +182,11 @@ class MavlinkOutput:
         except ModuleNotFoundError as error:  # pymavlink takes every other address for a serial port
             expected = f"a file {LOG_SUFFIX}, an address such as udpout:127.0.0.1:14550, or pyserial for a serial port"
             raise VestigeError(f"--mavlink: found {address!r}, expected {expected}: pip install pyserial") from error
+        except OSError as error:  # unknown host, port in use, no such serial port
+            self._held.close()
+            expected = f"a file {LOG_SUFFIX}, or an address that can be reached, such as udpout:127.0.0.1:14550"
+            why = error.strerror or str(error)
+            raise VestigeError(f"--mavlink: found {address!r} ({why}), expected {expected}") from error
         return connection.write
 
     def write(self, time: GalileoTime, integrity: GnssIntegrity) -> None:

@@ -149,6 +149,11 @@ def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[st
             kinds = " or ".join(
                 repr(kind) for kind in adapter.json_schema().get("discriminator", {}).get("mapping", ())
             )
+        if not place and "tag" not in first["ctx"] and (misspelt := _unknown_at_the_top(adapter, raw)):
+            unknown, near_key = misspelt
+            return InconsistentSettingsError(
+                "top level", f"an unknown key {unknown}, and no kind", f"{near_key}, and kind = {kinds}"
+            )
         place = ".".join(filter(None, (place, "kind")))
         return InconsistentSettingsError(place, first["ctx"].get("tag", "nothing"), kinds or "a kind")
     found, expected = _found_and_expected(first, adapter, raw)
@@ -156,6 +161,7 @@ def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[st
 
 
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+_KEYS_LISTED = "`vestige check --schema` and docs/scenarios.md list them"
 _NUMBER, _WHOLE, _TRUTH = "a number", "a whole number", "true or false"
 # type of an error of pydantic: the expected value in the words of vestige
 _EXPECTED = {
@@ -187,12 +193,13 @@ def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], raw: Map
     if first["type"] in _UNKNOWN_KEY:
         *loc, unknown = first["loc"]
         schema, table = adapter.json_schema(), _table_of(raw, tuple(loc))
-        if near := difflib.get_close_matches(str(unknown), _keys_of_table(schema, raw, tuple(loc)), n=1):
+        keys = _keys_of_table(schema, raw, tuple(loc))
+        if near := difflib.get_close_matches(str(unknown), keys, n=1) or _longer(str(unknown), keys):
             return f"an unknown key {unknown}", near[0]
         if "kind" in table or unknown in _keys(schema):  # the key may belong to another table, or another kind
             kind = f" of kind {table['kind']}" if "kind" in table else ""
-            return f"an unknown key {unknown}", f"a key of this table{kind}: docs/scenarios.md has them"
-        return f"an unknown key {unknown}", "one of the keys in docs/scenarios.md"
+            return f"an unknown key {unknown}", f"a key of this table{kind}: {_KEYS_LISTED}"
+        return f"an unknown key {unknown}", f"one of the keys: {_KEYS_LISTED}"
     found = "nothing" if first["type"] == "missing" else first["input"]
     if (expected := _EXPECTED.get(first["type"])) is not None:
         if isinstance(found, str) and expected in (
@@ -251,6 +258,24 @@ def _keys(schema: Any) -> set[str]:
     if isinstance(schema, dict):
         return set(schema.get("properties", ())).union(*map(_keys, schema.values()))
     return set().union(*map(_keys, schema)) if isinstance(schema, list) else set()
+
+
+def _longer(beginning: str, keys: Iterable[str]) -> list[str]:
+    """Return the shortest key that continues an incomplete key: `cn0` is continued by `cn0_dbhz`; [] if none does."""
+    return sorted((key for key in keys if key.startswith(f"{beginning}_")), key=lambda key: (len(key), key))[:1]
+
+
+def _unknown_at_the_top(adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Return an unknown key of the top level of a file without its kind, and the nearest key of any kind of file."""
+    schema = adapter.json_schema()
+    kinds = schema.get("discriminator", {}).get("mapping", {}).values()
+    tables = [schema.get("$defs", {}).get(ref.rpartition("/")[2], {}) for ref in kinds]
+    known = set().union(*(table.get("properties", ()) for table in tables))
+    unknown = next((key for key in raw if key not in known), None)
+    if unknown is None or not known:
+        return None
+    near = difflib.get_close_matches(unknown, known, n=1) or _longer(unknown, known)
+    return unknown, near[0] if near else f"one of the keys: {_KEYS_LISTED}"
 
 
 def _check_values(value: Any, place: str, path: Path, depth: int = 0) -> None:

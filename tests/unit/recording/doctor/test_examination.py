@@ -106,6 +106,23 @@ def faults(found: Examination) -> list[tuple[FindingKind, Band | None]]:
     return [(one.kind, one.band) for one in of_faults(found)]
 
 
+def test_a_wrong_rate_is_found_at_40_dbhz_and_the_rates_are_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = Made(stored={Band.E1: stored(weak_e1())})
+    made.says[Band.E1] = right().says[Band.E1] | {"sample_rate_hz": 6e6}
+    found = examined(made, tmp_path)
+    assert "sample_rate_hz = 5000000" in next(one.line for one in found.faults)
+    monkeypatch.setattr(e1_signals, "rates_by_repetition_hz", lambda *_arguments, **_more: (12.5e6, 6e6, 8e6))
+    found = examined(made, tmp_path)
+    assert "sampling rates 12.5, 8 Msps" in found.faults[0].line
+
+
+@cache
+def weak_e1() -> np.ndarray:
+    return received_batch(Band.E1, sky(power_db=-7.0), rate_hz=RATE_HZ, duration_s=0.125).samples
+
+
 def test_a_right_description_has_no_fault(tmp_path: Path) -> None:
     found = examined(right(), tmp_path)
     assert faults(found) == []

@@ -196,3 +196,12 @@ def test_without_pymavlink_one_line_says_what_to_install(monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20.development", None)
     with pytest.raises(VestigeError, match=r"pip install 'vestige\[mavlink\]'"):
         MavlinkOutput("udpout:127.0.0.1:14550")
+
+
+def test_an_address_that_cannot_be_reached(mavutil: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_arguments: object, **_options: object) -> None:
+        raise socket.gaierror(-2, "Name or service not known")
+
+    monkeypatch.setattr(mavutil, "mavlink_connection", refuse)
+    with pytest.raises(VestigeError, match=r"^--mavlink: found 'nonsense:1' \(Name or service not known\), expected"):
+        MavlinkOutput("nonsense:1")

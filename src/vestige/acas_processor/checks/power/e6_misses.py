@@ -36,7 +36,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from vestige.acas_processor.checks.check import Monitor, series_of
-from vestige.acas_processor.checks.power.e6_power import MIN_PD
+from vestige.acas_processor.checks.power.e6_power import MIN_PD, TOO_WEAK
 from vestige.acas_processor.evidence import Evidence
 from vestige.acas_processor.measurement import Availability, MeasurementBlock
 from vestige.acas_processor.monitoring.memory import CheckMemory
@@ -110,7 +110,7 @@ class E6MissesCheck(Monitor):
             predicted = measured.predicted_pd[here]
             if np.isnan(predicted):
                 return "C/N0 on E1 is not known, so nothing follows from a missing signal"
-            return f"E1 predicts a detection probability of {predicted:.2g} only, below {self.prediction.min_pd:g}"
+            return f"{TOO_WEAK} of {predicted:.2g} only, below {self.prediction.min_pd:g}"
 
         return series_of(self, statistic, np.full(evidence.shape, limit), explain)
 

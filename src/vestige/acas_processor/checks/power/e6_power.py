@@ -20,6 +20,7 @@ from vestige.acas_processor.measurement import Availability
 from vestige.records.checks import CheckName, CheckSeries
 
 MIN_PD = 0.9
+TOO_WEAK = "E1 predicts a detection probability"  # beginning of the reason for a satellite that is too weak
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +56,6 @@ class E6PowerCheck:
             predicted = measured.predicted_pd[here]
             if np.isnan(predicted):
                 return "C/N0 on E1 is not known, so nothing follows from a missing signal"
-            return f"E1 predicts a detection probability of {predicted:.2g} only, below {self.min_pd:g}"
+            return f"{TOO_WEAK} of {predicted:.2g} only, below {self.min_pd:g}"
 
         return series_of(self, statistic, np.zeros(evidence.shape), explain)
