@@ -7,6 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 
 _LOWEST = 0.5  # lower end of the axis of counts, in events
+_LEAST_FREE_DECADES = 1.08  # least free space above the highest bar
 _ROW_SHARE = 0.08  # height of a row of the legend as a share of the axes
 _MOST_BINS = 600  # largest number of bins; at 8 cm a bin is then a pixel and a half
 
@@ -30,7 +31,7 @@ def width_of(edges: Float[np.ndarray, " n_edges"]) -> float:
 
 def log_counts(ax: Axes, highest: float, rows: int = 2) -> None:
     """Set the axis of counts to log scale, with free space above the highest bar for the `rows` of a legend."""
-    decades = np.log10(max(highest, 1.0) / _LOWEST)  # of the bars
-    share = max(1 - decades / (decades + 1.08), _ROW_SHARE * rows)  # of the axes, and free; at least a decade
-    ax.set_ylim(_LOWEST, _LOWEST * 10 ** (decades / (1 - share)))
+    bars_decades = np.log10(max(highest, 1.0) / _LOWEST)
+    free_share = max(1 - bars_decades / (bars_decades + _LEAST_FREE_DECADES), _ROW_SHARE * rows)
+    ax.set_ylim(_LOWEST, _LOWEST * 10 ** (bars_decades / (1 - free_share)))
     ax.set_yscale("log")
