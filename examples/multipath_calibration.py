@@ -138,11 +138,15 @@ def draw(found: dict[tuple[int, float], list[Outcome]], path: Path) -> None:
             )
         panel.set_ylabel(label)
     panels[0].set_yscale("symlog", linthresh=1)
-    panels[1].set_yscale("symlog", linthresh=1)
+    limits = panels[0].get_ylim()
+    ticks = [0, *(digit * 10**power for power in range(5) for digit in (1, 2, 5))]
+    panels[0].set_yticks(ticks, [f"{tick:,}" for tick in ticks])
+    panels[0].set_ylim(limits)
+    panels[1].set_ylim(bottom=0)
     panels[0].axhline(PAPER_MISSES, color="black", linewidth=1)
     panels[0].annotate("the paper: 52", (POWERS_DB[0], PAPER_MISSES), xytext=(0, 3), textcoords="offset points")
     panels[-1].set_xlabel("mean power of all reflections over the direct signal (dB)")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
     plots.write(panels[0], path)
 
 

@@ -34,6 +34,10 @@ def test_bash_completes_commands_options_and_their_values() -> None:
         "vestige recs ''",
         "vestige theory --integ",
         "vestige track --pll-discriminator arctan",
+        "vestige plot --detector ''",
+        "vestige process --detector m",
+        "vestige threats --only A2",
+        "vestige threats --only A15,A1",
     ]
     path = f"{VESTIGE.parent}{os.pathsep}{os.environ['PATH']}"
     answer = subprocess.run(  # noqa: S603
@@ -45,4 +49,8 @@ def test_bash_completes_commands_options_and_their_values() -> None:
     )
     all_verbs, *others = answer.stdout.splitlines()
     assert shlex.split(all_verbs) == list(VERBS)
-    assert others == ["process", "decrypt info make", "--integration-ms", "arctan2 arctan"]
+    after_comma = " ".join(f"A15,A1{last}" for last in ("", *range(10)))
+    assert others == [
+        "process", "decrypt info make", "--integration-ms", "arctan2 arctan",
+        "early maximum", "maximum", "A2 A20 A21", after_comma,
+    ]  # fmt: skip

@@ -30,7 +30,7 @@ for svid, verdict in sorted(last.items()):
 # %%
 # The results of the same campaign give the directions of the satellites.
 results = direct_results(ScenarioPlan(scenario=scenario), judge=False).isel(epoch=-1)
-colours = {"AUTHENTIC": "tab:green", "SPOOFED": "tab:red", "SUSPECT": "tab:orange"}
+marks = {"AUTHENTIC": ("o", "tab:green"), "SPOOFED": ("X", "tab:red"), "SUSPECT": ("s", "tab:orange")}
 figure, axes = plt.subplots(subplot_kw={"projection": "polar"}, figsize=(5, 4.4), layout="constrained")
 axes.set_theta_zero_location("N")
 axes.set_theta_direction(-1)
@@ -38,9 +38,12 @@ for place, svid in enumerate(results["svid"].values.tolist()):
     azimuth = np.radians(results["azimuth_deg"].values[place])
     away_deg = 90 - results["elevation_deg"].values[place]
     status = last[svid].status.name
-    axes.plot(azimuth, away_deg, "o", markersize=12, color=colours.get(status, "tab:grey"))
-    axes.annotate(f"E{svid:02d} {status}", (azimuth, away_deg), (8, 8), textcoords="offset points", fontsize="small")
+    marker, colour = marks.get(status, ("D", "tab:grey"))
+    axes.plot(azimuth, away_deg, marker, markersize=12, color=colour, linestyle="none", label=status)
+    axes.annotate(f"E{svid:02d}", (azimuth, away_deg), (8, 8), textcoords="offset points")
 axes.set_rlim(0, 90)
 axes.set_xticks(np.radians([0, 90, 180, 270]), ["N", "E", "S", "W"])
 axes.set_yticks([30, 60], ["60°", "30°"])
+once = {line.get_label(): line for line in axes.lines}  # a line of the legend for each verdict
+figure.legend(once.values(), once.keys(), loc="outside lower center", ncols=4, frameon=False)
 plt.show()

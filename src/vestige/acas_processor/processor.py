@@ -78,7 +78,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AcasProcessor:
-    """The receiver's ACAS processing with all its settings.
+    """Judge the snapshots of a receiver by ACAS; the attributes are all settings of this processing.
 
     Attributes
     ----------

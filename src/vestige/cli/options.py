@@ -103,10 +103,16 @@ def detector_name(_context: click.Context, _parameter: click.Parameter, name: st
     return name
 
 
+def _begun_detectors(_context: click.Context, _parameter: click.Parameter, begun: str) -> list[str]:
+    """Return vestige's detectors for completion with Tab; a detector of the form `module:Name` is not completed."""
+    return [name for name in DETECTOR_NAMES if name.startswith(begun)]
+
+
 detector_option = click.option(
     "--detector",
     default="early",
     metavar="NAME",
+    shell_complete=_begun_detectors,
     callback=detector_name,
     help="Detector on E6: early, maximum, or `module:Name` of your own.",
 )

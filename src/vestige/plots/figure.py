@@ -83,7 +83,7 @@ def dress(ax: Axes, *, title: str, x: str, y: str) -> None:
 def legend(ax: Axes, place: str = "best", columns: int = 1) -> None:
     """Set a legend in small letters if any artist has a label."""
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc=place, ncols=columns, framealpha=0.85, edgecolor="none", **LEGEND)  # type: ignore[call-overload]
+        ax.legend(loc=place, ncols=columns, framealpha=1.0, edgecolor="none", **LEGEND)  # type: ignore[call-overload]
 
 
 def typeset(number: float) -> str:

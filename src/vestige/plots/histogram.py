@@ -6,6 +6,9 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
+_LOWEST = 0.5  # lower end of the axis of counts, in events
+_LEAST_FREE_DECADES = 1.08  # least free space above the highest bar
+_ROW_SHARE = 0.08  # height of a row of the legend as a share of the axes
 _MOST_BINS = 600  # largest number of bins; at 8 cm a bin is then a pixel and a half
 
 
@@ -26,7 +29,9 @@ def width_of(edges: Float[np.ndarray, " n_edges"]) -> float:
     return float(f"{edges[1] - edges[0]:.6g}")
 
 
-def log_counts(ax: Axes, highest: float) -> None:
-    """Set the axis of counts to log scale, from half an event to a decade above the highest bar."""
-    ax.set_ylim(0.5, 12 * max(highest, 1.0))  # the free decade is for the legend
+def log_counts(ax: Axes, highest: float, rows: int = 2) -> None:
+    """Set the axis of counts to log scale, with free space above the highest bar for the `rows` of a legend."""
+    bars_decades = np.log10(max(highest, 1.0) / _LOWEST)
+    free_share = max(1 - bars_decades / (bars_decades + _LEAST_FREE_DECADES), _ROW_SHARE * rows)
+    ax.set_ylim(_LOWEST, _LOWEST * 10 ** (bars_decades / (1 - free_share)))
     ax.set_yscale("log")

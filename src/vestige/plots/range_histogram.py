@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import xarray
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
+from vestige.plots.bank_edge import LIMIT_LINE, mark_bank_edge
 from vestige.plots.epochs import column, select, title_of
-from vestige.plots.figure import BLACK, BLUE, ORANGE, SMALL_LETTERS_PT, dress, legend, new_axes
+from vestige.plots.figure import BLACK, BLUE, ORANGE, dress, legend, new_axes
 from vestige.plots.histogram import bin_edges, log_counts, width_of
 
 BIN_M = 0.5
@@ -64,6 +64,8 @@ def range_histogram(
 ) -> Axes:
     """Return axes with the histogram of the range offset in log scale.
 
+    A dashed line marks the edge of the bank of correlators if offsets come near it.
+
     Parameters
     ----------
     bin_m
@@ -99,10 +101,10 @@ def range_histogram(
         name = f"exponential, {right_flank.scale_m:.2f} m"
         ax.plot(x_m, right_flank.expected(x_m, bin_m), color=BLACK, linewidth=1.0, label=name)
     if limit_m is not None:
-        dashed: dict[str, Any] = {"color": BLACK, "linestyle": "--", "linewidth": 0.7}
-        ax.axvline(-limit_m, **dashed)
-        ax.axvline(limit_m, **dashed, label=f"range check ±{limit_m:.1f} m")
-    log_counts(ax, float(counts.max()))
+        ax.axvline(-limit_m, **LIMIT_LINE)
+        ax.axvline(limit_m, label=f"range check ±{limit_m:.1f} m", **LIMIT_LINE)
+    mark_bank_edge(ax, shown, offset_m, upright=True)
+    log_counts(ax, float(counts.max()), rows=len(ax.get_legend_handles_labels()[1]))
     dress(ax, title=title_of("Range offset", shown), x="range offset (m)", y=f"epochs per {bin_m:g} m")
     legend(ax, "upper right")
     return ax
@@ -111,8 +113,6 @@ def range_histogram(
 def _mark_cluster(ax: Axes, offset_m: Float[np.ndarray, " n"], tap_m: float) -> None:
     centre_m, reach_m = CLUSTER_TAPS * tap_m, CLUSTER_REACH_TAPS * tap_m
     count = int(np.sum(np.abs(offset_m - centre_m) <= reach_m))
-    ax.axvspan(centre_m - reach_m, centre_m + reach_m, color=ORANGE, alpha=0.3, linewidth=0, zorder=0)
-    text = f"early flank\n{centre_m:g} m: {count}".replace("-", "−")
-    size = SMALL_LETTERS_PT
-    place = (centre_m - 0.75 * reach_m, 0.86)
-    ax.annotate(text, place, xycoords=("data", "axes fraction"), ha="left", fontsize=size, color=BLACK)
+    label = f"early flank, {centre_m:g} m: {count}".replace("-", "−")
+    band = (centre_m - reach_m, centre_m + reach_m)
+    ax.axvspan(*band, color=ORANGE, alpha=0.3, linewidth=0, zorder=0, label=label)

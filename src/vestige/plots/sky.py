@@ -27,6 +27,8 @@ from vestige.plots.figure import (
     time_label,
 )
 
+# corners of a name to the right of its dot and above, seen from the dot, in degrees of the map
+_NAME_DEG = np.array([(3.0, 2.0), (17.0, 2.0), (3.0, 9.0), (17.0, 9.0)]).T
 _AXES, _DOTS = ("east", "north", "up"), "authenticated"
 
 
@@ -58,11 +60,16 @@ def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
         ax.plot(azimuth, away_deg, color=BLUE, linewidth=1.0)
         last = seen[-1]
         ax.plot(azimuth[last], away_deg[last], "o", color=RED, markersize=3)
+        east_deg, north_deg = away_deg[last] * np.sin(azimuth[last]), away_deg[last] * np.cos(azimuth[last])
+        crosses = np.max(np.hypot(east_deg + _NAME_DEG[0], north_deg + _NAME_DEG[1])) > 90  # the circle of the horizon
+        left, below = crosses and east_deg > 0, crosses and north_deg > 0
         ax.annotate(
             f"E{svid:02d}",
             (azimuth[last], away_deg[last]),
-            xytext=(3, 3),
+            xytext=(-3 if left else 3, -3 if below else 3),
             textcoords="offset points",
+            ha="right" if left else "left",
+            va="top" if below else "baseline",
             fontsize=SMALL_LETTERS_PT,
         )
     ax.set_rlim(0, 90)  # type: ignore[attr-defined]

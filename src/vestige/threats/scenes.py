@@ -79,6 +79,7 @@ class Scene(Section):
     settings: tuple[str, ...] = ()  # values KEY=VALUE, as of `--set`, which replace those of the table's base
     attack: tuple[dict[str, Any], ...] = ()  # `[[attack]]` tables of the scene
     draw: dict[str, Draw] = Field(default_factory=dict)  # draws by dotted key
+    draws_of: str = ""  # earlier name of the scene, from which its seeds still draw; empty if the name never changed
     # reasons for a difference from the expectation, by level
     notes: dict[Literal["1", "2", "3"], str] = Field(default_factory=dict)
     recording: tuple[ShortRecording, ...] = ()  # recordings of some seconds of the scene
@@ -166,5 +167,5 @@ def scene_scenario(
 
 
 def _drawn(threat: Threat, scene: Scene, seed: int) -> tuple[str, ...]:
-    rng = stream(seed, "threat", threat.id, scene.name)
+    rng = stream(seed, "threat", threat.id, scene.draws_of or scene.name)
     return tuple(f"{key}={draw.value(float(rng.random()))!r}" for key, draw in scene.draw.items())

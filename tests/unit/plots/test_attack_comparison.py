@@ -41,6 +41,17 @@ def test_what_lies_beyond_the_correlators_is_not_in_view() -> None:
     assert 10 < high_m < 40
 
 
+def test_the_edge_of_the_bank_explains_offsets_that_no_longer_change() -> None:
+    results = campaign_results(50, cn0_dbhz=50.0, spoofer=lambda t: (np.full(t.shape, 90.0), np.full(t.shape, 4.0)))
+    _, *offsets = figure_of(attack_comparison(results)).axes
+    for ax in offsets:
+        (edge,) = (line for line in ax.lines if line.get_label() == "edge of the bank")
+        assert edge.get_ydata()[0] == 75.0
+        assert ax.get_ylim()[1] > 80.0
+    labels = [text.get_text() for text in figure_of(offsets[0]).legends[0].get_texts()]
+    assert labels == ["true signal", "spoofer", "measured", "not detected", "edge of the bank"]
+
+
 def test_units_width_and_borders(tmp_path: Path) -> None:
     ax = attack_comparison(campaign_results(1400, spoofer=lift_off))
     for one in figure_of(ax).axes:

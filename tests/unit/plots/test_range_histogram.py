@@ -15,6 +15,10 @@ def bars(ax: Axes) -> tuple[np.ndarray, np.ndarray]:
     return stairs.get_data().edges[:-1], stairs.get_data().values
 
 
+def label_of_cluster(ax: Axes) -> str:
+    return next((str(patch.get_label()) for patch in ax.patches if isinstance(patch, Rectangle)), "")
+
+
 def with_offsets(offsets_m: np.ndarray) -> xarray.Dataset:
     results = campaign_results(offsets_m.size)
     results["range_offset_m"].values[:] = offsets_m[:, None]
@@ -35,25 +39,24 @@ def test_heights_are_the_counts_of_the_bins() -> None:
 
 def test_the_cluster_is_marked_and_counted() -> None:
     ax = range_histogram(with_offsets(np.array([-27.5, -27.0, -22.5, -18.0, -17.5, 0.0, np.nan])))
-    (text,) = ax.texts
-    assert text.get_text() == "early flank\n−22.5 m: 3"
     (span,) = (patch for patch in ax.patches if isinstance(patch, Rectangle))
+    assert str(span.get_label()) == "early flank, −22.5 m: 3"
     assert span.get_width() == pytest.approx(9.0)
     assert span.get_x() == pytest.approx(-27.0)
-    assert not range_histogram(with_offsets(np.zeros(3)), mark_cluster=False).texts
+    assert not label_of_cluster(range_histogram(with_offsets(np.zeros(3)), mark_cluster=False))
 
 
 def test_the_cluster_moves_with_the_taps() -> None:
     results = with_offsets(np.array([-15.0, -12.1, -11.9, 0.0])).assign_coords(
         tap_offset_m=("tap", np.arange(-5, 6) * 10.0)
     )
-    assert range_histogram(results).texts[0].get_text() == "early flank\n−15 m: 2"
+    assert label_of_cluster(range_histogram(results)) == "early flank, −15 m: 2"
 
 
 def test_the_early_detector_makes_the_cluster_and_the_maximum_detector_does_not() -> None:
     results = campaign_results(40_000, seed=3)
     early, maximum = (
-        int(range_histogram(results, detector=name).texts[0].get_text().rsplit(" ", 1)[1])
+        int(label_of_cluster(range_histogram(results, detector=name)).rsplit(" ", 1)[1])
         for name in ("early", "maximum")
     )
     assert early >= 2  # 1e-4 to 2e-4 of the epochs
@@ -64,6 +67,20 @@ def test_the_limit_of_the_range_check_is_a_line_on_both_sides() -> None:
     lines = range_histogram(with_offsets(np.zeros(3)), limit_m=26.6).lines
     assert [line.get_xdata()[0] for line in lines] == [-26.6, 26.6]
     assert [str(line.get_label()) for line in lines][1] == "range check ±26.6 m"
+
+
+def test_the_edge_of_the_bank_is_a_line_if_offsets_come_near() -> None:
+    (line,) = range_histogram(with_offsets(np.array([0.0, 67.5]))).lines
+    assert (line.get_xdata()[0], line.get_label()) == (75.0, "edge of the bank")
+
+
+@pytest.mark.parametrize("n", [1, 300, 200_000])
+def test_the_legend_stands_above_the_highest_bar(n: int) -> None:
+    ax = range_histogram(with_offsets(np.append(np.full(n, 67.5), -1.0)), limit_m=26.6)
+    ax.figure.draw_without_rendering()
+    box = ax.get_legend().get_window_extent()
+    assert len(ax.get_legend().get_texts()) == 4
+    assert ax.transData.transform((67.5, n))[1] < box.y0
 
 
 def test_right_flank_is_a_straight_line_over_the_bars() -> None:

@@ -71,6 +71,24 @@ def test_satellites_stand_where_they_are() -> None:
     assert [text.get_text() for text in ax.texts] == ["E07"]
 
 
+def test_no_name_crosses_the_circle_of_the_horizon() -> None:
+    azimuth_deg, elevation_deg = np.meshgrid(np.arange(0.0, 360.0, 15.0), [0.0, 5.0, 15.0, 30.0])
+    results = xarray.Dataset(
+        {
+            "elevation_deg": (("epoch", "satellite"), elevation_deg.reshape(1, -1)),
+            "azimuth_deg": (("epoch", "satellite"), azimuth_deg.reshape(1, -1)),
+        },
+        coords={"svid": ("satellite", np.arange(azimuth_deg.size) % 36 + 1)},
+    )
+    ax = plots.sky_plot(results)
+    ax.figure.draw_without_rendering()
+    centre, radius = ax.transAxes.transform((0.5, 0.5)), np.ptp(ax.transAxes.transform([(0, 0), (1, 0)])[:, 0]) / 2
+    for name, low in zip(ax.texts, elevation_deg.ravel(), strict=True):
+        corners = name.get_window_extent().corners() - centre
+        if low > 0:
+            assert np.hypot(*corners.T).max() < radius
+
+
 def test_each_axis_of_the_error_has_a_panel() -> None:
     error = np.arange(12.0).reshape(2, 2, 3)
     results = xarray.Dataset(

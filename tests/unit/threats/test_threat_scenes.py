@@ -13,7 +13,16 @@ from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.spoofer.spoofer import ALL_ATTACKS, Spoofer
-from vestige.threats.scenes import LEVEL_NUMBERS, OUTCOMES, Draw, Scene, Threat, read_threats, scene_scenario
+from vestige.threats.scenes import (
+    LEVEL_NUMBERS,
+    OUTCOMES,
+    Draw,
+    Scene,
+    Threat,
+    read_threats,
+    scene_attacks,
+    scene_scenario,
+)
 
 THREATS = read_threats()
 SCENES = [(threat, scene) for threat in THREATS for scene in threat.scene]
@@ -109,6 +118,15 @@ def test_a_seed_draws_its_own_parameters_within_the_range() -> None:
     assert np.median(delays_s) == pytest.approx(math.sqrt(0.3e-6 * 1e-4), rel=1.0)  # log scale
     assert _drawn(5) == _drawn(5)
     assert _drawn(5).seed == 5
+
+
+def test_a_scene_with_a_new_name_keeps_its_draws() -> None:
+    renamed = [(threat, scene) for threat, scene in SCENES if scene.draws_of]
+    assert len(renamed) == 6
+    for threat, scene in renamed:
+        before = scene.model_copy(update={"name": scene.draws_of, "draws_of": ""})
+        other = before.model_copy(update={"name": "another"})
+        assert scene_attacks(threat, scene, 4) == scene_attacks(threat, before, 4) != scene_attacks(threat, other, 4)
 
 
 def test_without_its_attack_the_rest_is_the_same() -> None:

@@ -231,11 +231,11 @@ def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
     choice: dict[str, int | float | str | None] = {"svid": of.svid}
     if KINDS[name].with_detector:
         choice["detector"] = of.detector
-    if name == "range-histogram":
+    if name in ("range-histogram", "range-offset"):
         with suppress(VestigeError):  # results without their scenario have no limit of the range check
             choice["limit_m"] = range_limit_m(results)
-        if of.flank_from_m is not None:
-            choice["right_flank"] = of.flank_from_m
+    if name == "range-histogram" and of.flank_from_m is not None:
+        choice["right_flank"] = of.flank_from_m
     return getattr(plots, name.replace("-", "_"))(results, **choice)
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from concurrent.futures import BrokenExecutor
 from contextlib import nullcontext
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.shell_completion import CompletionItem
 
 from vestige.cli.options import PATH, json_option, parts_option, scheduler_option, workers_option
 from vestige.cli.pool import pool
@@ -30,6 +33,17 @@ FIGURE = "threats.png"
 _PRELOAD = ("vestige.threats.matrix", "dask.array", "numba.typed", "scipy.interpolate", "scipy.ndimage")
 
 
+def _begun_ids(_context: click.Context, _parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Return the attacks of the table for completion with Tab, after a comma, too.
+
+    The table is read as TOML only, because the modules that validate it load too slowly for a press of Tab.
+    """
+    before, comma, last = begun.rpartition(",")
+    table = tomllib.loads((files("vestige") / "threats" / "threats.toml").read_text("utf-8"))
+    ids = {threat["id"]: threat["name"] for threat in table["threat"]}
+    return [CompletionItem(f"{before}{comma}{one}", help=name) for one, name in ids.items() if one.startswith(last)]
+
+
 @click.command()
 @click.option(
     "--level", "levels", multiple=True, type=click.IntRange(1, 3), help="Mitigation level to show.  [default: all]"
@@ -47,6 +61,7 @@ _PRELOAD = ("vestige.threats.matrix", "dask.array", "numba.typed", "scipy.interp
     "ids",
     multiple=True,
     metavar="ID[,ID...]",
+    shell_complete=_begun_ids,
     help="Measure these attacks only, for example A5 or A15,A17. May be given several times.",
 )
 @click.option(

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 
 from vestige.campaign.statistics import detectors_of
 from vestige.errors import VestigeError
+from vestige.plots.bank_edge import mark_bank_edge
 from vestige.plots.epochs import column, is_attacked, is_missed, select, title_of
 from vestige.plots.figure import (
     BLACK,
@@ -36,7 +37,7 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
     """Return the uppermost of the axes: power of the spoofing signals, then the range offset of each detector.
 
     Lines over the range offsets mark the truth: the true signal and each spoofing signal. A spoofing signal without
-    power has no line.
+    power has no line. A dashed line marks the edge of the bank of correlators if measured offsets come near it.
 
     Raises `VestigeError` if the campaign has no attack, or lacks the satellite.
     """
@@ -53,6 +54,7 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
     power.axhline(0.0, color=BLACK, linewidth=0.5)
     power.plot(time_s, power_db, color=ORANGE, **_LINE)
     dress(power, title=title_of("Attack", one, with_detector=False), x="", y="power (dB)")
+    measured_m = [column(each, "range_offset_m") for each in shown.values()]
     for ax, (detector, selected) in zip(offsets, shown.items(), strict=True):
         missed = is_missed(selected)
         ax.plot(time_s, true_m, color=GREEN, label="true signal", **_LINE)
@@ -66,9 +68,12 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
             transform=ax.get_xaxis_transform(), label="not detected", rasterized=True,
         )  # fmt: skip
         dress(ax, title=f"{detector} detector", x="", y="range offset (m)")
-        ax.set_ylim(*_limits(one, true_m, spoofer_m, *(column(each, "range_offset_m") for each in shown.values())))
+        edges_m = mark_bank_edge(ax, one, *measured_m)
+        ax.set_ylim(*_limits(one, true_m, spoofer_m, *measured_m, edges_m))
     offsets[-1].set_xlabel(time_label(offsets[-1].xaxis, time_s), fontsize=offsets[-1].yaxis.label.get_fontsize())
-    figure.legend(*offsets[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, **LEGEND)
+    handles, labels = offsets[0].get_legend_handles_labels()
+    columns = len(labels) if len(labels) < 5 else 3
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, **LEGEND)
     return power
 
 
@@ -84,7 +89,7 @@ def spoofing_power_and_offset(
 
 
 def _limits(selected: xarray.Dataset, *places_m: Float[np.ndarray, "..."]) -> tuple[float, float]:
-    """Return the limits of the range-offset axes: all true offsets within the bank of correlators."""
+    """Return the limits of the range-offset axes, which show all offsets within the bank of correlators."""
     offsets_m = column(selected, "tap_offset_m")
     shown_m = np.concatenate([np.zeros(1), *(one.ravel() for one in places_m)])
     shown_m = shown_m[(shown_m >= offsets_m[0]) & (shown_m <= offsets_m[-1])]

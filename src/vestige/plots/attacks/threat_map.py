@@ -18,6 +18,7 @@ from vestige.plots.figure import BLACK, GREY, LETTERS_PT, ORANGE, SMALL_LETTERS_
 
 MAP_WIDTH_CM = 29.0
 _ROW_CM, _ROUND_CM = 0.5, 3.2
+_TITLE_PT = 9.0  # larger than in a column of a paper: the map is 29 cm wide
 _WHOLE = 10.0  # numbers from this value on have no decimals
 _LIGHT = 0.5  # opacity of the colours, so that black letters are readable on them
 _WHITE, _RED = "#FFFFFF", "#CC3311"
@@ -69,6 +70,7 @@ def threat_map(table: xarray.Dataset) -> Axes:
     ax.set_xlim(0, len(levels))
     ax.set_ylim(len(lines), 0)
     ax.set_xticks(np.arange(len(levels)) + 0.5, [f"level {level}" for level in levels])
+    ax.set_title("Outcome of each attack at each mitigation level", fontsize=_TITLE_PT, fontweight="bold", pad=8)
     ax.xaxis.tick_top()
     ax.set_yticks(np.arange(len(lines)) + 0.5, names)
     ax.tick_params(length=0, labelsize=SMALL_LETTERS_PT)

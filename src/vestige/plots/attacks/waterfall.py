@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from vestige.plots.epochs import column, magnitudes_sigma, select, thinned, title_of
 from vestige.plots.figure import COLOUR_MAP, LETTERS_PT, dress, figure_of, new_axes, time_label
 
+LABELLED_TAPS = 8  # largest number of labels along the bank that do not overlap
 SLICES = 90  # largest number of epochs in a landscape that remain distinguishable at this width
 MAP_COLUMNS = 1600  # largest number of epochs in a map: about two for each pixel
 _BOX = (4.0, 4.6, 2.6)  # proportions of tap offset, time and magnitude
@@ -23,7 +25,8 @@ _VIEW = {"elev": 44.0, "azim": -66.0}  # from the front, a little from the left;
 def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
     """Return axes with the magnitude of every tap as a landscape over tap offset and time; the run begins at the front.
 
-    A long run is thinned: every k-th epoch is drawn, without averaging. An epoch without a correlation is a gap.
+    Only epochs with RECS are drawn. A long run is thinned: every k-th of these epochs is drawn, without averaging. An
+    epoch with RECS but without a correlation is a gap.
 
     Axes `ax` to draw on have the projection `3d`.
 
@@ -52,6 +55,7 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
         axis.labelpad = label_pt
         axis.set_tick_params(pad=-3)
     _ticks_at_taps(space.xaxis, offsets_m)
+    space.yaxis.set_major_locator(MaxNLocator(5))
     space.zaxis.set_major_locator(MaxNLocator(4))
     return space
 
@@ -59,7 +63,8 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
 def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
     """Return axes with the magnitude of every tap as colours over time and tap offset.
 
-    A long run is thinned: every k-th epoch is drawn, without averaging. An epoch without a correlation is white.
+    Only epochs with RECS are drawn; each colour reaches halfway to the neighbouring RECS. A long run is thinned: every
+    k-th of these epochs is drawn, without averaging. An epoch with RECS but without a correlation is white.
 
     Raises `VestigeError` if the results lack the satellite.
     """
@@ -79,12 +84,18 @@ def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes 
 
 
 def _ticks_at_taps(axis: Axis, offsets_m: Float[np.ndarray, " n"]) -> None:
-    """Set ticks at every second tap and at the prediction."""
-    if offsets_m.size > 1:
-        axis.set_major_locator(MultipleLocator(2 * float(offsets_m[1] - offsets_m[0])))
+    """Set ticks at the prediction and at every second tap, or at every 5th, 10th, 20th ... tap of a long bank."""
+    if offsets_m.size < 2:
+        return
+    steps = (factor * 10**power for power in count() for factor in (2, 5, 10))
+    step = next(step for step in steps if offsets_m.size <= step * LABELLED_TAPS)
+    axis.set_major_locator(MultipleLocator(step * float(offsets_m[1] - offsets_m[0])))
 
 
 def _thin(shown: xarray.Dataset, limit: int) -> xarray.Dataset:
+    """Return the epochs with RECS, or every k-th of them if there are more than `limit`."""
+    if "recs" in shown.variables and (with_recs := np.flatnonzero(shown["recs"].values)).size:
+        shown = shown.isel(epoch=with_recs)
     return shown.isel(epoch=thinned(shown.sizes["epoch"], limit))
 
 

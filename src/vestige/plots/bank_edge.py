@@ -1,0 +1,40 @@
+"""Mark of the edge of the correlator bank: a detector measures no range offset beyond it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from vestige.plots.epochs import column
+from vestige.plots.figure import GREY
+
+EDGE_LABEL = "edge of the bank"
+LIMIT_LINE: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 0.7}  # limits of the range check
+_EDGE_LINE: dict[str, Any] = {"color": GREY, "linestyle": (0, (7, 3)), "linewidth": 0.9, "zorder": 1.5}
+# An offset is at most half of the detector's spacing from a tap that is a spacing inside the edge: half a tap from the
+# edge for a spacing of 1, a tap for a spacing of 2
+_NEAR_TAPS = 1.0
+
+
+def mark_bank_edge(
+    ax: Axes, selected: xarray.Dataset, *shown_m: Float[np.ndarray, "..."], upright: bool = False
+) -> Float[np.ndarray, " n_edges"]:
+    """Draw a dashed line at each edge of the bank that the range offsets `shown_m` in m come near, within a tap.
+
+    The axis of the range offset is the ordinate, or the abscissa if `upright`. The limits of the axes grow with the
+    line. Return the range offsets of the lines in m.
+    """
+    taps_m = column(selected, "tap_offset_m")
+    values_m = np.concatenate([one[np.isfinite(one)] for one in shown_m] or [np.zeros(0)])
+    if taps_m.size < 2 or not values_m.size:
+        return np.zeros(0)
+    near_m = _NEAR_TAPS * float(taps_m[1] - taps_m[0])
+    first, last = values_m.min() <= taps_m[0] + near_m, values_m.max() >= taps_m[-1] - near_m
+    edges_m = taps_m[[0, -1]][[first, last]]
+    for edge_m, label in zip(edges_m, (EDGE_LABEL, ""), strict=False):
+        (ax.axvline if upright else ax.axhline)(edge_m, label=label, **_EDGE_LINE)
+    return edges_m
