@@ -101,10 +101,19 @@ def test_errors_in_our_words(setting: str, text: str) -> None:
 @pytest.mark.parametrize(
     ("waveform", "expected"),
     [
-        ('kind="chirp", span_hz=4e6', "a key of this table of kind chirp: docs/scenarios.md has them"),
-        ('kind="chirp", last_hz=4e6', "a key of this table of kind chirp: docs/scenarios.md has them"),
+        (
+            'kind="chirp", span_hz=4e6',
+            "a key of this table of kind chirp: `vestige check --schema` and docs/scenarios.md list them",
+        ),
+        (
+            'kind="chirp", last_hz=4e6',
+            "a key of this table of kind chirp: `vestige check --schema` and docs/scenarios.md list them",
+        ),
         ('kind="chirp", bandwith_hz=4e6', "bandwidth_hz"),
-        ('kind="pulsed", bandwidth_hz=4e6', "a key of this table of kind pulsed: docs/scenarios.md has them"),
+        (
+            'kind="pulsed", bandwidth_hz=4e6',
+            "a key of this table of kind pulsed: `vestige check --schema` and docs/scenarios.md list them",
+        ),
     ],
 )
 def test_suggestions_are_keys_of_the_same_table(waveform: str, expected: str) -> None:
