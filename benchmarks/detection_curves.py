@@ -16,13 +16,16 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 
 import argparse
 import csv
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from vestige.campaign.check_detection import check_detection
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))  # a helper that the tests and this script share
+
+from check_detection import check_detection
 from vestige.campaign.statistics import Proportion
 from vestige.plots import check_curves, write
 from vestige.scenario.campaign import CampaignScenario

@@ -13,12 +13,15 @@ import os
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import argparse
+import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))  # a helper that the tests and this script share
+
+from check_detection import with_p_fa
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.campaign.check_detection import with_p_fa
 from vestige.campaign.levels import failures, judged_by
 from vestige.campaign.run import run
 from vestige.campaign.scenario_plan import ScenarioPlan

@@ -34,7 +34,7 @@ from scipy.special import nctdtr, stdtrit
 
 from vestige.campaign.statistics import proportion
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.samples.recorder import ReceivedSatellite, record_band, straight
 from vestige.records import Band
 from vestige.sample_processor.acquisition import acquire

@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.samples.recorder import ReceivedSatellite, record_band
 from vestige.recording.samples.sample_format import SampleFormat, encode
 from vestige.records import Band

@@ -9,7 +9,7 @@ import numpy as np
 from simulated_chain import make_chain
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, ChainParameters
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.samples.recorder import ReceivedSatellite, record_band, straight
 from vestige.records import Band, ChipSequence, Handover, SampleBatch
 from vestige.signal_generator.noise_kernel import noise_key

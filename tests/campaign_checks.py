@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import xarray
 
+from check_detection import P_FA, with_p_fa
 from sky_builder import sky_scenario
 from vestige.acas_processor.processor import AcasProcessor
-from vestige.campaign.check_detection import P_FA, with_p_fa
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.levels import failures, judged_by
 from vestige.campaign.scenario_plan import ScenarioPlan

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from vestige.cli.main import main
 from vestige.cli.recordings.simulate import command as simulate
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.records import Band
 from vestige.simulated import simulated_recording
 from vestige.simulated.clipping import clipping_warning, largest_level, n_clipped

@@ -13,8 +13,8 @@ import pytest
 from click.testing import CliRunner
 
 from night import TWO_SATELLITES, invoke
-from vestige.cli.recordings import search as module
-from vestige.cli.recordings.search import command as search
+from vestige.cli.recordings.searches import search as module
+from vestige.cli.recordings.searches.search import command as search
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.cli.services.recs_make import command as recs_make
 from vestige.errors import InputFileError, VestigeError
@@ -157,7 +157,7 @@ def test_a_killed_search_continues(night: Path, tmp_path: Path, monkeypatch: pyt
             raise SystemError("power cut")
 
     monkeypatch.setattr(ExhaustiveSearch, "run", killed)
-    monkeypatch.setattr("vestige.cli.recordings.search_report.REPORT_EVERY_S", -1.0)
+    monkeypatch.setattr("vestige.cli.recordings.searches.search_report.REPORT_EVERY_S", -1.0)
     assert isinstance(invoke(search, *command, "-o", cut).exception, SystemError)
     ((name, kept),) = json.loads(cut.read_bytes())["states"].items()
     assert name == "2026-11-21T12:00:16.000 GST"

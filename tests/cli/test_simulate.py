@@ -18,7 +18,7 @@ from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.cli.recordings.inspect import command as inspect
 from vestige.cli.recordings.process import command as process
-from vestige.cli.recordings.search import command as search
+from vestige.cli.recordings.searches.search import command as search
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.crypto.keys.key_file import read_key_file
 from vestige.crypto.keys.public_key_file import load_public_keys

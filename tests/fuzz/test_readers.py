@@ -39,7 +39,7 @@ INSIDE = {
     "cli/start/init.py: write_scenarios": _PACKAGE,
     "scenario/shipped.py: shipped_scenarios": _PACKAGE,
     "cli/recordings/process_options.py: check_named_inputs": "the readers of keys and trees, which other targets try",
-    "cli/recordings/search.py: _log": "`SearchLog.open`, which the target `search-log` tries",
+    "cli/recordings/searches/search.py: _log": "`SearchLog.open`, which the target `search-log` tries",
     "cli/recordings/simulate.py: _to_pipe": "the null device, to write to",
     "own_parts.py: _digest": "a file that the user names with --parts, which is run as it is",
     "recording/assistance/made_recs.py: make_assistance": _OWN,

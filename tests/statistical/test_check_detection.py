@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from campaign_checks import checks_of
+from check_detection import check_detection
 from sky_builder import CLEAN, sky_scenario
-from vestige.campaign.check_detection import check_detection
 from vestige.campaign.execution.direct import direct_results
 from vestige.campaign.scenario_plan import ScenarioPlan
 from vestige.records.checks import CheckName

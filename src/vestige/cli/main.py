@@ -39,7 +39,7 @@ VERBS = {
     "plot": ("campaigns.plot", "Draw the figures of a campaign's results."),
     "report": ("campaigns.report", "Write one page about the results of a run or a threat table."),
     "rinex": ("services.rinex", "Write the E1 observations of a campaign with [constellation] as RINEX."),
-    "search": ("recordings.search", "Search for every signal on E1 and for the encrypted signal in E6."),
+    "search": ("recordings.searches.search", "Search for every signal on E1 and for the encrypted signal in E6."),
     "theory": ("services.theory", "Compute thresholds, probabilities of detection and required C/N0."),
     "simulate": (
         "recordings.simulate",

@@ -35,7 +35,7 @@ from vestige.receiver.correlators.disturbance import drawn_disturbance
 from vestige.receiver.correlators.e1_loop import REACQUISITION_S
 from vestige.receiver.correlators.e1_multipath import e1_multipath_error_m
 from vestige.receiver.draws import DRAW_BLOCK, rows_of
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.samples.sampled_epoch import Arrival, arrival, osnma_keys, osnma_operator, recorded_until_s
 from vestige.receiver.sky.elevation import ElevationEffects
 from vestige.receiver.sky.replayed_past import SpooferUnderSky, replay_delay_m

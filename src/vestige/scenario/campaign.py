@@ -21,15 +21,7 @@ from vestige.navigation.line_of_sight import ReceiverMotion
 from vestige.own_parts import digest, is_own, kind_of
 from vestige.receiver.correlators.e1_loop import REACQUISITION_S
 from vestige.receiver.errors.accelerometer import Accelerometers
-from vestige.receiver.errors.bias import BiasResiduals
-from vestige.receiver.errors.clock import TwoStateClock
-from vestige.receiver.errors.error_process import BiasModel, ClockModel, IonosphereModel, MultipathModel, TrackingModel
-from vestige.receiver.errors.ionosphere import IONOSPHERE_PRESETS as IONOSPHERES
-from vestige.receiver.errors.ionosphere import HeavyTailedIonosphere
-from vestige.receiver.errors.multipath import MULTIPATH_PRESETS as MULTIPATHS
-from vestige.receiver.errors.multipath import LmsLiteMultipath
-from vestige.receiver.errors.tracking_noise import BetzTrackingNoise
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.sky.atmosphere import through_atmosphere
 from vestige.receiver.sky.meaconer_way import placed_attacks
@@ -51,8 +43,8 @@ from vestige.scenario.limits import (
 from vestige.scenario.on_air.atmosphere_table import AtmosphereTable
 from vestige.scenario.on_air.osnma_table import OsnmaTable
 from vestige.scenario.tables.empirical import EmpiricalIonosphereTable
+from vestige.scenario.tables.error_models import Bias, Clock, Ionosphere, Multipath, Tracking
 from vestige.scenario.tables.own_tables import OrOwn, whose
-from vestige.scenario.tables.preset import Presets
 from vestige.scenario.tables.processor_table import ProcessorTable
 from vestige.scenario.tables.sky import AnyConstellation, AnyTrajectory, PositionTable, satellites_in_view
 from vestige.scenario.toml.toml_file import OWN, InconsistentSettingsError, Section
@@ -66,16 +58,6 @@ from vestige.spoofer.spoofer import Attacks, Spoofer
 from vestige.time import GalileoTime
 
 AnyAttack = Annotated[Attacks, Field(discriminator="kind"), OrOwn(Attack)]
-Clock = Annotated[TwoStateClock, OrOwn(ClockModel)]
-Ionosphere = Annotated[
-    Annotated[HeavyTailedIonosphere, Presets(IONOSPHERES)] | EmpiricalIonosphereTable,
-    Field(discriminator="kind"),
-    OrOwn(IonosphereModel),
-]
-Multipath = Annotated[LmsLiteMultipath, Presets(MULTIPATHS, LmsLiteMultipath.at_elevation), OrOwn(MultipathModel)]
-Tracking = Annotated[BetzTrackingNoise, OrOwn(TrackingModel)]
-Bias = Annotated[BiasResiduals, OrOwn(BiasModel)]
-
 
 _RECS_LOOKED_AT = 300  # intervals are tenths of a second, so positions in a subframe repeat after at most 300 RECS
 _LAST_WEEK = 9999  # year 2191: the end of every run is within the calendar

@@ -10,8 +10,8 @@ import numpy as np
 from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.receiver.errors.clock import TwoStateClock
 from vestige.receiver.errors.error_process import ClockModel
-from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.front_end_correlation import LARGEST_SIGNAL_DB
+from vestige.receiver.front_end.front_end import FrontEnd
+from vestige.receiver.front_end.front_end_correlation import LARGEST_SIGNAL_DB
 from vestige.receiver.simulation import KEY_ON_AIR
 from vestige.records import Band
 from vestige.scenario.toml.toml_file import InconsistentSettingsError

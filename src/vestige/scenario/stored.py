@@ -16,8 +16,9 @@ from vestige.own_parts import is_own, kind_of
 from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.errors.clock import TwoStateClock
 from vestige.receiver.simulation import Fidelity
-from vestige.scenario.campaign import FrontEndTable, RecsTable, Tracking
+from vestige.scenario.campaign import FrontEndTable, RecsTable
 from vestige.scenario.limits import MAX_EPOCHS
+from vestige.scenario.tables.error_models import Tracking
 from vestige.scenario.tables.own_tables import NamedKind, OrOwn, whose
 from vestige.scenario.tables.processor_table import ProcessorTable
 from vestige.scenario.tables.sky import PositionTable

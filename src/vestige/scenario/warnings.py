@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vestige.errors import satellite_names
 from vestige.navigation.ephemeris import FIT_INTERVAL_S
-from vestige.receiver.samples.front_end_correlation import range_offset_scale
+from vestige.receiver.front_end.front_end_correlation import range_offset_scale
 from vestige.receiver.samples.staircase import commensurate_tread_m
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.recording import RecordingScenario

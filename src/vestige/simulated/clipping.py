@@ -11,8 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Num
 
-from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.quantiser import QUANTISERS
+from vestige.receiver.front_end.front_end import FrontEnd
+from vestige.receiver.front_end.quantiser import QUANTISERS
 from vestige.recording.samples.sample_format import SampleType
 from vestige.records import Band
 
@@ -28,7 +28,7 @@ def largest_level(component: SampleType, front_end: FrontEnd) -> int | None:
 
     Examples
     --------
-    >>> from vestige.receiver.samples.front_end import FrontEnd
+    >>> from vestige.receiver.front_end.front_end import FrontEnd
     >>> from vestige.simulated.clipping import largest_level
     >>> largest_level("int16", FrontEnd(sample_rate_hz=12.5e6))
     32767
@@ -67,7 +67,7 @@ def clipping_warning(shares: Mapping[Band, float], front_end: FrontEnd) -> str:
 
     Examples
     --------
-    >>> from vestige.receiver.samples.front_end import FrontEnd
+    >>> from vestige.receiver.front_end.front_end import FrontEnd
     >>> from vestige.records import Band
     >>> from vestige.simulated.clipping import clipping_warning
     >>> line = clipping_warning({Band.E1: 0.9, Band.E6: 0.0}, FrontEnd(sample_rate_hz=12.5e6, bits=8, agc=False))

@@ -7,7 +7,7 @@ from pathlib import Path
 from vestige.constants import SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.keys.key_file import write_key_file
 from vestige.crypto.osnma.operator.osnma_service import SERVICE_WITHOUT_EVENTS
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.samples.recorder import ReceivedSatellite, straight
 from vestige.receiver.samples.sampled_epoch import osnma_operator
 from vestige.records import Band

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from vestige.errors import VestigeError
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.samples.recorder import (
     Interference,
     ReceivedSatellite,

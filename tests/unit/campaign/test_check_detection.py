@@ -2,8 +2,8 @@ from __future__ import annotations
 
 from functools import partial
 
+from check_detection import check_detection
 from sky_builder import CLEAN, sky_scenario
-from vestige.campaign.check_detection import check_detection
 from vestige.scenario.campaign import CampaignScenario
 
 

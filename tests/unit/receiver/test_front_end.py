@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from builders import batch_of, handover_at, random_chips, received_batch, satellite
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.records import Band
 from vestige.sample_processor.correlator import correlate
 from vestige.signal_generator.noise_kernel import noise_key

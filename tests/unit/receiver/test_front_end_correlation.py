@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.front_end_correlation import (
+from vestige.receiver.front_end.front_end import FrontEnd
+from vestige.receiver.front_end.front_end_correlation import (
     noise_correlation,
     range_offset_scale,
     signal_correlation,

@@ -9,8 +9,8 @@ from sky_builder import CLEAN, sky_scenario, whole_block
 from vestige.acas_processor.detectors import MaximumDetector
 from vestige.acas_processor.processor import AcasProcessor
 from vestige.receiver.correlators.other_signals import other_signals_density
-from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.front_end_correlation import code_noise_density_s
+from vestige.receiver.front_end.front_end import FrontEnd
+from vestige.receiver.front_end.front_end_correlation import code_noise_density_s
 
 FRONT_END = FrontEnd(sample_rate_hz=12.5e6)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from vestige.receiver.samples.quantiser import QUANTISERS
+from vestige.receiver.front_end.quantiser import QUANTISERS
 
 LOSS_DB = {1: 1.96, 2: 0.55, 3: 0.17}  # Thompson, Emerson, Schwab 2007
 

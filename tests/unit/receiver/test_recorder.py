@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from builders import START
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.samples.recorder import Propagation, ReceivedSatellite, record_band, straight, stretch_samples
 from vestige.records import Band
 from vestige.signal_generator.keystream import encrypted_component

@@ -10,7 +10,7 @@ from scipy import stats
 from simulated_banks import OFFSETS_M, PROCESSOR, banks, receiver_of, snapshots
 from vestige.acas_processor.measurement import Availability
 from vestige.receiver.draws import rows_of
-from vestige.receiver.samples.front_end_correlation import range_offset_scale
+from vestige.receiver.front_end.front_end_correlation import range_offset_scale
 from vestige.receiver.samples.sampled_epoch import arrival, received_signal
 from vestige.receiver.simulation import Fidelity, Simulation
 from vestige.receiver.snapshots.e6 import SimulatedE6Samples

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from builders import batch_of, handover_at, random_chips
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.samples.staircase import commensurate_tread_m
 from vestige.sample_processor.correlator import correlate
 from vestige.signal_generator.noise_kernel import noise_key

@@ -17,8 +17,8 @@ QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
         ("receiver.cn0_dbz=1", "receiver.cn0_dbz: found an unknown key cn0_dbz, expected cn0_dbhz"),
         (
             "zzz=1",
-            "zzz: found an unknown key zzz, expected a key of this table of kind campaign: `vestige check --schema` and "
-            "docs/scenarios.md list them",
+            "zzz: found an unknown key zzz, expected a key of this table of kind campaign: `vestige check --schema` "
+            "and docs/scenarios.md list them",
         ),
         (
             "recs.zzz=1",

@@ -28,8 +28,8 @@ import numpy as np
 from jaxtyping import Complex128, Float
 
 from vestige.receiver.correlators.disturbance import CHIPS_A_METRE, Disturbance, unrelated_correlation
-from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.front_end_correlation import noise_correlation, signal_correlation, spread
+from vestige.receiver.front_end.front_end import FrontEnd
+from vestige.receiver.front_end.front_end_correlation import noise_correlation, signal_correlation, spread
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 

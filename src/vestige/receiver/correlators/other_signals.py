@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.front_end_correlation import code_noise_density_s
+from vestige.receiver.front_end.front_end import FrontEnd
+from vestige.receiver.front_end.front_end_correlation import code_noise_density_s
 from vestige.signals.definitions import E6C
 
 _COMPONENTS = 2  # E6-B and E6-C, of equal power
@@ -40,7 +40,7 @@ def other_signals_density(
     Examples
     --------
     >>> import numpy as np
-    >>> from vestige.receiver.samples.front_end import FrontEnd
+    >>> from vestige.receiver.front_end.front_end import FrontEnd
     >>> front_end = FrontEnd(sample_rate_hz=12.5e6)
     >>> other_signals_density(np.full((1, 8), 45.0), np.ones((1, 8)), front_end).round(3)[0, 0].item()
     0.069

@@ -50,7 +50,7 @@ from vestige.receiver.correlators.e1_taps import (
     rise_over_nominal_db,
 )
 from vestige.receiver.draws import DRAW_BLOCK, drawn_rows
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.truth import TruthBlock
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C

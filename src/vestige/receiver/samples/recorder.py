@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Complex64, Complex128, Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.records import Band, FrontEndStatus, SampleBatch
 from vestige.signal_generator.levels import BandModulation
 from vestige.signal_generator.noise_kernel import fill_normals, noise_key

@@ -22,7 +22,7 @@ from jaxtyping import Complex64, Complex128, Float
 from vestige.constants import E6_CARRIER_HZ, SPEED_OF_LIGHT_MPS, SUBFRAME_S
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.crypto.osnma.operator.osnma_service import OsnmaService
-from vestige.receiver.samples.front_end import FrontEnd
+from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.truth import TruthBlock
 from vestige.records import Band, ChipSequence, FrontEndStatus, SampleBatch
 from vestige.signal_generator.range_model import RangeHistory

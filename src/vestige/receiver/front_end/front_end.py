@@ -27,7 +27,7 @@ from jaxtyping import Complex64, Float32
 from scipy import fft
 
 from vestige.kernel_cache import njit
-from vestige.receiver.samples.quantiser import QUANTISERS
+from vestige.receiver.front_end.quantiser import QUANTISERS
 from vestige.records import FrontEndStatus
 
 _CLIPPING = 2.0, 1e-3  # saturated: above twice the clipped share of a Gaussian, plus one sample in a thousand

@@ -25,7 +25,7 @@ from vestige.cli.options import (
     recording_argument,
     start_option,
 )
-from vestige.cli.recordings.search_input import (
+from vestige.cli.recordings.searches.search_input import (
     arrival_window_in,
     clock_bound_s,
     decrypted_recs,
@@ -38,7 +38,7 @@ from vestige.cli.terminal import echo, note
 from vestige.output import check_output
 
 if TYPE_CHECKING:
-    from vestige.cli.recordings.search_report import Answer
+    from vestige.cli.recordings.searches.search_report import Answer
     from vestige.recording.samples.sample_file import SampleReader
     from vestige.recording.search_log import SearchLog
     from vestige.records import ChipSequence
@@ -102,7 +102,7 @@ def e1(
     before or after the gap is used.
     """
     from vestige.cli.progress import progress
-    from vestige.cli.recordings.search_report import e1_json, e1_lines
+    from vestige.cli.recordings.searches.search_report import e1_json, e1_lines
     from vestige.records import Band
     from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
     from vestige.sample_processor.search.e1_list import list_e1
@@ -122,7 +122,7 @@ def e1(
     for jump in found.jumps:
         say_jump(jump)
     if plot is not None:
-        from vestige.cli.recordings.search_figure import draw_e1
+        from vestige.cli.recordings.searches.search_figure import draw_e1
 
         draw_e1(
             plot, found.batch, parse_svids(svids), [one.found for one in found.signals],
@@ -160,8 +160,8 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
         line_stretches,
         reception_proof,
     )
-    from vestige.cli.recordings.search_figure import SearchFigure
-    from vestige.cli.recordings.search_report import Answer, places_line, print_answers
+    from vestige.cli.recordings.searches.search_figure import SearchFigure
+    from vestige.cli.recordings.searches.search_report import Answer, places_line, print_answers
     from vestige.records import Band
     from vestige.sample_processor.e1_snapshot import E1_WINDOW_S
     from vestige.sample_processor.search.e1_search import search_e1
@@ -234,8 +234,8 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
     and prints the signals found so far.
     """
     from vestige.acas_processor.searches.vestigial import decide_vestigial, reception_proof
-    from vestige.cli.recordings.search_figure import SearchFigure
-    from vestige.cli.recordings.search_report import Answer, follow_search, print_answers, print_budget
+    from vestige.cli.recordings.searches.search_figure import SearchFigure
+    from vestige.cli.recordings.searches.search_report import Answer, follow_search, print_answers, print_budget
     from vestige.records import Band
     from vestige.sample_processor.search.engines.choice import choose_engine
     from vestige.sample_processor.search.exhaustive_search import ExhaustiveSearch, searchable

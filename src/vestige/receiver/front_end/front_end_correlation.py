@@ -22,8 +22,8 @@ import numpy as np
 from jaxtyping import Float
 
 from vestige.constants import SPEED_OF_LIGHT_MPS
-from vestige.receiver.samples.front_end import FrontEnd
-from vestige.receiver.samples.quantiser import QUANTISERS
+from vestige.receiver.front_end.front_end import FrontEnd
+from vestige.receiver.front_end.quantiser import QUANTISERS
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 from vestige.theory.range_offset import range_offset_m

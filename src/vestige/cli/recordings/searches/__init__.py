@@ -1,0 +1,1 @@
+"""`vestige search`: its options, input, printed report and figures."""
