@@ -174,7 +174,7 @@ def test_every_path_in_a_document_exists() -> None:
 
 def test_every_page_that_the_program_names_exists() -> None:
     named = {(_name(path), page) for path in SOURCES for page in re.findall(r"docs/[\w/.]+\.md", path.read_text())}
-    assert {page for _, page in named} >= {"docs/site/pages/troubleshooting.md", "docs/scenarios.md"}
+    assert {page for _, page in named} >= {"docs/scenarios.md"}
     assert {(path, page) for path, page in named if not (ROOT / page).exists()} == set()
 
 
