@@ -106,7 +106,7 @@ def faults(found: Examination) -> list[tuple[FindingKind, Band | None]]:
     return [(one.kind, one.band) for one in of_faults(found)]
 
 
-def test_a_wrong_rate_is_found_at_40_dbhz_and_the_rates_are_listed(
+def test_a_wrong_rate_is_found_at_42_dbhz_and_the_rates_are_listed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = Made(stored={Band.E1: stored(weak_e1())})
@@ -120,7 +120,7 @@ def test_a_wrong_rate_is_found_at_40_dbhz_and_the_rates_are_listed(
 
 @cache
 def weak_e1() -> np.ndarray:
-    return received_batch(Band.E1, sky(power_db=-7.0), rate_hz=RATE_HZ, duration_s=0.125).samples
+    return received_batch(Band.E1, sky(power_db=-6.0), rate_hz=RATE_HZ, duration_s=0.125).samples
 
 
 def test_a_right_description_has_no_fault(tmp_path: Path) -> None:
