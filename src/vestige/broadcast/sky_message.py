@@ -35,7 +35,7 @@ _ISSUE_S = 600  # a new issue every ten minutes, as on air
 _ISSUES = 128  # IODnav as on air: it counts the ten minutes of its toe
 Symbols = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]
 _SYMBOLS_A_PAGE = PAGE_S * SYMBOLS_PER_S
-_PAGES_KEPT = 16  # pages of each satellite; signals with long delays need older pages, which are made again
+_PAGES_KEPT = 16  # number of pages of a satellite, enough for the workers and for a delayed signal
 _FORGED_CLOCK_S = 2.0**-20  # 286 m, a multiple of the resolution of word 4
 
 

@@ -72,7 +72,7 @@ class TruthProcess:
     def __init__(self, of: Simulation) -> None:
         models = of.models
         self._of = of
-        self._undisturbed = replace(of, spoofer=NO_SPOOFER)
+        self._undisturbed = replace(of, spoofer=NO_SPOOFER, longest_delay_s=0.0)
         self._process: UndisturbedProcess | None = None
         self._interval_s = of.epoch_interval_s
         self._loop = E1Loop(

@@ -261,13 +261,13 @@ class CampaignScenario(Section):
         one = self._line_of_sight()
         if self.constellation is None or self.trajectory is None:
             return (one,)
-        service = self.osnma.service(self.start_time, self.epochs * self.interval_s)
-        delay_s = longest_delay_s(self.attack)
+        duration_s, delay_s = self.epochs * self.interval_s, longest_delay_s(self.attack)
+        service = self.osnma.service(self.start_time, duration_s)
         sky = satellites_in_view(
             self.constellation,
             self.trajectory,
             self.start_time,
-            duration_s=self.epochs * self.interval_s + max(-self.receiver.clock_offset_s, 0.0),
+            duration_s=duration_s + max(-self.receiver.clock_offset_s, 0.0),
             longest_delay_s=delay_s + max(self.receiver.clock_offset_s, 0.0),
         )
         return tuple(
@@ -279,9 +279,7 @@ class CampaignScenario(Section):
                 line_of_sight=effects.line_of_sight,
                 spoofer=Spoofer(
                     attacks=placed_attacks(
-                        against(self.attack, self.receiver.cn0_dbhz + effects.nominal_db),
-                        effects.path,
-                        self.epochs * self.interval_s,
+                        against(self.attack, self.receiver.cn0_dbhz + effects.nominal_db), effects.path, duration_s
                     )
                 ),
                 svid=effects.path.ephemeris.svid,
