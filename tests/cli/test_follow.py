@@ -453,7 +453,7 @@ def test_another_recording_or_other_settings_are_refused(night: Path, tmp_path: 
     state = (kept / STATE).read_text()
     for damaged, said in (
         (state[:-20], "content"),
-        (state.replace('"format": 2', '"format": 1'), "format: found 1, expected 2"),
+        (state.replace('"format": 3', '"format": 2'), "format: found 2, expected 3"),
         (state.replace('"index": 5', '"index": -5'), "greater than or equal to 0"),
         (state.replace('"n_bytes": ', '"n_bytes": -'), "greater than or equal to 0"),
         (state.replace('"week": 1421', '"week": -1'), "Galileo"),

@@ -132,7 +132,7 @@ def test_the_pages_of_an_event_have_the_outcome_of_the_icd(kind: str, tmp_path: 
 def test_without_an_event_nothing_is_withheld_and_nothing_changes() -> None:
     plain, named = scenario(), scenario("osnma.event=[]")
     assert plain.simulations[0].osnma == named.simulations[0].osnma
-    assert AcasTestCase(scenario=plain, first=0, end=2).heard is None
+    assert AcasTestCase(scenario=plain, first=0, end=2).osnma_receiver is None
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def test_an_attack_of_ones_own(tmp_path: Path) -> None:
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text(MEACONED.replace("2e-6", "-1"))
     for file, message in (
-        (tmp_path / "bad.toml", "delays by 0 to 60 s"),
+        (tmp_path / "bad.toml", "a delay of the meaconer from 0 to 60 s"),
         (SCENARIOS / "first_light.toml", "expected 'campaign'"),
     ):
         with pytest.raises(VestigeError, match=message) as caught:

@@ -23,7 +23,7 @@ from vestige.errors import VestigeError
 from vestige.recording.live.live_tracking import LiveTracking
 from vestige.recording.recording import open_recording
 from vestige.recording.tracked import track_recording as tracking
-from vestige.recording.tracked.track_recording import TrackedRecording, placed
+from vestige.recording.tracked.track_recording import TrackedRecording, with_code_periods
 from vestige.time import GalileoTime
 
 NIGHT = Path(__file__).resolve().parents[2] / "scenarios" / "night.toml"
@@ -57,7 +57,7 @@ def processed(night: Path, tracked: TrackedRecording, monkeypatch: pytest.Monkey
 
     def call(*arguments: object, tag_s: float = 0.0, from_s: float = 0.0) -> Result:
         epochs = tuple(
-            placed(replace(epoch, time=epoch.time + tag_s), tag_s)
+            with_code_periods(replace(epoch, time=epoch.time + tag_s), tag_s)
             for epoch in tracked.epochs
             if epoch.time - START >= from_s
         )

@@ -209,7 +209,7 @@ class _Assessment:
     def _combined(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> tuple[_Guess, np.ndarray]:
         """Return the guess that would have been right, and status and cause, from the failures of the checks."""
         available = self._fixed[CheckName.E6_POWER].run
-        status, cause = combine(self._processor.level, failed, available, self._processor.further)
+        status, cause = combine(self._processor.level, failed, available, self._processor.added_checks)
         due = self._seen | self._lost
         status = np.where(due, status, POSITION[Status.NOT_AVAILABLE]).astype(np.int8)
         quiet = ~np.any(is_alarm(status), axis=1)

@@ -169,7 +169,7 @@ class AcasProcessor:
         return tuple(spec for spec in OPTIONAL if spec.make is not None and spec.make(self, STEADY_P_FA) is not None)
 
     @property
-    def further(self) -> tuple[CheckSpec, ...]:
+    def added_checks(self) -> tuple[CheckSpec, ...]:
         """Checks in addition to those of the level: the optional checks, then the user's checks."""
         return (*self.optional, *(one.spec for one in self.own_of_level))
 
@@ -180,7 +180,7 @@ class AcasProcessor:
         if self.monitoring.alarms_per_day is not None:
             shares = set_shares(self)
             rows = tuple(replace(row, confirm=shares[row.name].confirm) for row in rows)
-        return (*rows, *self.further)
+        return (*rows, *self.added_checks)
 
     @property
     def bank_p_fa(self) -> float:

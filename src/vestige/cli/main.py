@@ -117,7 +117,7 @@ def main(arguments: list[str] | None = None) -> None:
         place = f"{error.filename}: " if error.filename else ""
         echo(f"vestige: {place}{error.strerror or error}{_notes(error)}", err=True)
         sys.exit(1)
-    sys.exit(status)  # the status that a command set with `exit`, as `--fail-on` does; None if it set none
+    sys.exit(status or 0)  # the status that a command set with `exit`, as `--fail-on` does; None if it set none
 
 
 @contextmanager

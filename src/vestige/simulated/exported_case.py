@@ -31,7 +31,7 @@ from vestige.simulated.exported_receiver import ExportedReceiver
 from vestige.simulated.exported_satellite import ExportedSatellite, tail_after_s
 from vestige.time import GalileoTime
 
-PLACED_M = 25_000_000.0  # default range if the scenario gives none; Galileo satellites are 23,200 to 29,000 km away
+DEFAULT_RANGE_M = 25_000_000.0  # range if the scenario gives none; Galileo satellites are 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # largest range rate, of a receiver in a low orbit
 _MESSAGE_SPARE_S = 1.0  # duration of the message beyond the last sample
 PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # range of travel times in which a recording is processed
@@ -40,7 +40,7 @@ PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # range of travel times in which a rec
 def with_default_range(scenario: CampaignScenario) -> CampaignScenario:
     """Return the scenario with its satellite at 25,000 km if the scenario has no range, as in the paper."""
     path = scenario.line_of_sight
-    return scenario if path.s0_m else scenario.model_copy(update={"line_of_sight": replace(path, s0_m=PLACED_M)})
+    return scenario if path.s0_m else scenario.model_copy(update={"line_of_sight": replace(path, s0_m=DEFAULT_RANGE_M)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +130,7 @@ class AcasTestCase:
         return max(tail_after_s(one, times_s) for one in self.scenario.simulations)
 
     @cached_property
-    def heard(self) -> OsnmaReceiver | None:
+    def osnma_receiver(self) -> OsnmaReceiver | None:
         """An OSNMA receiver that got all pages; None without OSNMA events, when every key is received."""
         if self.message is None or not self.simulation.osnma.events:
             return None
@@ -204,8 +204,10 @@ class AcasTestCase:
                 f"epochs {self.first}:{self.end}: found no RECS, expected at least one; there is one every "
                 f"{self.scenario.recs.every} epochs"
             )
-        heard = self.heard
-        keys = {key.time: key for key in (self.operator.validated_keys() if heard is None else heard.filled_keys())}
+        receiver = self.osnma_receiver
+        keys = {
+            key.time: key for key in (self.operator.validated_keys() if receiver is None else receiver.filled_keys())
+        }
         begin, end = segments[0].transmit_time.subframe, segments[-1].key_time + SUBFRAME_S
         return Assistance(
             segments=segments,

@@ -63,7 +63,7 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
         # in a separate folder, because a recording has only one file of observations; CSV loses no digit
         place_m = (0.0, 0.0, 0.0) if case.receiver is None else case.receiver.first_place_m
         write_rinex_observations(rinex / "observations.rnx", epochs, approximate_position_m=place_m)
-    report = None if case.heard is None else case.heard.report()
+    report = None if case.osnma_receiver is None else case.osnma_receiver.report()
     write_assistance(
         folder / "assistance",
         case.assistance(),

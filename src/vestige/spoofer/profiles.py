@@ -219,9 +219,14 @@ def _tag(value: Any) -> str:
 
 
 def _with_points(table: Any, info: ValidationInfo) -> Any:
-    """Return a table of a scenario with the points of its file, whose path is relative to the scenario file."""
-    if not (isinstance(table, dict) and table.get("path") and isinstance(table["path"], str)):
+    """Return a table of a scenario with its points, or those of its file, whose path is relative to the scenario file.
+
+    Points are lists in TOML, and tuples in a `Table`.
+    """
+    if not isinstance(table, dict):
         return table
+    if not (table.get("path") and isinstance(table["path"], str)):
+        return {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     if "time_s" in table or "values" in table:
         raise ValueError("the points of a table are given or in a file, not both")
     time_s, values = read_profile_table((info.context or {}).get("folder", Path()) / table["path"])

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vestige.crypto.osnma.osnma_receiver import verify_pages
+from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
 from vestige.crypto.osnma.osnma_report import OsnmaReport
 from vestige.navigation.inav.coding.channel_coding import page_from_symbols
 from vestige.navigation.inav.coding.fec2 import parity_words
@@ -53,7 +53,7 @@ def received(*, forged: bool, spoofed: bool = True) -> tuple[tuple[InavPage, ...
             for number, one in enumerate(values)
         ]
     pages.sort(key=lambda one: one.time)
-    return tuple(pages), verify_pages(pages, case.operator.public_keys, case.operator.merkle_tree)
+    return tuple(pages), OsnmaReceiver(case.operator.public_keys, case.operator.merkle_tree).process_all(pages)
 
 
 @pytest.mark.parametrize(("forged", "spoofed"), [(True, False), (False, False), (False, True)])

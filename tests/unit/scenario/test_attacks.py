@@ -74,6 +74,14 @@ def test_a_table_stands_beside_the_scenario(tmp_path: Path) -> None:
         _with(tmp_path, text)
 
 
+def test_the_points_of_a_table_stand_in_the_scenario(tmp_path: Path) -> None:
+    text = 'kind = "lift-off"\npower_db = 3\ndelay_m = {{kind = "table", time_s = [0.0, {}], values = [0.0, 30.0]}}\n'
+    (attack,) = _with(tmp_path, text.format(10.0)).attack
+    assert attack.delay_m == Table(time_s=(0.0, 10.0), values=(0.0, 30.0))  # type: ignore[union-attr]
+    with pytest.raises(VestigeError, match=r'delay_m\.time_s\.1: found the text "x", expected a number'):
+        _with(tmp_path, text.format('"x"'))
+
+
 def test_settings_reach_into_an_attack(tmp_path: Path) -> None:
     text = 'kind = "meaconing"\ndelay_s = 1e-6\npower_db = 3\n'
     (attack,) = _with(tmp_path, text, "attack.0.power_db=-inf", 'attack.0.bands=["E6"]').attack

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from builders import random_chips
+from vestige.records.packed_chips import packed_chips
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
     GROUP,
@@ -13,7 +14,6 @@ from vestige.signals.chip_window_kernel import (
     fill_chip_numbers,
     fill_windows,
     interior,
-    packed_chips,
     window_delay,
 )
 

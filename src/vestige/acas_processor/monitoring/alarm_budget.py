@@ -87,7 +87,7 @@ def false_alarm_budget(
     kappa: float = KAPPA,
     pd: float = MIN_PD,
     bank_p_fa: float = 0.0,
-    further: Sequence[CheckSpec] = (),
+    added: Sequence[CheckSpec] = (),
 ) -> dict[CheckName | str, AlarmShare]:
     """Return the share of each check of a level, by name.
 
@@ -104,7 +104,7 @@ def false_alarm_budget(
         Mean probability that E6 is detected where a miss is an alarm; used only without `alarms_per_day`.
     bank_p_fa
         Probability that noise exceeds the detection threshold in any correlator of the bank.
-    further
+    added
         Optional checks that are turned on, and checks that a user wrote.
 
     Raises
@@ -125,8 +125,8 @@ def false_alarm_budget(
     else:
         share = _set_share(LEVELS[level], cadence, alarms_per_day, assumed)
         found = {row.name: _set(row, share / cadence.tests_a_day(row), assumed) for row in LEVELS[level]}
-    found |= {row.name: _with_own(row, 0.0, assumed) for row in further}
-    rows = (*LEVELS[level], *further)
+    found |= {row.name: _with_own(row, 0.0, assumed) for row in added}
+    rows = (*LEVELS[level], *added)
     return {
         row.name: replace(one, alarms_a_day=one.confirmed_p_fa * cadence.tests_a_day(row))
         for row, one in zip(rows, found.values(), strict=True)
@@ -196,5 +196,5 @@ def budget_of(processor: AcasProcessor, block: VerdictBlock) -> dict[CheckName |
         kappa=processor.kappa,
         pd=1 - expected_miss_rate(processor.miss_prediction, block.measured),
         bank_p_fa=processor.bank_p_fa,
-        further=processor.further,
+        added=processor.added_checks,
     )

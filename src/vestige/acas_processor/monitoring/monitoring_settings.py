@@ -112,7 +112,7 @@ def set_shares(processor: AcasProcessor) -> dict[CheckName | str, AlarmShare]:
         processor.monitoring.cadence,
         alarms_per_day=processor.monitoring.alarms_per_day,
         bank_p_fa=processor.bank_p_fa,
-        further=processor.further,
+        added=processor.added_checks,
     )
 
 

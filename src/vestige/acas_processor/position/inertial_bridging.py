@@ -26,7 +26,7 @@ from vestige.navigation.earth import local_axes_at
 from vestige.records.times import GalileoTimes
 
 
-def gained_towards_mps(
+def delta_velocity_towards_mps(
     before: Float[np.ndarray, "*n m 3"],
     now: Float[np.ndarray, "*n m 3"],
     delta_velocity_mps: Float[np.ndarray, "*n 3"],
@@ -231,7 +231,7 @@ def _gained(
         axes = local_axes_at(path.middles_m.reshape(-1, 3)).reshape(*local.shape, 3)
         gained = np.einsum("pkij,pki->pkj", axes, local)
         path = _bent(places, ends_s, interval_s[steps], gained)
-    return gained_towards_mps(
+    return delta_velocity_towards_mps(
         ends.towards[steps], ends.towards[steps + 1], np.sum(gained, axis=1), path.mean_of_ends_mps
     )
 

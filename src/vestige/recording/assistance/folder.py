@@ -134,7 +134,7 @@ def read_assistance(
     reference: GalileoTime | None = None,
     window: tuple[GalileoTime, GalileoTime] | None = None,
     strict: bool = False,
-    remembered: FileCache | None = None,
+    cache: FileCache | None = None,
     message: Message | None = None,
 ) -> AssistanceFolder:
     """Return all usable assistance in `folder`, and the problems of the other files.
@@ -155,7 +155,7 @@ def read_assistance(
         First and last time of transmission of the RECS to keep, because a week of RECS fills gigabytes.
     strict
         Raise the first problem instead of collecting it.
-    remembered
+    cache
         Cache of the files that an earlier call read. The cache is updated, and RECS and BGD files that did not change
         are not read again.
     message
@@ -214,7 +214,7 @@ def read_assistance(
     read: list[tuple[Path, Contents]] = []
     for kind, reader in READERS.items():
         for path in by_kind[kind]:
-            contents = problems.attempt(partial(_contents, reader, path, settings, remembered))
+            contents = problems.attempt(partial(_contents, reader, path, settings, cache))
             if contents is not None:
                 problems.add(contents.problems)
                 read.append((path, contents))
@@ -231,9 +231,9 @@ def read_assistance(
             read.append((path, contents))
             files.append(AssistanceFile(path=path, kind=FileKind.PAGES, content=contents.summary))
             navigation = contents.navigation
-    if remembered is not None:
-        for path in remembered.keys() - {path for path, _ in read}:
-            del remembered[path]
+    if cache is not None:
+        for path in cache.keys() - {path for path, _ in read}:
+            del cache[path]
     assistance = _joined(read, problems)
     return AssistanceFolder(
         assistance=assistance,
@@ -246,16 +246,16 @@ def read_assistance(
 
 
 def _contents(
-    reader: Callable[[Path, Settings], Contents], path: Path, settings: Settings, remembered: FileCache | None
+    reader: Callable[[Path, Settings], Contents], path: Path, settings: Settings, cache: FileCache | None
 ) -> Contents:
-    if remembered is None or reader not in (READERS[FileKind.RECS], READERS[FileKind.GROUP_DELAY]):
+    if cache is None or reader not in (READERS[FileKind.RECS], READERS[FileKind.GROUP_DELAY]):
         return reader(path, settings)
     state = path.stat()
     signatures = settings.signatures.get(path.parent, {}).get(path.name, ())
     stamp = (state.st_size, state.st_mtime_ns, settings.window, signatures)
-    if path not in remembered or remembered[path][0] != stamp:
-        remembered[path] = stamp, reader(path, settings)
-    return remembered[path][1]
+    if path not in cache or cache[path][0] != stamp:
+        cache[path] = stamp, reader(path, settings)
+    return cache[path][1]
 
 
 def _sorted_files(folder: Path, problems: _Problems) -> dict[FileKind, list[Path]]:

@@ -62,7 +62,7 @@ class GrowingAssistance:
         self._trust = {"public_key": public_key, "merkle_tree": merkle_tree}
         self._certificates = certificates
         self._warn = warn
-        self._remembered: FileCache = {}
+        self._cache: FileCache = {}
         self._stamp: _Stamp | None = None
         self._window = (GalileoTime(0, 1), GalileoTime(0, 0))  # none
         self._not_before_s = 0.0
@@ -118,7 +118,7 @@ class GrowingAssistance:
             merkle_tree=self._trust["merkle_tree"],
             certificates=self._certificates,
             window=window,
-            remembered=self._remembered,
+            cache=self._cache,
             message=None if self._message is None else (self._message.path, self._message.contents),
         )
         self._window = window

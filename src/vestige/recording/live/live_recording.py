@@ -281,12 +281,12 @@ class LiveRecording:
             windows, (first, _) = [self._kept(one, band) for one in sent], self._kept(until, band)
             if self.tracking is not None and band is Band.E1:
                 first = min(first, self.tracking.end_sample)
-            everything = self._unplaced and stream.keep(windows, stream.file.first_sample)
+            everything = self._without_code_periods and stream.keep(windows, stream.file.first_sample)
             room &= everything or stream.keep(windows, first)
         self.full = not room
 
     @property
-    def _unplaced(self) -> bool:
+    def _without_code_periods(self) -> bool:
         """Whether the position of a RECS in the samples is still unknown, because the clock error is unknown."""
         if self.tracking is not None:
             return not self._told and not self.tracking.is_told

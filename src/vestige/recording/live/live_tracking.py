@@ -20,7 +20,7 @@ from vestige.recording.description import BandFile
 from vestige.recording.live.received_message import ReceivedMessage
 from vestige.recording.observations.observation_file import GAP_INTERVALS, ObservationTrack
 from vestige.recording.samples.sample_stream import SampleStream
-from vestige.recording.tracked.track_recording import placed
+from vestige.recording.tracked.track_recording import with_code_periods
 from vestige.records import SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.sample_processor.tracking.settings import TrackingSettings
@@ -33,7 +33,7 @@ from vestige.sample_processor.tracking.tracking_receiver import (
 from vestige.time import GalileoTime
 
 AT_ONCE_S = 2.0  # duration of samples that are tracked before other input is read
-UNPLACED_S = 200.0  # duration of observations that wait for the time, which a message tells after 30 s
+WITHOUT_PERIODS_S = 200.0  # duration of observations that wait for the time, which a message tells after 30 s
 RETRACKED_S = 600.0  # time before the last verdict, long enough for a root key, ephemerides and the time
 
 
@@ -194,21 +194,21 @@ class _KeptEpochs:
     """Observations with resolved time that are still needed, for an `ObservationTrack`."""
 
     def __init__(self) -> None:
-        self._unplaced: deque[ObservationEpoch] = deque(maxlen=round(UNPLACED_S * EPOCHS_PER_S))
+        self._without_code_periods: deque[ObservationEpoch] = deque(maxlen=round(WITHOUT_PERIODS_S * EPOCHS_PER_S))
         self._placed: deque[ObservationEpoch] = deque()
         self.first = 0  # number of the first epoch in `_placed`
 
     def wait(self, epochs: Sequence[ObservationEpoch]) -> None:
         """Keep epochs until a message tells the time."""
-        self._unplaced.extend(epochs)
+        self._without_code_periods.extend(epochs)
 
     def add(self, epochs: Sequence[ObservationEpoch]) -> None:
         """Keep epochs with resolved times: a satellite whose own message told the time has the time of that message."""
         self._placed.extend(epochs)
 
     def place(self, time_tag_error_s: float) -> None:
-        while self._unplaced:
-            self._placed.append(placed(self._unplaced.popleft(), time_tag_error_s))
+        while self._without_code_periods:
+            self._placed.append(with_code_periods(self._without_code_periods.popleft(), time_tag_error_s))
 
     def release(self, before: GalileoTime) -> None:
         while self._placed and self._placed[0].time < before:

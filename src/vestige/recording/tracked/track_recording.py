@@ -130,7 +130,7 @@ def track_batches(
             progress(done)
     told = receiver.time_tag_error_s if receiver.time_is_told else None
     if told is not None:
-        epochs[:untold] = [placed(epoch, told) for epoch in epochs[:untold]]
+        epochs[:untold] = [with_code_periods(epoch, told) for epoch in epochs[:untold]]
     return TrackedRecording(
         epochs=tuple(epochs),
         pages=tuple(pages),
@@ -202,7 +202,7 @@ def tracked_since(first: GalileoTime, time_tag_error_s: float) -> GalileoTime:
     return first + -(time_tag_error_s + MEDIAN_TRAVEL_TIME_S)
 
 
-def placed(epoch: ObservationEpoch, time_tag_error_s: float) -> ObservationEpoch:
+def with_code_periods(epoch: ObservationEpoch, time_tag_error_s: float) -> ObservationEpoch:
     """Return an epoch with each travel time moved by whole periods of the secondary code to a possible value.
 
     Parameters

@@ -7,7 +7,7 @@ import pytest
 
 from vestige.acas_processor.checks.check import two_sided_factor
 from vestige.acas_processor.checks.inertial import InertialMonitor
-from vestige.acas_processor.position.inertial_bridging import gained_towards_mps
+from vestige.acas_processor.position.inertial_bridging import delta_velocity_towards_mps
 from vestige.campaign.statistics import binomial_test
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.earth import local_axes_at
@@ -51,7 +51,7 @@ def test_a_circling_receiver_explains_its_own_range_rate() -> None:
     gained = motion.velocity_mps[-1] - motion.velocity_mps[0]
     mean = (motion.position_m[-1] - motion.position_m[0]) / 30.0
     towards = np.stack([_towards(sight, motion, end) for end in (0, -1)])
-    own = float(gained_towards_mps(towards[:1], towards[1:], gained, mean)[0])
+    own = float(delta_velocity_towards_mps(towards[:1], towards[1:], gained, mean)[0])
     change = sight.rate_mps[-1] - sight.rate_mps[0]
     expected = predicted.rate_mps[-1] - predicted.rate_mps[0]
     assert abs(change - expected) > 5.0
@@ -75,5 +75,5 @@ def test_the_turn_of_the_line_of_sight_counts() -> None:
     rng = stream(3, "turn")
     e_0, e_1, v_0, v_1 = rng.standard_normal((4, 5, 3))
     exact = np.sum(e_1 * v_1, axis=1) - np.sum(e_0 * v_0, axis=1)
-    found = gained_towards_mps(e_0[:, None], e_1[:, None], v_1 - v_0, (v_0 + v_1) / 2)
+    found = delta_velocity_towards_mps(e_0[:, None], e_1[:, None], v_1 - v_0, (v_0 + v_1) / 2)
     np.testing.assert_allclose(found[:, 0], exact, atol=1e-12)

@@ -112,10 +112,10 @@ def test_a_wrong_rate_is_found_at_42_dbhz_and_the_rates_are_listed(
     made = Made(stored={Band.E1: stored(weak_e1())})
     made.says[Band.E1] = right().says[Band.E1] | {"sample_rate_hz": 6e6}
     found = examined(made, tmp_path)
-    assert "sample_rate_hz = 5000000" in next(one.line for one in found.faults)
+    assert "sample_rate_hz = 5000000" in next(one.line for one in of_faults(found))
     monkeypatch.setattr(e1_signals, "rates_by_repetition_hz", lambda *_arguments, **_more: (12.5e6, 6e6, 8e6))
     found = examined(made, tmp_path)
-    assert "sampling rates 12.5, 8 Msps" in found.faults[0].line
+    assert "sampling rates 12.5, 8 Msps" in of_faults(found)[0].line
 
 
 @cache

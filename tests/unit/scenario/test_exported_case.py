@@ -11,7 +11,7 @@ from vestige.records import Band
 from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.signal_generator.keystream import encrypted_chips, encryption_key
-from vestige.simulated.exported_case import PLACED_M, AcasTestCase, with_default_range
+from vestige.simulated.exported_case import DEFAULT_RANGE_M, AcasTestCase, with_default_range
 from vestige.simulated.exported_case_folder import simulated
 
 QUICK = Path(__file__).resolve().parents[3] / "scenarios" / "quick.toml"
@@ -111,7 +111,7 @@ def test_the_carrier_phase_is_the_integral_of_the_doppler() -> None:
 
 
 def test_a_satellite_at_no_distance_is_placed() -> None:
-    assert case(0, 1).simulation.line_of_sight.s0_m == PLACED_M
+    assert case(0, 1).simulation.line_of_sight.s0_m == DEFAULT_RANGE_M
     assert case(0, 1, "line_of_sight.s0_m=2.4e7").simulation.line_of_sight.s0_m == 2.4e7
 
 
