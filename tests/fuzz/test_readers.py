@@ -32,6 +32,7 @@ _PACKAGE = "a file of the package itself"
 _OWN = "what the same call has just written"
 _LEFT = "what a killed process of the same user left in a folder that nobody else can write"
 INSIDE = {
+    "cli/campaigns/threats.py: _begun_ids": _PACKAGE,
     "kernel_cache.py: _kernels": _PACKAGE,
     "source_version.py: source_digest": _PACKAGE,
     "cli/start/demo.py: _encrypt_under_the_next_key": "what the demonstration has just written",
