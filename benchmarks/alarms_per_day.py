@@ -2,7 +2,7 @@
 
 python benchmarks/alarms_per_day.py [--hours 1000] [--alarms-per-day 1] [--runs 40]
 
-The scene is A0 harsh of the threat table: eight satellites of 33.5 to 40 dBHz on both bands, multipath of −15.8 dB, the
+The scene is A0 harsh of the threat table: eight satellites of 32 to 40 dBHz on both bands, multipath of −15.8 dB, the
 ionosphere of 2014, and a RECS each 30 s. Each hour is a separate campaign at fidelity `correlators`. Level 1 judges
 the same results without and with the setting. Alarms are counted as a user sees them (`LevelVerdicts.begins`): an alarm
 begins if no satellite had an alarm before, and is kept for 90 s. The upper limit is the upper end of the exact
