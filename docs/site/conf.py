@@ -29,6 +29,7 @@ extensions = [
 root_doc = "index"
 exclude_patterns = ["files", "gallery/**/*.ipynb", "gallery/**/*.py", "**/GALLERY_HEADER.rst"]
 highlight_language = "text"
+smartquotes = False  # "--level" in a help text must stay two hyphens, so that it can be copied
 default_role = "literal"  # docstrings write `name` for code
 
 myst_enable_extensions = ["colon_fence", "deflist", "attrs_block"]

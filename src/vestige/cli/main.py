@@ -91,6 +91,9 @@ def vestige() -> None:
       2    Options that do not exist or do not go together.
       3    process and live: the verdicts are what --fail-on names.
       130  Ctrl-C or SIGTERM. A line says what is kept.
+
+    If several apply: 130 before 1, and 1 before 3. 2 ends a command before it begins.
+
     """  # noqa: D301 - click wants the character
 
 

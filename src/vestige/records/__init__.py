@@ -340,7 +340,7 @@ class Assistance:
     Attributes
     ----------
     hardware_bias_e1_e6_s
-        Calibrated delay of the E6 front end minus that of E1, in s.
+        Calibrated delay of the E6 front end minus that of E1 (E6 − E1), in s; positive if E6 arrives later.
     ionosphere_e1_m
         Predicted slant ionospheric delay on E1 by SVID, in m; a missing satellite means no prediction (0).
     """

@@ -48,7 +48,8 @@ class CheckResult:
 class Status(Enum):
     """Conclusion of the receiver about a satellite.
 
-    Columns of stored results contain the index of a status in this order.
+    Columns of stored results contain the index of a status in this order. The order of gravity is another one, from the
+    gravest: SPOOFED, NOT_DETECTED, SUSPECT, AUTHENTIC, NOT_AVAILABLE. The first three of these are alarms.
 
     Attributes
     ----------
@@ -57,7 +58,7 @@ class Status(Enum):
     SUSPECT
         A check failed for a reason that need not be an attack.
     SPOOFED
-        E6 shows that the E1 range is wrong.
+        E6 shows that the E1 range is wrong, or the delay between the front ends is not calibrated.
     NOT_DETECTED
         E6 was not found, although the C/N0 of E1 predicts a detection.
     NOT_AVAILABLE
@@ -86,7 +87,8 @@ class Verdict:
     index
         Number of the snapshot, from 0.
     time
-        Receiver-clock time of the snapshot.
+        Time of reception of the RECS on the receiver's clock. `vestige process` and `vestige live` write the time of
+        the signal in its place, if the message on E1 or the RECS in the samples gave the error of the time tag.
     available_at
         Earliest time at which a receiver can know the verdict, after it received the key. None if no key was involved.
     svid
@@ -100,7 +102,7 @@ class Verdict:
     range_offset_m
         Measured minus predicted E6 range in m; NaN if nothing was detected.
     reason
-        Reason for the status in one line of text; empty if the signal is authentic.
+        Reason for the status in one line of text. For AUTHENTIC the reason names the checks that could not be run.
     true_offset_m
         Range of the earliest signal minus that of E1 in m, if a search found more than one signal. NaN otherwise.
 

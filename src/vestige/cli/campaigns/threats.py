@@ -51,7 +51,7 @@ def _begun_ids(_context: click.Context, _parameter: click.Parameter, begun: str)
 @click.option(
     "--quick",
     is_flag=True,
-    help=f"Make {QUICK_SEEDS} runs of each scene in place of {SEEDS}: about two minutes with -j 2 on two idle cores.",
+    help=f"Make {QUICK_SEEDS} runs of each scene in place of {SEEDS}: about a minute with -j 2 on two idle cores.",
 )
 @click.option(
     "--seeds", "n_seeds", type=click.IntRange(1, 100_000), help="Number of runs of each scene. [default: 100]"

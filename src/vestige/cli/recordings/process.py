@@ -72,7 +72,11 @@ class _Process(GroupedCommand):
 @click.option(
     "--calibrate", is_flag=True, help="Take the median E6 range offset of this recording as the hardware bias."
 )
-@click.option("--write-bias", type=PATH, help="Write the hardware bias into this folder, as receiver.toml.")
+@click.option(
+    "--write-bias",
+    type=PATH,
+    help="Write the hardware bias into this folder, as receiver.toml. vestige reads it in the assistance folder only.",
+)
 @click.option("-o", "--output", type=PATH, help="Write the verdicts into this CSV file.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @output_options

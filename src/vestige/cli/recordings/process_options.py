@@ -178,7 +178,7 @@ _e6_options = options_together(
     number_option(
         "--hardware-bias-m",
         (-1e7, 1e7),
-        help="Delay of E6 minus that of E1 in the receiver, in m. [default: that of the assistance folder, or 0]",
+        help="Delay of E6 minus that of E1 in the receiver, in m.   [default: that of the assistance folder, or 0]",
     ),
 )
 # RECORDING and the options of the processor

@@ -2,7 +2,7 @@
 
 `receiver.toml` contains the calibrated delay of the E6 front end minus that of E1, in one of two units::
 
-    hardware_bias_e1_e6_m = -20.6         # or hardware_bias_e1_e6_s = -6.87e-8; positive: E6 arrives later
+    hardware_bias_e1_e6_m = -20.6         # or hardware_bias_e1_e6_s = -6.87e-8; E6 minus E1
 
 `ionosphere.csv` contains the predicted slant ionospheric delay on E1 in m, for example from NeQuick-G or a map::
 
