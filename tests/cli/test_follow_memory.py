@@ -66,13 +66,14 @@ def half_hour(case: AcasTestCase, tmp_path_factory: pytest.TempPathFactory) -> P
 def _drawn(case: AcasTestCase) -> object:
     """What stands in for tracking: all satellites at a constant range, and their pages when they are complete."""
     assert case.message is not None
-    pages = sorted((page for own in case.message.pages.values() for page in own), key=lambda page: page.time)
+    sent = case.message.pages
+    pages = sorted((page for own in sent.values() for page in own), key=lambda page: page.time)
     waiting = [0]
 
     def track(receiver: TrackingReceiver, piece: SampleBatch, _pool: object = None) -> TrackedStretch:
         end = piece.start + piece.samples.size / piece.sample_rate_hz
         first = piece.start.gst_seconds * 10 + round(piece.start.fraction * 10)
-        epochs = [_epoch(number, list(case.message.pages)) for number in (first, first + 1)]  # type: ignore[union-attr]
+        epochs = [_epoch(number, list(sent)) for number in (first, first + 1)]
         done: list[InavPage] = []
         while waiting[0] < len(pages) and end - pages[waiting[0]].time >= PAGE_S:
             done.append(pages[waiting[0]])
