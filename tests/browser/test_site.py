@@ -57,7 +57,7 @@ def test_the_front_page_shows_three_things(size: tuple[int, int], browser: Any) 
     assert [card.find_element("tag name", "strong").text for card in cards] == [
         "A real recording",
         "An attack",
-        "The paper’s lift-off",
+        "The paper's lift-off",
     ]
     pictures = browser.execute_script(
         "return [...document.querySelectorAll('.front-card img')].map((one) => one.naturalWidth)"
