@@ -129,7 +129,7 @@ def test_a_root_key_verifies_what_nobody_else_has() -> None:
     assert Chain(root).root.data == ROOT.data
     for part in ("kroot", "header", "public_key", "time", "received_at"):
         with pytest.raises(TypeError, match="a RootKey has a"):
-            dataclasses.replace(ROOT, **{part: Mock(spec=getattr(ROOT, part))})
+            dataclasses.replace(ROOT, **{part: Mock(spec=type(getattr(ROOT, part)))})
 
 
 def test_keys_travel_to_workers_and_are_validated_there() -> None:
