@@ -9,8 +9,9 @@ the block's sums in float64. A Doppler rate changes this phase, and rotates the 
 (1e-7 at 100 Hz/s).
 
 **Noise floor.** Σ_j |y_j|² over chips is Σ_n |y_n|² plus twice the real part of y_n y*_(n−l) for each lag l at which
-both samples lie in the same chip. So no loop over chips is needed. Chip numbers modulo 32 are enough, because a lag is
-shorter than a chip. The last samples of a block are kept, rotated to the phase of the next block.
+both samples lie in the same chip. So no loop over chips is needed. Two lags are summed in one loop. Chip numbers modulo
+32 are enough, because a lag is hardly longer than a chip. The last samples of a block are kept, rotated to the phase of
+the next block.
 
 Sums are float32 inside a block of 1024 samples and float64 over blocks. At both ends of the segment, some taps meet a
 chip and others do not. The few samples at these ends are processed individually.
@@ -29,10 +30,10 @@ from vestige.signals.chip_window_kernel import (
     chip_at,
     fill_chip_numbers,
     fill_windows,
-    float_of,
     interior,
     window_delay,
 )
+from vestige.signals.float_kernel import float_of
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 _SIGN, _ONE = 0x80000000, 0x3F800000  # bits of a float32: its sign, and 1.0
@@ -75,12 +76,14 @@ def _wipe(x, cos, sin, slope, curve, y_re, y_im):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _products(chip, y_re, y_im, earlier_chip, earlier_re, earlier_im):
-    """Return Σ Re(y_n y*_(n−l)) over samples that share their chip."""
-    total = np.float32(0.0)
+def _two_lag_sums(own, chip, y_re, y_im, chip_1, re_1, im_1, chip_2, re_2, im_2):
+    """Return Σ own |y_n|² + Re(y_n y*_(n−l)), over the samples of two lags l that share their chip with sample n."""
+    total, zero = np.float32(0.0), np.float32(0.0)
     for i in range(chip.size):
-        product = y_re[i] * earlier_re[i] + y_im[i] * earlier_im[i]
-        total += product if chip[i] == earlier_chip[i] else np.float32(0.0)
+        same_1, same_2 = chip[i] == chip_1[i], chip[i] == chip_2[i]
+        re = own * y_re[i] + (re_1[i] if same_1 else zero) + (re_2[i] if same_2 else zero)
+        im = own * y_im[i] + (im_1[i] if same_1 else zero) + (im_2[i] if same_2 else zero)
+        total += y_re[i] * re + y_im[i] * im
     return total
 
 
@@ -151,8 +154,10 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
     cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
     rotator_table(if_hz * dt, cos, sin)
 
-    # A chip has at most lags + 1 samples; arrays of samples begin with `lags` samples of the previous block.
+    # A chip has at most lags + 1 samples; arrays of samples begin with `lags` samples of the previous block. The number
+    # of lags is even: no two samples of a chip have the lag that is added to an odd number.
     lags = np.int64(np.ceil(1.0 / (code_rate * dt) - 1.0 + 1e-3))
+    lags = max(2, lags + lags % 2)
     window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
     chip = np.full(lags + BLOCK, -1, np.int32)
     y_re, y_im = np.zeros(lags + BLOCK, np.float32), np.zeros(lags + BLOCK, np.float32)
@@ -174,21 +179,23 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
         _wipe(x[2 * b0 : 2 * (b0 + n)], cos, sin, np.float32(slope), np.float32(curve), yr, yi)
         i0, i1 = interior(u0, step, reach, n_chips, n)
         if i1 > i0:
-            w, f = window[: i1 - i0], fraction[: i1 - i0]
+            w, f, zr, zi = window[: i1 - i0], fraction[: i1 - i0], yr[i0:i1], yi[i0:i1]
             fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
             fill_chip_numbers(f, c[i0:i1])
             for k in range(0, n_taps, 2):
                 other = min(k + 1, n_taps - 1)  # the last tap of an odd number is summed alone
                 delays = window_delay(around[k]), window_delay(around[other])
-                re_1, im_1, re_2, im_2 = _two_tap_sums(w, f, yr[i0:i1], yi[i0:i1], *delays)
+                re_1, im_1, re_2, im_2 = _two_tap_sums(w, f, zr, zi, *delays)
                 out[k] += (re_1 + 1j * im_1) * turn
                 if other > k:
                     out[other] += (re_2 + 1j * im_2) * turn
         _edge_sums(packed, n_chips, u0, step, around, yr[:i0], yi[:i0], c[:i0], turn, out)
         _edge_sums(packed, n_chips, u0 + i1 * step, step, around, yr[i1:], yi[i1:], c[i1:], turn, out)
 
-        chip_power += _products(c, yr, yi, c, yr, yi)
-        for lag in range(1, lags + 1):
-            s = lags - lag
-            chip_power += 2 * _products(c, yr, yi, chip[s : s + n], y_re[s : s + n], y_im[s : s + n])
+        for lag in range(1, lags, 2):
+            own = np.float32(0.5 if lag == 1 else 0.0)
+            a, b = lags - lag, lags - lag - 1
+            near = chip[a : a + n], y_re[a : a + n], y_im[a : a + n]
+            far = chip[b : b + n], y_re[b : b + n], y_im[b : b + n]
+            chip_power += 2 * _two_lag_sums(own, c, yr, yi, *near, *far)
     return out, chip_power

@@ -12,7 +12,8 @@ Code phase and carrier phase are parabolas in time. For each block of 1024 sampl
 phase are computed in float64 at the middle of the block. One table of the carrier serves several blocks. The number of
 blocks follows from the Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
 
-No sum depends on the order of vector lanes and no operations are fused: a block has the same bits on every machine.
+No sum depends on the order of vector lanes, and operations are fused explicitly: a block has the same bits on every
+machine.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -22,6 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from vestige.kernel_cache import njit
+from vestige.signals.float_kernel import fma
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, rotator_table, turn_at
 
 _MAX_TURN_RAD = 5e-6
@@ -72,8 +74,8 @@ def _add_block(x, levels, u, step, cos, sin, re, im, index):
         index[i] = np.int32(u + i * step)
     for i in range(index.size):
         level = levels[index[i]]
-        x[2 * i] += level * (re * cos[i] - im * sin[i])
-        x[2 * i + 1] += level * (re * sin[i] + im * cos[i])
+        x[2 * i] = fma(level, fma(re, cos[i], -im * sin[i]), x[2 * i])
+        x[2 * i + 1] = fma(level, fma(re, sin[i], im * cos[i]), x[2 * i + 1])
 
 
 @njit(cache=True, nogil=True)

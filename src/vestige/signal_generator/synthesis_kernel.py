@@ -8,8 +8,8 @@ order in an angle that stays below 1e-3 rad at 100 Hz/s.
 Two paths share a loop, so that their sum is loaded and stored once. The loop of the last two also rotates the sum and
 adds it to the samples. An odd number of paths gets another path without amplitude, which changes no bit.
 
-No sum depends on the order of vector lanes and no operations are fused. So a block has the same bits on every machine,
-however the samples are cut between blocks.
+No sum depends on the order of vector lanes, and operations are fused explicitly. So a block has the same bits on every
+machine, however the samples are cut between blocks.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -22,13 +22,12 @@ from vestige.kernel_cache import njit
 from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
     WINDOW_REACH_CHIPS,
-    bits_of,
     chip_at,
     fill_windows,
-    float_of,
     interior,
     window_delay,
 )
+from vestige.signals.float_kernel import bits_of, float_of, fma
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 
@@ -43,8 +42,8 @@ def _sign(window, fraction, delay):
 def _ray(sign, cos, sin, re, im):
     """Return amplitude × rotator × chip of a path at a sample."""
     return (
-        float_of(np.int32(bits_of(re * cos - im * sin) ^ sign)),
-        float_of(np.int32(bits_of(re * sin + im * cos) ^ sign)),
+        float_of(np.int32(bits_of(fma(re, cos, -im * sin)) ^ sign)),
+        float_of(np.int32(bits_of(fma(re, sin, im * cos)) ^ sign)),
     )
 
 
@@ -77,10 +76,10 @@ def _add_turned(window, fraction, shift, cos, sin, a, r, s_re, s_im, slope, curv
         ray_re_2, ray_im_2 = _ray(_sign(window[i], fraction[i], shift_2), cos_2[i], sin_2[i], re_2, im_2)
         sum_re, sum_im = s_re[i] + ray_re + ray_re_2, s_im[i] + ray_im + ray_im_2
         k = from_middle(i)
-        turn = k * (slope + curve * k)
-        loss = np.float32(0.5) * turn * turn
-        x[2 * i] += sum_re - sum_im * turn - sum_re * loss
-        x[2 * i + 1] += sum_im + sum_re * turn - sum_im * loss
+        turn = k * fma(curve, k, slope)
+        kept = fma(np.float32(-0.5) * turn, turn, np.float32(1.0))
+        x[2 * i] += fma(sum_re, kept, -sum_im * turn)
+        x[2 * i + 1] += fma(sum_im, kept, sum_re * turn)
 
 
 @njit(cache=True, nogil=True)

@@ -38,18 +38,6 @@ _PHASE_BITS = 40  # fraction bits of the code phase
 
 
 @njit(inline="always")
-def bits_of(value):
-    """Return the bits of a float32 as int32."""
-    return np.float32(value).view(np.int32)
-
-
-@njit(inline="always")
-def float_of(bits):
-    """Return the float32 that has the bits of an int32."""
-    return np.int32(bits).view(np.float32)
-
-
-@njit(inline="always")
 def chip_at(packed, j):
     """Return chip number j, ±1 as int8, of packed chips."""
     word = np.int64(packed[np.int64(j + PAD) >> 5])

@@ -1,0 +1,40 @@
+"""Operations on float32 in compiled loops that numba does not offer: the bits of a number, and fused multiply-add.
+
+A compiler that may fuse a product and a sum does so on some machines only, and the bits of the result depend on the
+machine. `fma` is fused everywhere: a processor without such an instruction calls the C library, which is slow but
+exact.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+
+from __future__ import annotations
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+
+from vestige.kernel_cache import njit
+
+
+@njit(inline="always")
+def bits_of(value):
+    """Return the bits of a float32 as int32."""
+    return np.float32(value).view(np.int32)
+
+
+@njit(inline="always")
+def float_of(bits):
+    """Return the float32 that has the bits of an int32."""
+    return np.int32(bits).view(np.float32)
+
+
+@intrinsic
+def fma(_context, x, y, z):
+    """Return x y + z of three float32, rounded once."""
+    if not x == y == z == types.float32:
+        return None  # numba then reports that no such operation exists for these types
+
+    def code(_context, builder, _signature, arguments):
+        return builder.fma(*arguments)
+
+    return types.float32(types.float32, types.float32, types.float32), code
