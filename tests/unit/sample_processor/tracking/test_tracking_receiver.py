@@ -160,13 +160,13 @@ def test_a_front_end_beside_e1_gives_the_same_observations(sky: SampleBatch, off
     )
     plain, moved = _track([sky])[-1].observations, _track([beside])[-1].observations
     assert set(plain) == set(moved) == {11, 30}
-    # Rounding of the moved samples may put one sample on the other side of a chip edge: 2e-5 of one sum, 1e-5 Hz.
+    # By rounding, a sample may meet the other chip at an edge. The phase of that sum then changes by 1e-3 rad.
     for svid, one in plain.items():
         assert moved[svid].pseudorange_m == pytest.approx(one.pseudorange_m, abs=1e-3)
-        assert moved[svid].doppler_hz == pytest.approx(one.doppler_hz, abs=5e-5)
+        assert moved[svid].doppler_hz == pytest.approx(one.doppler_hz, abs=1e-4)
         assert moved[svid].cn0_dbhz == pytest.approx(one.cn0_dbhz, abs=1e-3)
         cycles = moved[svid].carrier_phase_cycles - one.carrier_phase_cycles
-        assert abs(cycles - round(cycles)) < 1e-5
+        assert abs(cycles - round(cycles)) < 1e-4
 
 
 def test_the_observation_rate_adds_epochs_and_changes_none(sky: SampleBatch) -> None:
