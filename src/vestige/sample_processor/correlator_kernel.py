@@ -63,6 +63,17 @@ def _two_tap_sums(window, fraction, y_re, y_im, delay_1, delay_2):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _tap_sum(window, fraction, y_re, y_im, delay):
+    """Return the block sum of one tap, Σ ±y, real and imaginary part."""
+    total_re, total_im = np.float32(0.0), np.float32(0.0)
+    for i in range(y_re.size):
+        chip = _chip(window[i], fraction[i], delay)
+        total_re += chip * y_re[i]
+        total_im += chip * y_im[i]
+    return total_re, total_im
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def _wipe(x, cos, sin, slope, curve, y_re, y_im):
     """Rotate samples by the conjugate rotator and the small angle slope · k + curve · k², k from the block's middle."""
     for i in range(y_re.size):
@@ -182,13 +193,14 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
             w, f, zr, zi = window[: i1 - i0], fraction[: i1 - i0], yr[i0:i1], yi[i0:i1]
             fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
             fill_chip_numbers(f, c[i0:i1])
-            for k in range(0, n_taps, 2):
-                other = min(k + 1, n_taps - 1)  # the last tap of an odd number is summed alone
-                delays = window_delay(around[k]), window_delay(around[other])
+            for k in range(1, n_taps, 2):
+                delays = window_delay(around[k - 1]), window_delay(around[k])
                 re_1, im_1, re_2, im_2 = _two_tap_sums(w, f, zr, zi, *delays)
-                out[k] += (re_1 + 1j * im_1) * turn
-                if other > k:
-                    out[other] += (re_2 + 1j * im_2) * turn
+                out[k - 1] += (re_1 + 1j * im_1) * turn
+                out[k] += (re_2 + 1j * im_2) * turn
+            if n_taps % 2:
+                re, im = _tap_sum(w, f, zr, zi, window_delay(around[-1]))
+                out[-1] += (re + 1j * im) * turn
         _edge_sums(packed, n_chips, u0, step, around, yr[:i0], yi[:i0], c[:i0], turn, out)
         _edge_sums(packed, n_chips, u0 + i1 * step, step, around, yr[i1:], yi[i1:], c[i1:], turn, out)
 

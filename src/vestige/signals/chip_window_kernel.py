@@ -113,10 +113,14 @@ def fill_windows(packed, u0, step, n, window, fraction):
     """
     p0, dp, base = _fixed(u0, step)
     p0 += (base + PAD) << _PHASE_BITS
-    phase = np.uint64(p0)  # a running sum: AVX2 has no vector multiplication of 64-bit numbers
+    # ⌊(p0 + i dp) / 2^cut⌋ modulo 2³² by 32-bit sums, because a vector has twice as many 32-bit as 64-bit numbers: the
+    # lower parts have `cut` bits, so their sum over a block does not overflow
+    cut, low = np.uint32(_PHASE_BITS - FRACTION_BITS), np.uint32((1 << (_PHASE_BITS - FRACTION_BITS)) - 1)
+    high_step, low_step = np.uint32(dp >> (_PHASE_BITS - FRACTION_BITS)), np.uint32(np.uint32(dp) & low)
+    high_sum, low_sum = np.uint32(p0 >> (_PHASE_BITS - FRACTION_BITS)), np.uint32(np.uint32(p0) & low)
     for i in range(n):
-        fraction[i] = np.uint32(phase >> np.uint64(_PHASE_BITS - FRACTION_BITS))
-        phase = np.uint64(phase + np.uint64(dp))
+        fraction[i] = np.uint32(high_sum + np.uint32(low_sum >> cut))
+        high_sum, low_sum = np.uint32(high_sum + high_step), np.uint32(low_sum + low_step)
     group = 1
     if (GROUP - 1) * dp <= _GROUP_SPAN << _PHASE_BITS:
         group = GROUP
