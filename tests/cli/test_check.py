@@ -35,6 +35,13 @@ def test_text(tmp_path: Path) -> None:
     assert "satellites" in result.stdout
 
 
+def test_a_profile_with_points_has_no_empty_file_name() -> None:
+    liftoff = next(path for path in SCENARIOS if path.stem == "liftoff")
+    delay = 'attack.0.delay_m={kind="table", time_s=[0.0, 100.0], values=[0.0, 50.0]}'
+    result = CliRunner().invoke(command, [str(liftoff), "--set", delay], standalone_mode=False)
+    assert "  attack.0.delay_m: table: time_s = [0, 100], values = [0, 50]\n" in result.stdout
+
+
 def test_a_campaign_is_printed_with_the_keys_of_its_file_and_not_as_python() -> None:
     """Every value can be typed into a scenario, and `--set` replaces one."""
     liftoff = next(path for path in SCENARIOS if path.stem == "liftoff")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.load import Scenario
 
+_UNSET: tuple[object, ...] = (None, [], "")  # values of keys that are not set, which are not printed
 _WIDTH = 120  # characters of a line
 _EQUALS = "\u00a0=\u00a0"  # no line break between a key and its value
 
@@ -109,7 +110,7 @@ def _table_lines(name: str, table: Any) -> list[str]:
     inner: dict[str, Any] = {}
     if isinstance(table, dict):
         inner = {key: one for key, one in table.items() if isinstance(one, dict)}
-        table = {key: one for key, one in table.items() if key not in inner and one not in (None, [])}
+        table = {key: one for key, one in table.items() if key not in inner and one not in _UNSET}
     lines: list[str] = []
     if table or not inner:
         text = f"  {name}: {_text_of(table) if table else 'none'}".replace(" = ", _EQUALS)
@@ -123,7 +124,7 @@ def _table_lines(name: str, table: Any) -> list[str]:
 def _text_of(value: Any) -> str:
     """Return a value as text: the kind of a table first, then its keys that are set."""
     if isinstance(value, dict):
-        keys = [f"{key} = {_inner(one)}" for key, one in value.items() if key != "kind" and one not in (None, [])]
+        keys = [f"{key} = {_inner(one)}" for key, one in value.items() if key != "kind" and one not in _UNSET]
         return ": ".join(filter(None, (value.get("kind"), ", ".join(keys))))
     if isinstance(value, list):
         return ", ".join(_inner(one) for one in value)
