@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -284,11 +285,11 @@ def test_any_number_of_interruptions_changes_nothing(
         record(self, lines, progress)
         raise KeyboardInterrupt
 
-    def stopped_between(self: FollowJournal, state: object) -> None:
+    def stopped_between(self: FollowJournal, *state: Any) -> None:
         calls[0] += 1
         if calls[0] == 2:  # the first one is that of opening
             raise KeyboardInterrupt
-        keep(self, state)  # type: ignore[arg-type]
+        keep(self, *state)
 
     arguments = (night, "--level", level, *UNSURE, *ONCE, "-o", kept)
     monkeypatch.setattr(FollowJournal, "_keep", stopped_between)
@@ -458,6 +459,10 @@ def test_another_recording_or_other_settings_are_refused(night: Path, tmp_path: 
         (state.replace('"n_bytes": ', '"n_bytes": -'), "greater than or equal to 0"),
         (state.replace('"week": 1421', '"week": -1'), "Galileo"),
         (state.replace('"week": 1421', f'"week": {10**18}'), "Galileo"),
+        (
+            state.replace('"index": 5', '"index": 4'),
+            "progress: found other contents, expected the state as it was written",
+        ),
         ("[]", "expected"),
     ):
         (kept / STATE).write_text(damaged)

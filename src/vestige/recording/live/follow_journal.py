@@ -1,11 +1,11 @@
 """Journal of a receiver that follows a recording: after any interruption the receiver continues where it was.
 
 `verdicts.jsonl` has one line for each verdict and each change of state. `state.json` contains the number of valid bytes
-in `verdicts.jsonl`, the SHA-256 of these bytes, the last epoch and the receiver's state. `state.json` is replaced as a
-whole after the lines were written. If a run is killed between the two writes, the newest lines are not valid yet. The
-next run cuts these lines off, processes the epoch again from the same state and writes the same lines. No line is lost,
-and no line appears twice. If the valid lines differ from the lines that were written, the journal raises an error and
-cuts nothing off.
+in `verdicts.jsonl`, the SHA-256 of these bytes, and the last epoch and the receiver's state with a SHA-256 of their own.
+`state.json` is replaced as a whole after the lines were written. If a run is killed between the two writes, the newest
+lines are not valid yet. The next run cuts these lines off, processes the epoch again from the same state and writes the
+same lines. No line is lost, and no line appears twice. If the valid lines or the state differ from what was written,
+the journal raises an error and cuts nothing off.
 """
 
 from __future__ import annotations
@@ -54,6 +54,15 @@ class _State:
     n_bytes: _Count
     sha256: str  # hash of the first `n_bytes` bytes
     progress: FollowProgress | None
+    progress_sha256: str  # hash of `progress` as JSON
+
+
+_PROGRESS = TypeAdapter(FollowProgress | None)
+
+
+def _hash_of(progress: FollowProgress | None) -> str:
+    """Return the SHA-256 of a progress as JSON, so that a number that was changed by hand is found."""
+    return hashlib.sha256(json.dumps(_PROGRESS.dump_python(progress, mode="json")).encode()).hexdigest()
 
 
 class FollowJournal:
@@ -80,8 +89,7 @@ class FollowJournal:
             if any(not path.name.startswith(f".{STATE}") for path in self._folder.iterdir()):
                 expected = f"a folder that is empty, or has a {STATE}"
                 raise InputFileError(self._folder, "folder", "files of another origin", expected)
-            nothing = hashlib.sha256().hexdigest()
-            self._keep(_State(format=FORMAT, settings=self._settings, n_bytes=0, sha256=nothing, progress=None))
+            self._keep(0, hashlib.sha256(), None)
         state = self._read()
         found, left = hashlib.sha256(), state.n_bytes
         if left:
@@ -108,6 +116,9 @@ class FollowJournal:
             raise InputFileError(path, place, first["input"], first["msg"]) from error
         except (ValueError, RecursionError) as error:
             raise InputFileError(path, "content", str(error), "JSON") from error
+        if _hash_of(state.progress) != state.progress_sha256:
+            expected = "the state as it was written; put the file back, or use another folder for -o"
+            raise InputFileError(path, "progress", "other contents", expected)
         for name in sorted(state.settings.keys() | self._settings.keys()):
             then, now = state.settings.get(name, "nothing"), self._settings.get(name, "nothing")
             if then != now:
@@ -123,18 +134,18 @@ class FollowJournal:
             os.fsync(self._lines.fileno())
         self._n_bytes += len(data)
         self._hash.update(data)
-        self._keep(
-            _State(
-                format=FORMAT,
-                settings=self._settings,
-                n_bytes=self._n_bytes,
-                sha256=self._hash.hexdigest(),
-                progress=progress,
-            )
-        )
+        self._keep(self._n_bytes, self._hash, progress)
         self.progress = progress
 
-    def _keep(self, state: _State) -> None:
+    def _keep(self, n_bytes: int, hash_of_lines: hashlib._Hash, progress: FollowProgress | None) -> None:
+        state = _State(
+            format=FORMAT,
+            settings=self._settings,
+            n_bytes=n_bytes,
+            sha256=hash_of_lines.hexdigest(),
+            progress=progress,
+            progress_sha256=_hash_of(progress),
+        )
         text = json.dumps(self._adapter.dump_python(state, mode="json"))  # an infinite limit stays infinite
         with replacement(self._folder / STATE) as part:
             part.write_text(text, encoding="utf-8")
