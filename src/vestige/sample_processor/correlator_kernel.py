@@ -167,8 +167,7 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
 
     # A chip has at most lags + 1 samples; arrays of samples begin with `lags` samples of the previous block. The number
     # of lags is even: no two samples of a chip have the lag that is added to an odd number.
-    lags = np.int64(np.ceil(1.0 / (code_rate * dt) - 1.0 + 1e-3))
-    lags = max(2, lags + lags % 2)
+    lags = 2 * max(np.int64(1), np.int64(np.ceil((1.0 / (code_rate * dt) - 1.0 + 1e-3) / 2)))
     window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
     chip = np.full(lags + BLOCK, -1, np.int32)
     y_re, y_im = np.zeros(lags + BLOCK, np.float32), np.zeros(lags + BLOCK, np.float32)

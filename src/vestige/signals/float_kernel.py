@@ -9,6 +9,8 @@ exact.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import types
 from numba.extending import intrinsic
@@ -28,9 +30,7 @@ def float_of(bits):
     return np.int32(bits).view(np.float32)
 
 
-@intrinsic
-def fma(_context, x, y, z):
-    """Return x y + z of three float32, rounded once."""
+def _fused(_context, x, y, z):
     if not x == y == z == types.float32:
         return None  # numba then reports that no such operation exists for these types
 
@@ -38,3 +38,7 @@ def fma(_context, x, y, z):
         return builder.fma(*arguments)
 
     return types.float32(types.float32, types.float32, types.float32), code
+
+
+# x y + z of three float32, rounded once; for compiled code only
+fma: Any = intrinsic(_fused)

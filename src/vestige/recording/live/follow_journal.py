@@ -1,7 +1,7 @@
 """Journal of a receiver that follows a recording: after any interruption the receiver continues where it was.
 
 `verdicts.jsonl` has one line for each verdict and each change of state. `state.json` contains the number of valid bytes
-in `verdicts.jsonl`, the SHA-256 of these bytes, and the last epoch and the receiver's state with a SHA-256 of their own.
+in `verdicts.jsonl`, the SHA-256 of these bytes, the last epoch, and the receiver's state with a SHA-256 of its own.
 `state.json` is replaced as a whole after the lines were written. If a run is killed between the two writes, the newest
 lines are not valid yet. The next run cuts these lines off, processes the epoch again from the same state and writes the
 same lines. No line is lost, and no line appears twice. If the valid lines or the state differ from what was written,
