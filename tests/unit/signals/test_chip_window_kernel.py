@@ -48,6 +48,15 @@ def test_windows_give_the_chip_at_every_delay(
     assert np.array_equal(met[off_edge], np.array(expected)[off_edge])
 
 
+@given(u0=st.floats(8, 1000), step=st.floats(0.05, 25.0))
+def test_the_fraction_is_that_of_whole_numbers(u0: float, step: float) -> None:
+    """Phase and step have 40 fraction bits; all that follows is exact."""
+    window, fraction = np.empty((2, 1024), np.uint32)
+    fill_windows(packed_chips(np.ones(27_000, np.int8)), u0, step, 1024, window, fraction)
+    start, each = round(u0 % 1 * 2**40) + (int(u0) << 40), round(step * 2**40)
+    assert fraction.tolist() == [(start + i * each >> 40 - FRACTION_BITS) % 2**32 for i in range(1024)]
+
+
 @pytest.mark.parametrize("side", [-1, 1])
 def test_an_edge_is_met_within_half_a_micrometre(side: int) -> None:
     """Code phases 2^-26 chip before and after an edge, at 200 delays, 1000 samples into a block."""
