@@ -21,7 +21,9 @@ from vestige.records import Band, E1Observation
 from vestige.signal_generator.waveform import Sequence
 from vestige.streams import stream
 
-_AT_ONCE = 10_000  # epochs whose delays are computed at once, which limits the memory
+# largest numbers of epochs that are computed at once, which limit the memory
+_AT_ONCE = 10_000  # delays
+_PASSED_AT_ONCE = 1000  # truth before the first epoch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +55,8 @@ class ExportedSatellite:
         """
         before, after = epochs_around(self.interval_s, self.tail_s)
         process = TruthAround(self.simulation, before=before, after=after)
-        for begin in range(0, self.first, n_epochs):
-            process.advance(begin, min(n_epochs, self.first - begin))
+        for begin in range(0, self.first, _PASSED_AT_ONCE):
+            process.advance(begin, min(_PASSED_AT_ONCE, self.first - begin))
         for begin in range(self.first, self.end, n_epochs):
             count = min(n_epochs, self.end - begin)
             yield replace(self, first=begin, end=begin + count, known=process.advance(begin, count))
@@ -116,12 +118,16 @@ class ExportedSatellite:
         The entry of an epoch is None if the campaign has no E1 measurement: below the mask, without lock, and while E1
         acquires the satellite. A receiver that follows a meaconer with a delay of seconds has another time than the
         samples; then the entry is None, too.
+
+        An attacker's delay depends on the time of transmission. The signal of the time tag was sent up to 15 ms before
+        or after the epoch, and its delay differs from that of the epoch by so much of its rate.
         """
         to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
         t_s = self.tag_s
+        grown_m = truth.e1.rate_error_mps * (t_s - self.received_s)
         ionosphere_m = self.path.ionosphere_m(Band.E1)[self._own]
-        pseudorange_m = self.path.range_m(t_s) + ionosphere_m + self.e1_error_m
-        phase_m = self.path.range_m(t_s) - ionosphere_m + truth.e1.error_m + truth.e1_phase_noise_m
+        pseudorange_m = self.path.range_m(t_s) + ionosphere_m + self.e1_error_m + grown_m
+        phase_m = self.path.range_m(t_s) - ionosphere_m + truth.e1.error_m + grown_m + truth.e1_phase_noise_m
         phase_cycles = self._ambiguity - to_hz * phase_m
         doppler_hz = to_hz * (self.path.rate_mps(t_s) + truth.e1_rate_noise_mps + truth.e1.rate_error_mps)
         rate_hz_per_s = to_hz * self.path.acceleration_mps2(t_s)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from simulated_banks import OFFSETS_M, banks, handover_of
+from sky_builder import CLEAN, sky_scenario
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.draws import rows_of
 from vestige.records import Band
@@ -176,3 +177,24 @@ def test_scer_replays_what_it_estimates(tmp_path: Path, symbols: str, right: flo
     period = np.arange(1000)
     sent = replayed.chip(4092 * period) * (1 if replayed.symbol is None else replayed.symbol(period))
     assert np.mean(sent == data.chip(4092 * period) * data.symbol(period)) == pytest.approx(right, abs=0.07)
+
+
+def test_a_growing_delay_is_that_of_the_time_at_which_a_signal_was_sent() -> None:
+    """Samples, truth and observations agree to 2 mm while the delay grows by 90 m/s, 1 m in the 11 ms to the tag.
+
+    The truth has the delay at the transmission of the epoch, so the spoofing signal that arrives with the RECS has it.
+    """
+    ramp = '{kind="ramp", first=0, last=900, start_s=0, stop_s=10}'
+    attack = f'attack=[{{kind="lift-off", bands=["E1"], power_db=9, delay_m={ramp}}}]'
+    sky = ("epochs=8", "recs.every=4", "constellation.svids=[7, 13, 19]", "receiver.e1_tracking=none", attack)
+    case = AcasTestCase(scenario=sky_scenario(*CLEAN, *sky), first=0, end=8)
+    signals, parted_s = case.sky(Band.E1), []
+    for one, true, spoofing in zip(case.satellites, signals[::2], signals[1::2], strict=True):
+        row = slice(5, 8)  # more than a chip from the true signal, which no longer pulls the loop
+        arrival_s, tag_s = one.received_s[row], one.tag_s[row]
+        late_m = spoofing.pseudorange.range_m(arrival_s) - true.pseudorange.range_m(arrival_s)
+        assert late_m == pytest.approx(one.truth.e1.error_m[row], abs=2e-3)
+        observed_m = [seen.pseudorange_m for seen in one.observations[row] if seen is not None]
+        assert observed_m == pytest.approx(spoofing.pseudorange.range_m(tag_s), abs=2e-3)
+        parted_s += np.abs(arrival_s - tag_s).tolist()
+    assert max(parted_s) > 5e-3
