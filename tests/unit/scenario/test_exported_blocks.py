@@ -15,6 +15,8 @@ import pytest
 
 from sky_builder import CLEAN, sky_scenario
 from vestige.receiver.samples.recorder import stretch_samples
+from vestige.receiver.snapshots.receiver_truth import ReceiverTruth
+from vestige.receiver.snapshots.sky_samples import SkySamples
 from vestige.receiver.truth import TruthBlock
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.rinex_writer import write_rinex_observations
@@ -68,6 +70,21 @@ def test_samples_have_the_bits_of_the_whole(settings: tuple[str, ...], interval_
             )
             assert one.size == 250_000
             assert np.array_equal(one, other)
+
+
+def test_a_campaign_has_the_samples_of_the_recording_at_the_beginning_of_a_block() -> None:
+    """The spoofing signal there is 2.5 s late, so it has the errors of epochs before the block."""
+    of = case(100, 0, 12, 'fidelity="samples"', LATE)
+    receiver, recording = of.scenario.simulated_receiver, simulated(of)
+    processes = receiver.truth()
+    for first, count in ((0, 8), (8, 4)):
+        truth = tuple(one.advance(first, count) for one in processes)
+        block = ReceiverTruth(simulations=receiver.simulations, truth=truth, first=first, every=receiver.every)
+        made = SkySamples(of=block, band=Band.E6).between(first + 0.07, first + 0.1)
+        begin, n = made.first_sample, made.samples.size
+        filed = recording.window(Band.E6, begin / RATE_HZ, (begin + n) / RATE_HZ)
+        assert n > 0.03 * RATE_HZ - 1
+        assert np.array_equal(made.samples, filed.samples)
 
 
 def test_parts_cover_all_samples_once() -> None:
