@@ -60,7 +60,7 @@ def test_a_single_line_of_sight_has_no_place(tmp_path: Path) -> None:
     scenario = load_scenario(SCENARIOS / "quick.toml", ("recs.duration_ms=1",))
     assert isinstance(scenario, CampaignScenario)
     case = AcasTestCase(scenario=with_default_range(scenario), first=0, end=1)
-    assert case.receiver is None
+    assert not list(case.receivers())
     write_companions(case, tmp_path)
     assert not (tmp_path / "receiver_truth.csv").exists()
     assert "receiver_truth" not in (tmp_path / "README.txt").read_text()

@@ -153,6 +153,18 @@ def test_process_says_what_run_says(folders: Callable[[str], Path], name: str, l
     assert_same(of_files, simulated, within_m=0.1)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("epoch", [20, 30, 40])
+def test_the_ranges_are_the_same_while_a12_pulls(tmp_path: Path, epoch: int) -> None:
+    """The delay grows by 9.1 m/s. In the 86 ms before the observation, or in the travel time, it grows by 0.78 m."""
+    folder = recorded(tmp_path, ATTACKS["A12"], first=epoch)
+    for level in (1, 3):
+        (of_files,) = said_by_process(folder, level)
+        simulated = said_by_run(ATTACKS["A12"], level, epoch)
+        assert {svid for svid, one in simulated.items() if one.status == "SPOOFED"} == {7, 13}
+        assert_same(of_files, simulated, within_m=0.1)
+
+
 def assert_same(of_files: dict[int, Said], simulated: dict[int, Said], within_m: float) -> None:
     """Compare the verdicts of a recording with those of a campaign."""
     assert of_files.keys() == simulated.keys()

@@ -77,12 +77,14 @@ class SkyMessage:
     @property
     def pages(self) -> dict[int, tuple[InavPage, ...]]:
         """All pages of each satellite by SVID, in the order of time, one every 2 s. They are made at each access."""
-        made: dict[int, list[InavPage]] = {svid: [] for svid in self.transmissions}
+        subframes = list(self.subframes())
+        return {svid: tuple(page for pages in subframes for page in pages[svid]) for svid in self.transmissions}
+
+    def subframes(self) -> Iterator[dict[int, tuple[InavPage, ...]]]:
+        """Yield the pages of each subframe by SVID, in the order of time."""
         for number in range(self.n_subframes):
             starts = page_starts(self.first + float(SUBFRAME_S * number))
-            for svid, one in self.transmissions.items():
-                made[svid] += [one.page(time) for time in starts]
-        return {svid: tuple(of_one) for svid, of_one in made.items()}
+            yield {svid: tuple(one.page(time) for time in starts) for svid, one in self.transmissions.items()}
 
     def symbols(self, svid: int, reference: GalileoTime) -> Symbols:
         """Return the symbols of a satellite as ±1 by their number after a whole second; logic 0 is +1.

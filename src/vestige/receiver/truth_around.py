@@ -2,7 +2,8 @@
 
 Between two epochs the receiver's samples change from the truth of the first epoch to that of the second (`continuous`).
 A spoofing signal brings the chips of an epoch later than the line of sight does. So the samples of a block depend on
-epochs before its first and after its last epoch.
+epochs before its first and after its last epoch. A delayed signal in these samples has the errors of its own time,
+which is earlier by the delay.
 """
 
 from __future__ import annotations
@@ -34,9 +35,10 @@ def epochs_around(interval_s: float, tail_s: float) -> tuple[int, int]:
     interval_s
         Time between two epochs.
     tail_s
-        Time in s from the transmission at an epoch to its last sample.
+        Time in s from the transmission at an epoch to its last sample, at least `TAIL_S`.
     """
-    before, after = (int(np.ceil(reach_s / interval_s)) + 1 for reach_s in (_REACH_S, tail_s + _SPARE_S))
+    reaches_s = (_REACH_S + tail_s - TAIL_S, tail_s + _SPARE_S)
+    before, after = (int(np.ceil(reach_s / interval_s)) + 1 for reach_s in reaches_s)
     return before, after
 
 

@@ -22,7 +22,7 @@ from vestige.own_parts import digest, is_own, kind_of
 from vestige.receiver.correlators.e1_loop import REACQUISITION_S
 from vestige.receiver.errors.accelerometer import Accelerometers
 from vestige.receiver.front_end.front_end import FrontEnd
-from vestige.receiver.simulation import Fidelity, Simulation
+from vestige.receiver.simulation import SVID, Fidelity, Simulation
 from vestige.receiver.sky.atmosphere import through_atmosphere
 from vestige.receiver.sky.meaconer_way import placed_attacks
 from vestige.receiver.snapshots.simulated_receiver import SimulatedReceiver
@@ -208,7 +208,7 @@ class CampaignScenario(Section):
         check_length(self.fidelity, duration_s)
         check_jammers(front_end.front_end(self.receiver.sample_rate_hz).input_rate_hz, self.attack)
         if self.fidelity == "correlators":
-            met = Spoofer(attacks=against(self.attack, self.receiver.cn0_dbhz))
+            met = Spoofer(attacks=against(self.attack, SVID, {SVID: self.receiver.cn0_dbhz}))
             check_attacks(front_end.front_end(self.receiver.sample_rate_hz), met)
             check_weak_signal(front_end.front_end(self.receiver.sample_rate_hz), self.receiver.cn0_dbhz)
             check_clock(self.receiver.clock, duration_s, LARGEST_CLOCK_ERROR_S)
@@ -270,6 +270,7 @@ class CampaignScenario(Section):
             duration_s=duration_s + max(-self.receiver.clock_offset_s, 0.0),
             longest_delay_s=delay_s + max(self.receiver.clock_offset_s, 0.0),
         )
+        cn0_dbhz = {effects.path.ephemeris.svid: self.receiver.cn0_dbhz + effects.nominal_db for effects in sky}
         return tuple(
             replace(
                 one,
@@ -279,7 +280,7 @@ class CampaignScenario(Section):
                 line_of_sight=effects.line_of_sight,
                 spoofer=Spoofer(
                     attacks=placed_attacks(
-                        against(self.attack, self.receiver.cn0_dbhz + effects.nominal_db), effects.path, duration_s
+                        against(self.attack, effects.path.ephemeris.svid, cn0_dbhz), effects.path, duration_s
                     )
                 ),
                 svid=effects.path.ephemeris.svid,
@@ -378,5 +379,5 @@ class CampaignScenario(Section):
             n_chips=self.recs.n_chips,
             key_delay=self.recs.key_delay,
             cipher_mode=CipherMode(self.recs.cipher_mode),
-            spoofer=Spoofer(attacks=against(self.attack, receiver.cn0_dbhz)),
+            spoofer=Spoofer(attacks=against(self.attack, SVID, {SVID: receiver.cn0_dbhz})),
         )

@@ -5,20 +5,23 @@ satellites of the sky (`receiver.samples.continuous`). The test case also contai
 the truth, RECS, group delays and keys. `vestige run` processes the same epochs with the same RECS, keys and errors.
 Under a sky the E6 samples are also the same, and so are the E1 samples except for the symbols of E1-B. On a single line
 of sight the noise of the campaign's samples differs, because each epoch has its own noise.
+
+Truth, samples and files are made in blocks of epochs, so the memory does not grow with the number of epochs.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from vestige.broadcast.sky_message import SkyMessage, make_sky_message
-from vestige.constants import MEDIAN_TRAVEL_TIME_S, SUBFRAME_S
+from vestige.constants import SUBFRAME_S
 from vestige.crypto.osnma.operator.osnma_operator import OsnmaOperator
 from vestige.crypto.osnma.osnma_receiver import OsnmaReceiver
+from vestige.crypto.recs.recs_segment import key_time
 from vestige.errors import VestigeError
 from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.samples.sampled_epoch import SUBFRAMES_BEFORE
@@ -31,6 +34,7 @@ from vestige.simulated.exported_receiver import ExportedReceiver
 from vestige.simulated.exported_satellite import ExportedSatellite, tail_after_s
 from vestige.time import GalileoTime
 
+EPOCHS_IN_MEMORY = 500  # 3 MB with eight satellites
 DEFAULT_RANGE_M = 25_000_000.0  # range if the scenario gives none; Galileo satellites are 23,200 to 29,000 km away
 MAX_RATE_MPS = 10_000.0  # largest range rate, of a receiver in a low orbit
 _MESSAGE_SPARE_S = 1.0  # duration of the message beyond the last sample
@@ -50,6 +54,7 @@ class AcasTestCase:
     scenario: CampaignScenario  # the campaign, with a possible range of its satellite
     first: int
     end: int
+    block_epochs: int = EPOCHS_IN_MEMORY  # largest number of epochs that are in memory at a time; changes no bit
 
     def __post_init__(self) -> None:
         if not 0 <= self.first < self.end <= self.scenario.epochs:
@@ -62,8 +67,8 @@ class AcasTestCase:
                 f"receiver.clock_offset_s: found {offset_s:g}, expected 0 for a recording; make the recording without "
                 "it, and give `vestige process --start` the time that the wrong clock shows"
             )
-        for one in self.satellites:
-            _check_motion(one, f"epochs {self.first}:{self.end}")
+        for number in range(len(self.satellites)):
+            _check_motion((block[0] for block in self.blocks(number)), f"epochs {self.first}:{self.end}")
 
     @property
     def simulation(self) -> Simulation:
@@ -72,7 +77,7 @@ class AcasTestCase:
 
     @cached_property
     def satellites(self) -> tuple[ExportedSatellite, ...]:
-        """All satellites that the receiver sees at any time."""
+        """All satellites that the receiver sees at any time, in all epochs; `blocks` has them in parts."""
         message = self.message
         forged = None if message is None else message.forged(self.scenario.seed)
         return tuple(
@@ -86,6 +91,17 @@ class AcasTestCase:
             )
             for one in self.scenario.simulations
         )
+
+    def blocks(self, *numbers: int) -> Iterator[tuple[ExportedSatellite, ...]]:
+        """Yield the satellites in successive blocks of epochs.
+
+        `numbers` are positions in `satellites`; without any, a block contains all satellites.
+        """
+        chosen = [self.satellites[number] for number in numbers] or self.satellites
+        if self.end - self.first <= self.block_epochs:
+            yield tuple(chosen)  # keep their truth for the next call
+        else:
+            yield from zip(*(one.blocks(self.block_epochs) for one in chosen), strict=True)
 
     @cached_property
     def message(self) -> SkyMessage | None:
@@ -126,8 +142,8 @@ class AcasTestCase:
     @cached_property
     def tail_s(self) -> float:
         """Time in s from the last transmission to the last sample; every spoofing signal ends before."""
-        times_s = self.scenario.interval_s * np.arange(self.first, self.end)
-        return max(tail_after_s(one, times_s) for one in self.scenario.simulations)
+        epochs = self.scenario.interval_s, self.first, self.end
+        return max(tail_after_s(one, *epochs) for one in self.scenario.simulations)
 
     @cached_property
     def osnma_receiver(self) -> OsnmaReceiver | None:
@@ -135,16 +151,18 @@ class AcasTestCase:
         if self.message is None or not self.simulation.osnma.events:
             return None
         receiver = OsnmaReceiver(self.operator.public_keys, self.operator.merkle_tree)
-        for page in sorted((page for of in self.message.pages.values() for page in of), key=lambda one: one.time):
-            receiver.process(page)
+        for pages in self.message.subframes():
+            for page in sorted((page for of in pages.values() for page in of), key=lambda one: one.time):
+                receiver.process(page)
         receiver.finish()
         return receiver
 
     @property
     def samples(self) -> range:
         """Numbers of the samples from epoch `first` on, counted from the scenario's start; see `tail_s`."""
-        rate_hz, sent_s = self.scenario.receiver.sample_rate_hz, self.satellites[0].truth.time_s
-        return range(int(sent_s[0] * rate_hz), int(np.ceil((sent_s[-1] + self.tail_s) * rate_hz)))
+        rate_hz, interval_s = self.scenario.receiver.sample_rate_hz, self.scenario.interval_s
+        first_s, last_s = self.first * interval_s, (self.end - 1) * interval_s
+        return range(int(first_s * rate_hz), int(np.ceil((last_s + self.tail_s) * rate_hz)))
 
     def sky(self, band: Band) -> tuple[ReceivedSatellite, ...]:
         """Return all signals in a band, including spoofing signals."""
@@ -158,38 +176,30 @@ class AcasTestCase:
             return {}
         return {band: SpooferInterference(simulation=simulation, band=band) for band in Band}
 
-    @property
-    def tag_s(self) -> Float[np.ndarray, " n"]:
-        """Time tags of the E1 observations, in s after the scenario's start on the receiver's clock."""
-        return self.satellites[0].truth.time_s + MEDIAN_TRAVEL_TIME_S
-
-    @cached_property
-    def receiver(self) -> ExportedReceiver | None:
-        """The receiver of a sky; None on a single line of sight, which has no position."""
+    def receivers(self) -> Iterator[ExportedReceiver]:
+        """Yield the receiver of a sky in successive blocks of epochs, none on a single line of sight."""
         if self.scenario.constellation is None:
-            return None
-        path = self.satellites[0].path
-        return ExportedReceiver(scenario=self.scenario, path=path, first=self.first, tag_s=self.tag_s)
+            return
+        for (one,) in self.blocks(0):
+            yield ExportedReceiver(scenario=self.scenario, path=one.path, first=one.first, tag_s=one.tag_s)
 
-    def observations(self) -> tuple[ObservationEpoch, ...]:
-        """Return the E1 observations while the chips of each epoch arrive, without epochs that have no satellite."""
-        every = [
-            ObservationEpoch(
-                time=self.simulation.start + float(tag_s),
-                observations={
-                    one.svid: found for one in self.satellites if (found := one.observations[row]) is not None
-                },
-            )
-            for row, tag_s in enumerate(self.tag_s)
-        ]
-        return tuple(epoch for epoch in every if epoch.observations)
+    def observations(self) -> Iterator[ObservationEpoch]:
+        """Yield the E1 observations while the chips of each epoch arrive, without epochs that have no satellite."""
+        for block in self.blocks():
+            for row, tag_s in enumerate(block[0].tag_s):
+                found = {one.svid: seen for one in block if (seen := one.observations[row]) is not None}
+                if found:
+                    yield ObservationEpoch(time=self.simulation.start + float(tag_s), observations=found)
 
     @property
-    def segments(self) -> tuple[EncryptedSegment, ...]:
-        """The RECS that the satellites send within the epochs."""
+    def _recs_numbers(self) -> range:
+        """Numbers of the RECS that each satellite sends within the epochs."""
         every = self.scenario.recs.every if self.scenario.constellation is not None else 1
-        numbers = range(-(-self.first // every), -(-self.end // every))
-        return tuple(one.simulation.segment(number)[0] for number in numbers for one in self.satellites)
+        return range(-(-self.first // every), -(-self.end // every))
+
+    def segments_of(self, simulation: Simulation) -> tuple[EncryptedSegment, ...]:
+        """Return the RECS that a satellite sends within the epochs."""
+        return tuple(simulation.segment(number)[0] for number in self._recs_numbers)
 
     @cached_property
     def operator(self) -> OsnmaOperator:
@@ -198,8 +208,14 @@ class AcasTestCase:
 
     def assistance(self) -> Assistance:
         """Return RECS, group delays and keys."""
-        simulation, segments = self.simulation, self.segments
-        if not segments:
+        each = [self.segments_of(one) for one in self.scenario.simulations]
+        segments = tuple(segment for same_time in zip(*each, strict=True) for segment in same_time)
+        return replace(self.assistance_without_recs(), segments=segments)
+
+    def assistance_without_recs(self) -> Assistance:
+        """Return group delays and keys; the RECS of hours would take much memory."""
+        simulation, numbers = self.simulation, self._recs_numbers
+        if not numbers:
             raise VestigeError(
                 f"epochs {self.first}:{self.end}: found no RECS, expected at least one; there is one every "
                 f"{self.scenario.recs.every} epochs"
@@ -208,9 +224,9 @@ class AcasTestCase:
         keys = {
             key.time: key for key in (self.operator.validated_keys() if receiver is None else receiver.filled_keys())
         }
-        begin, end = segments[0].transmit_time.subframe, segments[-1].key_time + SUBFRAME_S
+        begin = simulation.transmit_time(numbers[0]).subframe
+        end = key_time(simulation.transmit_time(numbers[-1]), simulation.key_delay) + SUBFRAME_S
         return Assistance(
-            segments=segments,
             group_delays=tuple(
                 GroupDelay(svid=one.svid, bgd_e1_e6_s=one.bgd_s, valid_from=begin) for one in self.satellites
             ),
@@ -227,26 +243,32 @@ class AcasTestCase:
         """Delay on E1 in m by SVID that a receiver computes from word 5 for the middle of the epochs."""
         if self.scenario.atmosphere.ionosphere is None:
             return {}
-        middle = (self.end - self.first) // 2
-        return {one.svid: float(one.truth.broadcast_ionosphere_e1_m[middle]) for one in self.satellites}
+        middle = self.first + (self.end - self.first) // 2
+        block = next(block for block in self.blocks() if middle < block[0].end)
+        row = middle - block[0].first
+        return {one.svid: float(one.truth.broadcast_ionosphere_e1_m[row]) for one in block}
 
-    def truth_table(self) -> dict[str, list[str]]:
-        """Return the truth as columns of text for `truth.csv`, satellite by satellite."""
-        tables = [one.truth_table() for one in self.satellites]
-        return {name: [value for table in tables for value in table[name]] for name in tables[0]}
+    def truth_tables(self) -> Iterator[dict[str, list[str]]]:
+        """Yield the truth as columns of text for `truth.csv`, satellite by satellite, in blocks of epochs."""
+        for number in range(len(self.satellites)):
+            for (block,) in self.blocks(number):
+                yield block.truth_table()
 
 
-def _check_motion(one: ExportedSatellite, epochs: str) -> None:
-    """Raise `VestigeError` if a satellite is at an impossible range, or moves impossibly fast."""
-    travel_s, rate_mps = one.received_s - one.truth.time_s, one.path.rate_mps(one.truth.time_s)
+def _check_motion(blocks: Iterator[ExportedSatellite], epochs: str) -> None:
+    """Raise `VestigeError` if a satellite is at an impossible range, or moves impossibly fast, in any of its blocks."""
+    travels_s, rates_mps = [], []
+    for one in blocks:
+        travel_s, rate_mps = one.received_s - one.truth.time_s, one.path.rate_mps(one.truth.time_s)
+        travels_s += [travel_s.min(), travel_s.max()]
+        rates_mps.append(np.abs(rate_mps).max())
     low, high = PROCESSABLE_TRAVEL_TIME_S
-    if not (travel_s.min() >= low and travel_s.max() <= high):
+    if not (min(travels_s) >= low and max(travels_s) <= high):
         raise VestigeError(
-            f"line_of_sight: found {1e3 * travel_s.min():.0f} to {1e3 * travel_s.max():.0f} ms of travel in {epochs}, "
+            f"line_of_sight: found {1e3 * min(travels_s):.0f} to {1e3 * max(travels_s):.0f} ms of travel in {epochs}, "
             f"expected {1e3 * low:.0f} to {1e3 * high:.0f} ms"
         )
-    if not np.abs(rate_mps).max() <= MAX_RATE_MPS:
+    if not max(rates_mps) <= MAX_RATE_MPS:
         raise VestigeError(
-            f"line_of_sight: found up to {np.abs(rate_mps).max():.0f} m/s in {epochs}, expected at most "
-            f"{MAX_RATE_MPS:.0f} m/s"
+            f"line_of_sight: found up to {max(rates_mps):.0f} m/s in {epochs}, expected at most {MAX_RATE_MPS:.0f} m/s"
         )

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 
+from vestige.constants import PAGES_A_SUBFRAME
 from vestige.crypto.recs.recs_segment import CipherMode
-from vestige.recording.assistance.assistance_writer import write_assistance
+from vestige.recording.assistance.assistance_writer import write_assistance, write_recs
 from vestige.recording.navigation.rinex_navigation import write_rinex_navigation
 from vestige.recording.observations.csv_observations import write_csv_observations
 from vestige.recording.observations.rinex_writer import write_rinex_observations
-from vestige.recording.samples.test_vector_csv import write_test_vector
-from vestige.records import Band
+from vestige.recording.samples.test_vector_csv import write_test_vector_in_parts
 from vestige.simulated.exported_case import AcasTestCase
 from vestige.simulated.simulated_recording import SimulatedRecording
+from vestige.simulated.sky_in_blocks import SkyInBlocks
 
 _README = """\
 ACAS test case, written by vestige. docs/test_cases.md of vestige explains every file.
@@ -38,7 +40,7 @@ def simulated(case: AcasTestCase) -> SimulatedRecording:
     """Return the recording of a test case, including all its files."""
     simulation, atmosphere = case.simulation, case.scenario.atmosphere
     return SimulatedRecording(
-        sky={band: case.sky(band) for band in Band},
+        sky=SkyInBlocks(case=case),
         reference=simulation.start,
         front_end=simulation.front_end,
         samples=case.samples,
@@ -55,18 +57,21 @@ def simulated(case: AcasTestCase) -> SimulatedRecording:
 
 def write_companions(case: AcasTestCase, folder: Path) -> None:
     """Write observations, assistance, truth and README.txt."""
-    epochs, rinex = case.observations(), folder / "rinex"
-    if epochs or case.message is not None:
+    rinex, observed = folder / "rinex", next(case.observations(), None) is not None
+    if observed or case.message is not None:
         rinex.mkdir()
-    if epochs:
-        write_csv_observations(folder / "observations.csv", epochs)
+    if observed:
+        write_csv_observations(folder / "observations.csv", case.observations())
         # in a separate folder, because a recording has only one file of observations; CSV loses no digit
-        place_m = (0.0, 0.0, 0.0) if case.receiver is None else case.receiver.first_place_m
-        write_rinex_observations(rinex / "observations.rnx", epochs, approximate_position_m=place_m)
+        receiver = next(case.receivers(), None)
+        place_m = (0.0, 0.0, 0.0) if receiver is None else receiver.first_place_m
+        write_rinex_observations(rinex / "observations.rnx", case.observations(), approximate_position_m=place_m)
     report = None if case.osnma_receiver is None else case.osnma_receiver.report()
+    for simulation in case.scenario.simulations:
+        write_recs(folder / "assistance", case.segments_of(simulation))
     write_assistance(
         folder / "assistance",
-        case.assistance(),
+        case.assistance_without_recs(),
         roots=case.operator.roots if report is None else report.verified_roots,
         alerts=() if report is None else report.alerts,
     )
@@ -75,27 +80,32 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
         issued = [issue.ephemeris for one in case.message.transmissions.values() for issue in one.words.issues]
         ionosphere = case.scenario.atmosphere.models().ionosphere
         write_rinex_navigation(rinex / "navigation.rnx", issued, ionosphere=ionosphere)
-        write_test_vector(folder / "inav_pages.csv", case.message.pages)
-    _write_table(folder / "truth.csv", case.truth_table())
-    if case.receiver is not None:
-        _write_table(folder / "receiver_truth.csv", case.receiver.table())
-    (folder / "README.txt").write_text(_readme(case), encoding="ascii", newline="\n")
+        n_pages = dict.fromkeys(case.message.transmissions, PAGES_A_SUBFRAME * case.message.n_subframes)
+        write_test_vector_in_parts(folder / "inav_pages.csv", n_pages, case.message.subframes())
+    write_tables(folder / "truth.csv", case.truth_tables())
+    if case.scenario.constellation is not None:
+        write_tables(folder / "receiver_truth.csv", (one.table() for one in case.receivers()))
+    (folder / "README.txt").write_text(_readme(case, observed=observed), encoding="ascii", newline="\n")
 
 
-def _write_table(path: Path, table: dict[str, list[str]]) -> None:
-    rows = [",".join(row) for row in zip(*table.values(), strict=True)]
-    path.write_text("\n".join([",".join(table), *rows]) + "\n", encoding="ascii", newline="\n")
+def write_tables(path: Path, tables: Iterable[dict[str, list[str]]]) -> None:
+    """Write the rows of successive tables with the same columns."""
+    with path.open("w", encoding="ascii", newline="\n") as stream:
+        for number, table in enumerate(tables):
+            if number == 0:
+                stream.write(",".join(table) + "\n")
+            stream.writelines(",".join(row) + "\n" for row in zip(*table.values(), strict=True))
 
 
-def _readme(case: AcasTestCase) -> str:
+def _readme(case: AcasTestCase, *, observed: bool) -> str:
     simulation = case.simulation
-    observed = "  observations.csv, rinex/observations.rnx             E1 observations of every epoch\n"
+    observations = "  observations.csv, rinex/observations.rnx             E1 observations of every epoch\n"
     return _README.format(
         seconds=len(case.samples) / simulation.front_end.sample_rate_hz,
         rate=simulation.front_end.sample_rate_hz,
         satellites=" ".join(f"E{one.svid:02d}" for one in case.satellites),
-        observed=(observed if case.observations() else "") + (_MESSAGE if case.message is not None else ""),
-        place="" if case.receiver is None else _PLACE,
+        observed=(observations if observed else "") + (_MESSAGE if case.message is not None else ""),
+        place="" if case.scenario.constellation is None else _PLACE,
         first=case.first,
         last=case.end - 1,
         seed=simulation.seed,

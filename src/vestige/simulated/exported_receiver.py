@@ -1,4 +1,4 @@
-"""The receiver of an exported sky: its true position and clock error at each epoch, for the assessment of fixes."""
+"""The receiver of an exported sky: its true position and clock error at each epoch of a block, to assess fixes."""
 
 from __future__ import annotations
 

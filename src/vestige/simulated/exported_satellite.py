@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,11 +16,14 @@ from vestige.receiver.samples.recorder import ReceivedSatellite
 from vestige.receiver.samples.satellite_on_air import SatelliteOnAir, broadcast_group_delay_s, continuous_truth
 from vestige.receiver.simulation import CLOCK_FOLLOWS_S, Simulation
 from vestige.receiver.snapshots.e1 import is_tracked, reported_cn0_dbhz
-from vestige.receiver.truth import TruthBlock
-from vestige.receiver.truth_around import TAIL_S, epochs_around
+from vestige.receiver.truth_around import TAIL_S, TruthAround, TruthWithin, epochs_around
 from vestige.records import Band, E1Observation
 from vestige.signal_generator.waveform import Sequence
 from vestige.streams import stream
+
+# largest numbers of epochs that are computed at once, which limit the memory
+_AT_ONCE = 10_000  # delays
+_PASSED_AT_ONCE = 1000  # truth before the first epoch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,31 +36,49 @@ class ExportedSatellite:
     end: int
     symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
     forged_symbols: Sequence | None = None  # the same of an attacker's own message; None for random symbols
+    known: TruthWithin | None = None  # truth of these epochs; None if it is not yet computed
 
     @property
     def svid(self) -> int:
         """The satellite."""
         return self.simulation.svid
 
-    @cached_property
-    def _neighbours(self) -> tuple[int, int]:
-        """Numbers of epochs before and after whose errors, and whose clock error, affect the samples."""
-        before, after = epochs_around(self.interval_s, self.tail_s)
-        return min(self.first, before), after
-
-    @cached_property
+    @property
     def tail_s(self) -> float:
         """Time in s from the last transmission to the last sample; every spoofing signal ends before."""
-        return tail_after_s(self.simulation, self.truth.time_s)
+        return tail_after_s(self.simulation, self.interval_s, self.first, self.end)
+
+    def blocks(self, n_epochs: int) -> Iterator[ExportedSatellite]:
+        """Yield the satellite in successive blocks of at most `n_epochs` epochs, each with its truth.
+
+        The truth, the samples and the observations of a block have the bits of the whole.
+        """
+        before, after = epochs_around(self.interval_s, self.tail_s)
+        process = TruthAround(self.simulation, before=before, after=after)
+        for begin in range(0, self.first, _PASSED_AT_ONCE):
+            process.advance(begin, min(_PASSED_AT_ONCE, self.first - begin))
+        for begin in range(self.first, self.end, n_epochs):
+            count = min(n_epochs, self.end - begin)
+            yield replace(self, first=begin, end=begin + count, known=process.advance(begin, count))
+
+    @cached_property
+    def truth(self) -> TruthWithin:
+        """The truth at the epochs."""
+        if self.known is not None:
+            return self.known
+        (whole,) = self.blocks(self.end - self.first)
+        return whole.truth
 
     @cached_property
     def path(self) -> ContinuousTruth:
         """The truth as a function of time."""
-        before, after = self._neighbours
-        process = self.simulation.truth()
-        process.advance(0, self.first - before)
-        truth = process.advance(self.first - before, before + self.end - self.first + after)
-        return continuous_truth(self.simulation, truth)
+        return continuous_truth(self.simulation, self.truth.around)
+
+    @property
+    def _own(self) -> slice:
+        """Rows of the epochs in the truth around them."""
+        before = int(np.searchsorted(self.path.truth.time_s, self.truth.time_s[0]))
+        return slice(before, before + self.end - self.first)
 
     @cached_property
     def bgd_s(self) -> float:
@@ -64,17 +86,14 @@ class ExportedSatellite:
         return broadcast_group_delay_s(self.simulation.seed, self.svid)
 
     @cached_property
-    def truth(self) -> TruthBlock:
-        """The truth at the epochs."""
-        process = self.simulation.truth()
-        process.advance(0, self.first)
-        return process.advance(self.first, self.end - self.first)
-
-    @cached_property
     def received_s(self) -> Float[np.ndarray, " n"]:
         """Receiver time in s after the scenario's start at which the first chip of each epoch arrives on E6."""
-        before, _ = self._neighbours
-        return self.path.received_s()[before : before + self.end - self.first]
+        return self.path.received_s()[self._own]
+
+    @property
+    def tag_s(self) -> Float[np.ndarray, " n"]:
+        """Time tags of the E1 observations, in s after the scenario's start on the receiver's clock."""
+        return self.truth.time_s + MEDIAN_TRAVEL_TIME_S
 
     @cached_property
     def e1_error_m(self) -> Float[np.ndarray, " n"]:
@@ -99,13 +118,16 @@ class ExportedSatellite:
         The entry of an epoch is None if the campaign has no E1 measurement: below the mask, without lock, and while E1
         acquires the satellite. A receiver that follows a meaconer with a delay of seconds has another time than the
         samples; then the entry is None, too.
+
+        An attacker's delay depends on the time of transmission. The signal of the time tag was sent up to 15 ms before
+        or after the epoch, and its delay differs from that of the epoch by so much of its rate.
         """
         to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
-        t_s = truth.time_s + MEDIAN_TRAVEL_TIME_S
-        before, _ = self._neighbours
-        ionosphere_m = self.path.ionosphere_m(Band.E1)[before : before + truth.time_s.size]
-        pseudorange_m = self.path.range_m(t_s) + ionosphere_m + self.e1_error_m
-        phase_m = self.path.range_m(t_s) - ionosphere_m + truth.e1.error_m + truth.e1_phase_noise_m
+        t_s = self.tag_s
+        grown_m = truth.e1.rate_error_mps * (t_s - self.received_s)
+        ionosphere_m = self.path.ionosphere_m(Band.E1)[self._own]
+        pseudorange_m = self.path.range_m(t_s) + ionosphere_m + self.e1_error_m + grown_m
+        phase_m = self.path.range_m(t_s) - ionosphere_m + truth.e1.error_m + grown_m + truth.e1_phase_noise_m
         phase_cycles = self._ambiguity - to_hz * phase_m
         doppler_hz = to_hz * (self.path.rate_mps(t_s) + truth.e1_rate_noise_mps + truth.e1.rate_error_mps)
         rate_hz_per_s = to_hz * self.path.acceleration_mps2(t_s)
@@ -176,6 +198,10 @@ class ExportedSatellite:
         return columns | {name: [repr(float(value)) for value in values] for name, values in numbers.items()}
 
 
-def tail_after_s(simulation: Simulation, times_s: Float[np.ndarray, " n"]) -> float:
-    """Return the time in s from the last transmission to the last sample of a satellite; `times_s` are its epochs."""
-    return TAIL_S + latest_s(simulation.spoofer, simulation.svid, times_s)
+def tail_after_s(simulation: Simulation, interval_s: float, first: int, end: int) -> float:
+    """Return the time in s from the last transmission to the last sample of a satellite.
+
+    The epochs `first` to `end` − 1 follow each other at `interval_s`.
+    """
+    pieces = (np.arange(begin, min(begin + _AT_ONCE, end)) for begin in range(first, end, _AT_ONCE))
+    return TAIL_S + max(latest_s(simulation.spoofer, simulation.svid, interval_s * one) for one in pieces)

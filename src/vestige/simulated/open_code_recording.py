@@ -16,13 +16,16 @@ from vestige.signal_generator.range_model import RangeModel
 from vestige.signal_generator.waveform import open_component
 from vestige.signals.definitions import ALL_SIGNALS
 from vestige.simulated.simulated_recording import SimulatedRecording
+from vestige.simulated.sky_parts import WholeSky
 
 
 def open_code_recording(scenario: RecordingScenario) -> SimulatedRecording:
     """Return the recording of a scenario, with the keys of its time and their trust anchor in `osnma/`."""
     receiver = scenario.receiver
     return SimulatedRecording(
-        sky={band: tuple(_received(scenario, band, satellite) for satellite in scenario.satellites) for band in Band},
+        sky=WholeSky(
+            signals={band: tuple(_received(scenario, band, one) for one in scenario.satellites) for band in Band}
+        ),
         reference=scenario.start_time,
         front_end=FrontEnd(sample_rate_hz=receiver.sample_rate_hz),
         samples=range(round(scenario.duration_s * receiver.sample_rate_hz)),

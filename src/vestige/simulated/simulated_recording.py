@@ -21,7 +21,6 @@ from vestige.errors import VestigeError
 from vestige.receiver.front_end.front_end import FrontEnd
 from vestige.receiver.samples.recorder import (
     Interference,
-    ReceivedSatellite,
     band_noise_key,
     record_band,
     stretch_samples,
@@ -34,6 +33,7 @@ from vestige.recording.samples.sample_format import SampleFormat, SampleType, en
 from vestige.recording.samples.sigmf_writer import SigmfWriter, write_collection
 from vestige.records import Band, SampleBatch
 from vestige.simulated.clipping import clipping_warning, largest_level, n_clipped
+from vestige.simulated.sky_parts import SkyParts
 from vestige.simulated.unfinished_recording import UnfinishedRecording, unfinished_recording
 from vestige.source_version import processor_name, vestige_version
 from vestige.time import GalileoTime
@@ -53,7 +53,7 @@ _WRITING = 1.5  # time for synthesis, conversion, checksum and disk as a multipl
 class SimulatedRecording:
     """A recording that can be made."""
 
-    sky: Mapping[Band, tuple[ReceivedSatellite, ...]]  # signals of each band
+    sky: SkyParts  # signals of each band
     reference: GalileoTime  # receiver-clock time of sample 0, a whole second
     front_end: FrontEnd  # front end of each band, with the sampling rate
     samples: range  # numbers of the samples
@@ -162,17 +162,18 @@ class SimulatedRecording:
             warn(line)
 
     def _made(self, band: Band, samples: range, *, noise: bool, pool: Executor | None = None) -> Iterator[SampleBatch]:
-        return record_band(
-            band,
-            self.sky[band],
-            reference=self.reference,
-            front_end=self.front_end,
-            first_sample=samples.start,
-            n_samples=len(samples),
-            noise_key=band_noise_key(self.seed, band) if noise else None,
-            interference=self.interference.get(band),
-            pool=pool,
-        )
+        for part, signals in self.sky.parts(band, samples):
+            yield from record_band(
+                band,
+                signals,
+                reference=self.reference,
+                front_end=self.front_end,
+                first_sample=part.start,
+                n_samples=len(part),
+                noise_key=band_noise_key(self.seed, band) if noise else None,
+                interference=self.interference.get(band),
+                pool=pool,
+            )
 
     def n_bytes(self, component: SampleType, exports: Sequence[str] = ()) -> int:
         """Return the size of the samples of both bands in bytes, including copies for exports."""
@@ -267,8 +268,7 @@ class SimulatedRecording:
     @property
     def exported_sky(self) -> ExportedSky:
         """Satellites and atmosphere that the files for other receivers state."""
-        svids = {one.svid for sky in self.sky.values() for one in sky}
-        return ExportedSky(svids=tuple(sorted(svids)), troposphere=self.troposphere, ionosphere=self.ionosphere)
+        return ExportedSky(svids=self.sky.svids, troposphere=self.troposphere, ionosphere=self.ionosphere)
 
     def _identity(self, scenario_text: str, component: SampleType) -> dict[str, str]:
         """Return all values on which the bits of the samples depend, by the names that a user knows."""

@@ -2,13 +2,26 @@
 
 `vestige.theory.scer.code_estimation` gives the quality of the estimates. In a recording each E1-B chip of the spoofing
 signal is drawn from the part of its symbol that the attacker has received. Hard decisions give the sign of a chip, soft
-decisions the sign and the amplitude. The noise in the attacker's E6 is white. The density of this noise is that of
-estimated chips after a correlator whose code does not match them.
+decisions the sign and the amplitude.
+
+**Noise on E6.** The E6 spoofing signals are made with the true chips, and the wrong parts of the estimates are white
+noise. The attacker decides on the chips of each satellite separately, so the errors of two satellites are independent,
+and their powers add:
+
+    N/N0 = Σ_i η (Ec/N0 of satellite i) (1/ρ_i² − 1)        i: all satellites of the attack
+
+All satellites share the receiver's front end, so each of them has this sum. The sum of independent Gaussian noises is
+Gaussian noise with the sum of the powers, so one stream of noise is exact. Each term is the density after a correlator
+whose chips begin together with the estimated chips. The chips of other satellites begin at any time, and their density
+is half to all of the term, 2/3 on average. So the sum is an upper limit of the noise of a real receiver.
+
+A repeater (`chips = "repeated"`) has one reception for all satellites, whose noise counts once.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -129,8 +142,13 @@ class Scer(CheckedAttack):
             return np.zeros(times_s.shape)
         if self.chips == "repeated":
             return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
-        noise = estimation_noise(self._victim_dbhz, self.reception_gain_db, self.chips)
-        return np.where(self.on(times_s), 10 ** (as_profile(self.power_db).value(times_s) / 10) * noise, 0.0)
+        power = 10 ** (as_profile(self.power_db).value(times_s) / 10)
+        return np.where(self.on(times_s), power * self.noise_at_0_db, 0.0)
+
+    @property
+    def noise_at_0_db(self) -> float:
+        """N/N0 of the decisions on the chips of one satellite for a spoofing signal of 0 dB."""
+        return estimation_noise(self._victim_dbhz, self.reception_gain_db, self.chips)
 
     def head_start_s(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the time in s of a symbol that is received when its transmission begins, over epochs."""
@@ -170,12 +188,43 @@ class Scer(CheckedAttack):
         return chip
 
 
-def against(attacks: tuple[Any, ...], cn0_dbhz: float) -> tuple[Any, ...]:
-    """Return the attacks on a satellite whose E6-C the victim receives with this C/N0 in dBHz.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScerOnSatellite(Scer):
+    """The attack as one satellite of a receiver has it: its own estimates, and the noise of those of all satellites."""
 
-    An SCER attack with `victim_cn0_dbhz = "received"` gets this number; all other attacks are unchanged.
+    noise_of_all: float  # N/N0 of the decisions on the chips of all satellites of the attack, at 0 dB
+
+    @property
+    def noise_at_0_db(self) -> float:
+        """N/N0 of the decisions on the chips of all satellites of the attack for spoofing signals of 0 dB."""
+        return self.noise_of_all
+
+
+def against(attacks: tuple[Any, ...], svid: int, cn0_dbhz: Mapping[int, float]) -> tuple[Any, ...]:
+    """Return the attacks on one satellite of a receiver.
+
+    An SCER attack with `victim_cn0_dbhz = "received"` gets the C/N0 of the satellite. An SCER attack that decides on
+    chips gets the noise of all its satellites. All other attacks are unchanged.
+
+    Parameters
+    ----------
+    attacks
+        Attacks of a scenario.
+    svid
+        The satellite.
+    cn0_dbhz
+        C/N0 in dBHz with which the victim receives E6-C, for every satellite on air by SVID.
     """
-    return tuple(
-        replace(one, victim_cn0_dbhz=cn0_dbhz) if isinstance(one, Scer) and one.victim_cn0_dbhz == "received" else one
-        for one in attacks
-    )
+    return tuple(_on_satellite(one, svid, cn0_dbhz) if isinstance(one, Scer) else one for one in attacks)
+
+
+def _on_satellite(attack: Scer, svid: int, cn0_dbhz: Mapping[int, float]) -> Scer:
+    each = {
+        one: replace(attack, victim_cn0_dbhz=dbhz) if attack.victim_cn0_dbhz == "received" else attack
+        for one, dbhz in cn0_dbhz.items()
+    }
+    if attack.chips == "repeated":
+        return each[svid]
+    estimated = [own.noise_at_0_db for one, own in each.items() if not attack.svids or one in attack.svids]
+    given = {field.name: getattr(each[svid], field.name) for field in fields(Scer)}
+    return ScerOnSatellite(**given, noise_of_all=float(sum(estimated)))

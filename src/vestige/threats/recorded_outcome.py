@@ -91,7 +91,7 @@ def tracked_errors(recorded: RecordedScene, tracked: Sequence[ObservationEpoch])
     case = AcasTestCase(
         scenario=recorded.scenario(attacked=False), first=recorded.recording.first_s, end=recorded.recording.end_s
     )
-    epochs, svids, track = case.observations(), svids_of(recorded), ObservationTrack(tracked)
+    epochs, svids, track = tuple(case.observations()), svids_of(recorded), ObservationTrack(tracked)
     error_m = np.full((len(epochs), len(svids)), np.nan)
     for row, epoch in enumerate(epochs):
         seen = track.at(epoch.time)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from simulated_banks import OFFSETS_M, banks, handover_of
+from sky_builder import CLEAN, sky_scenario
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.receiver.draws import rows_of
 from vestige.records import Band
@@ -18,6 +19,7 @@ from vestige.scenario.load import load_scenario
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.simulated.exported_case import AcasTestCase, with_default_range
 from vestige.simulated.exported_case_folder import simulated
+from vestige.simulated.sky_parts import WholeSky
 
 VESTIGIAL = Path(__file__).resolve().parents[3] / "scenarios" / "vestigial.toml"
 RATE_HZ = 6.2e6
@@ -88,10 +90,8 @@ def test_a_lift_off_is_that_of_a_run(tmp_path: Path, phase: str) -> None:
     path.write_text(f"{LIFT_OFF}phase = {phase}\n")
     case = _case(path, 2, 5)
     whole = simulated(case)
-    encrypted = {
-        band: tuple(replace(one, components=one.components[-1:]) for one in sky) for band, sky in whole.sky.items()
-    }
-    recorded = replace(whole, sky=encrypted)
+    encrypted = {band: tuple(replace(one, components=one.components[-1:]) for one in case.sky(band)) for band in Band}
+    recorded = replace(whole, sky=WholeSky(signals=encrypted))
     for row, epoch in enumerate(range(2, 5)):
         taps = banks(case.simulation, "samples", epoch, rows_of(case.satellites[0].truth, slice(row, row + 1))).taps[0]
         handover = handover_of(case.simulation, epoch, row, case.satellites[0].truth)
@@ -152,7 +152,7 @@ def test_e1_says_what_it_followed() -> None:
     travel_m = epoch.observations[11].pseudorange_m - pushed.satellites[0].path.range_m(np.array([0.086]))[0]
     assert travel_m == pytest.approx(1e-4 * SPEED_OF_LIGHT_MPS, abs=1e-3)
     assert epoch.observations[11].cn0_dbhz == pytest.approx(46 - 0.2, abs=0.2)
-    assert _case(VESTIGIAL, 0, 1).observations() == ()
+    assert not list(_case(VESTIGIAL, 0, 1).observations())
 
 
 def test_a_window_is_a_part_of_the_recording() -> None:
@@ -170,10 +170,31 @@ def test_scer_replays_what_it_estimates(tmp_path: Path, symbols: str, right: flo
     path = tmp_path / "scer.toml"
     path.write_text(LIFT_OFF, encoding="utf-8")
     attack = f'attack=[{{kind="scer", delay_m=0.0, power_db=0.0, symbols="{symbols}"}}]'
-    true, spoofing = simulated(_case(path, 0, 1, attack)).sky[Band.E1]
+    true, spoofing = _case(path, 0, 1, attack).sky(Band.E1)
     (data, pilot), (replayed, same_pilot) = true.components, spoofing.components
     assert same_pilot is pilot
     assert data.symbol is not None
     period = np.arange(1000)
     sent = replayed.chip(4092 * period) * (1 if replayed.symbol is None else replayed.symbol(period))
     assert np.mean(sent == data.chip(4092 * period) * data.symbol(period)) == pytest.approx(right, abs=0.07)
+
+
+def test_a_growing_delay_is_that_of_the_time_at_which_a_signal_was_sent() -> None:
+    """Samples, truth and observations agree to 2 mm while the delay grows by 90 m/s, 1 m in the 11 ms to the tag.
+
+    The truth has the delay at the transmission of the epoch, so the spoofing signal that arrives with the RECS has it.
+    """
+    ramp = '{kind="ramp", first=0, last=900, start_s=0, stop_s=10}'
+    attack = f'attack=[{{kind="lift-off", bands=["E1"], power_db=9, delay_m={ramp}}}]'
+    sky = ("epochs=8", "recs.every=4", "constellation.svids=[7, 13, 19]", "receiver.e1_tracking=none", attack)
+    case = AcasTestCase(scenario=sky_scenario(*CLEAN, *sky), first=0, end=8)
+    signals, parted_s = case.sky(Band.E1), []
+    for one, true, spoofing in zip(case.satellites, signals[::2], signals[1::2], strict=True):
+        row = slice(5, 8)  # more than a chip from the true signal, which no longer pulls the loop
+        arrival_s, tag_s = one.received_s[row], one.tag_s[row]
+        late_m = spoofing.pseudorange.range_m(arrival_s) - true.pseudorange.range_m(arrival_s)
+        assert late_m == pytest.approx(one.truth.e1.error_m[row], abs=2e-3)
+        observed_m = [seen.pseudorange_m for seen in one.observations[row] if seen is not None]
+        assert observed_m == pytest.approx(spoofing.pseudorange.range_m(tag_s), abs=2e-3)
+        parted_s += np.abs(arrival_s - tag_s).tolist()
+    assert max(parted_s) > 5e-3

@@ -13,7 +13,7 @@ from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.spoofer.profiles import Ramp
 from vestige.spoofer.scer import Scer, against
-from vestige.theory.scer.code_estimation import Estimation, replayed_mean
+from vestige.theory.scer.code_estimation import Estimation, estimation_noise, replayed_mean
 
 T = np.array([0.0, 10.0, 20.0])
 RISING = Ramp(first=-10.0, last=10.0, start_s=0.0, stop_s=20.0)
@@ -112,12 +112,30 @@ def test_each_satellite_has_the_strength_that_the_victim_has_of_it() -> None:
     low = min(received, key=lambda one: one.cn0_dbhz)
     same = sky_scenario(fall, f"attack=[{attack}{low.cn0_dbhz}}}]").simulations
     (alike,) = (one for one in same if one.svid == low.svid)
-    assert np.array_equal(*(one.spoofer.effects(Band.E6, one.svid, T).white for one in (low, alike)))
+    weakest = estimation_noise(low.cn0_dbhz, 20.0, "hard") * 10**0.3
+    assert alike.spoofer.effects(Band.E6, alike.svid, T).white == pytest.approx(len(same) * weakest)
     assert {one.spoofer.attacks[0].victim_cn0_dbhz for one in same} == {low.cn0_dbhz}
 
 
 def test_a_single_line_of_sight_has_the_strength_of_the_receiver() -> None:
     attack = Scer(delay_m=0.0, power_db=3.0, victim_cn0_dbhz="received")
-    assert against((attack, 1), 38.5) == (replace(attack, victim_cn0_dbhz=38.5), 1)
+    assert against((attack, 1), 11, {11: 38.5}) == (replace(attack, victim_cn0_dbhz=38.5), 1)
     with pytest.raises(ValueError, match="depends on the satellite"):
         _ = attack.attacker_cn0_dbhz
+
+
+def test_decisions_on_the_chips_of_several_satellites_add_their_noise() -> None:
+    """Satellites that are not attacked have the noise of those that are, and add none."""
+    attack = Scer(delay_m=0.0, power_db=3.0, chips="soft", victim_cn0_dbhz="received", svids=(3, 5, 8))
+    cn0_dbhz = {3: 45.0, 5: 41.0, 7: 44.0, 8: 36.0}
+    expected = 10**0.3 * sum(estimation_noise(cn0_dbhz[svid], 20.0, "soft") for svid in (3, 5, 8))
+    for svid, dbhz in cn0_dbhz.items():
+        (found,) = against((attack,), svid, cn0_dbhz)
+        assert found.noise_over_n0(Band.E6, T) == pytest.approx(np.full(T.size, expected))
+        assert found.attacker_cn0_dbhz == dbhz + 20.0
+    (alone,) = against((replace(attack, svids=()),), 5, {5: 41.0})
+    assert np.array_equal(
+        alone.noise_over_n0(Band.E6, T), replace(attack, victim_cn0_dbhz=41.0).noise_over_n0(Band.E6, T)
+    )
+    (absent,) = against((attack,), 7, {7: 44.0})
+    assert not np.any(absent.noise_over_n0(Band.E6, T))

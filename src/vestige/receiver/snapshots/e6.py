@@ -120,7 +120,8 @@ class SimulatedE6Samples:
             handover = handovers.at(epoch, column)
             if handover is None:
                 continue
-            handover = self._with_ionosphere(self._without_delay(handover, epoch, column), epoch, column)
+            handover = self._without_growth(self._without_delay(handover, epoch, column), epoch, column)
+            handover = self._with_ionosphere(handover, epoch, column)
             bank = correlate(self.samples(epoch, column), handover, offsets_m)
             if bank is not None:
                 taps[epoch, column], noise_power[epoch, column] = bank.taps, bank.noise_power
@@ -204,6 +205,21 @@ class SimulatedE6Samples:
             doppler_hz=to_hz * (true[1] + true[2] * true_s),
             doppler_rate_hz_per_s=to_hz * true[2],
         )
+
+    def _without_growth(self, handover: Handover, epoch: int, column: int) -> Handover:
+        """Return a hand-over whose error by an attack is that of the epoch.
+
+        The errors of an epoch belong to the reception of its RECS: the RECS and the E1 signal that arrive together were
+        sent together, at the epoch, so the attacker's delay is that of the epoch. A hand-over extrapolates the
+        observation over the travel time and thereby adds the growth of this delay, 0.7 m at 9 m/s. An observation of a
+        real receiver is earlier by this growth. A hand-over of `_without_delay` has no growth.
+        """
+        truth, start = self.of.truth[column], self.of.simulations[column].start
+        growth_mps = float(truth.e1.rate_error_mps[epoch])
+        if not growth_mps or self._seconds_late_m[column][epoch]:
+            return handover
+        travel_s = handover.start_time - (start + float(truth.time_s[epoch]))
+        return replace(handover, start_time=handover.start_time + -growth_mps * travel_s / SPEED_OF_LIGHT_MPS)
 
     def _with_ionosphere(self, handover: Handover, epoch: int, column: int) -> Handover:
         """Return a hand-over with the delay that the receiver predicts from the coefficients of the message.

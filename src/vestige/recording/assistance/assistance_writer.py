@@ -41,13 +41,7 @@ def write_assistance(
     """
     if assistance.keys and not roots:
         raise ValueError("keys are written with the root keys that they lead to")
-    folder.mkdir(parents=True, exist_ok=True)
-    files = [recs_file.from_segments(run) for run in _runs(assistance.segments)]
-    if len({str(file.name) for file in files}) < len(files):
-        raise ValueError(
-            "unitary RECS of one satellite and time, but of several lengths, would have the same file name"
-        )
-    written = [recs_file.write_recs_file(file, folder) for file in files]
+    written = write_recs(folder, assistance.segments)
     delays = sorted(assistance.group_delays, key=lambda delay: (delay.valid_from, delay.svid))
     for _, same_time in groupby(delays, key=lambda delay: delay.valid_from):
         written.append(group_delay.write_group_delay_file(list(same_time), folder))
@@ -59,6 +53,25 @@ def write_assistance(
     if assistance.ionosphere_e1_m:
         written.append(write_ionosphere(folder, assistance.ionosphere_e1_m))
     return tuple(written)
+
+
+def write_recs(folder: Path, segments: Sequence[EncryptedSegment]) -> list[Path]:
+    """Write RECS into `folder` as the server would, and return the files.
+
+    Parameters
+    ----------
+    folder
+        The folder, which is made if it does not exist. Files of the same names are overwritten.
+    segments
+        RECS of any satellites and times.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [recs_file.from_segments(run) for run in _runs(segments)]
+    if len({str(file.name) for file in files}) < len(files):
+        raise ValueError(
+            "unitary RECS of one satellite and time, but of several lengths, would have the same file name"
+        )
+    return [recs_file.write_recs_file(file, folder) for file in files]
 
 
 def _runs(segments: Sequence[EncryptedSegment]) -> Iterator[list[EncryptedSegment]]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from os import SEEK_CUR
 from pathlib import Path
 
 from vestige.constants import MAX_SVID, SECONDS_PER_WEEK
@@ -59,14 +60,41 @@ def write_test_vector(path: Path, pages: Mapping[int, Sequence[InavPage]]) -> No
     ValueError
         If a page is missing, or the satellites do not begin at the same time.
     """
-    start = min(of_one[0].time for of_one in pages.values())
-    lines = [HEADER]
-    for svid, of_one in sorted(pages.items()):
-        if any(page.time != start + PAGE_S * number for number, page in enumerate(of_one)):
-            raise ValueError(f"E{svid:02d}: its pages do not follow each other from {start} on")
-        data = b"".join(page.data for page in of_one)
-        lines.append(f"{svid:02d},{8 * len(data)},{data.hex().upper()}")
-    path.write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
+    write_test_vector_in_parts(path, {svid: len(of_one) for svid, of_one in pages.items()}, [pages])
+
+
+def write_test_vector_in_parts(
+    path: Path, n_pages: Mapping[int, int], parts: Iterable[Mapping[int, Sequence[InavPage]]]
+) -> None:
+    """Write the pages of some satellites, of which only a part is in memory at a time.
+
+    Parameters
+    ----------
+    path
+        The file, which is overwritten.
+    n_pages
+        Number of pages of each satellite, by SVID.
+    parts
+        Successive pages, by SVID. All together they are those of `write_test_vector`, which has the same errors.
+    """
+    places, done, start = dict[int, int](), dict.fromkeys(n_pages, 0), None
+    with path.open("wb") as stream:
+        stream.write(f"{HEADER}\n".encode("ascii"))
+        for svid, n in sorted(n_pages.items()):
+            stream.write(f"{svid:02d},{PAGE_BITS * n},".encode("ascii"))
+            places[svid] = stream.tell()
+            stream.seek(2 * PAGE_BYTES * n, SEEK_CUR)
+            stream.write(b"\n")
+        for pages in parts:
+            start = start or min(of_one[0].time for of_one in pages.values())
+            for svid, of_one in pages.items():
+                if any(page.time != start + PAGE_S * (done[svid] + number) for number, page in enumerate(of_one)):
+                    raise ValueError(f"E{svid:02d}: its pages do not follow each other from {start} on")
+                stream.seek(places[svid] + 2 * PAGE_BYTES * done[svid])
+                stream.write(b"".join(page.data for page in of_one).hex().upper().encode("ascii"))
+                done[svid] += len(of_one)
+        if done != dict(n_pages):
+            raise ValueError(f"found {done} pages by SVID, expected {dict(n_pages)}")
 
 
 def _read_lines(path: Path) -> dict[int, bytes]:

@@ -25,6 +25,7 @@ from vestige.scenario.campaign import CampaignScenario
 from vestige.scenario.load import load_scenario
 from vestige.simulated.exported_case import AcasTestCase
 from vestige.simulated.exported_case_folder import simulated
+from vestige.simulated.sky_parts import WholeSky
 
 QUICK = Path(__file__).resolve().parents[4] / "scenarios" / "quick.toml"
 ATTACKS = (
@@ -251,7 +252,7 @@ def test_e1_of_a_sky_comes_from_the_samples_of_its_recording() -> None:
     )  # fmt: skip
     case = AcasTestCase(scenario=scenario, first=0, end=5)
     on_air = tuple(signal for one in case.satellites for signal in replace(one, symbols=None).received(Band.E1))
-    recording = replace(simulated(case), sky={Band.E1: on_air})
+    recording = replace(simulated(case), sky=WholeSky(signals={Band.E1: on_air}))
     receiver, processes = scenario.simulated_receiver, scenario.simulated_receiver.truth()
     for first, count in ((0, 2), (2, 3)):
         truth = tuple(one.advance(first, count) for one in processes)

@@ -1,0 +1,52 @@
+"""The signals of a recording, by stretches of time.
+
+A recording of hours has more truth than memory should contain. So whoever makes samples asks for the signals of a
+stretch of time when its samples are due.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from vestige.receiver.samples.recorder import ReceivedSatellite
+from vestige.records import Band
+
+Part = tuple[range, tuple[ReceivedSatellite, ...]]
+
+
+class SkyParts(Protocol):
+    """The signals of a recording in both bands."""
+
+    @property
+    def svids(self) -> tuple[int, ...]:
+        """Satellites of the recording, in ascending order."""
+
+    def parts(self, band: Band, samples: range) -> Iterator[Part]:
+        """Yield the numbers of successive samples with the signals of a band that are in them.
+
+        Parameters
+        ----------
+        band
+            The band.
+        samples
+            Numbers of the requested samples, which the parts cover in order. Samples before the first and after the
+            last sample of the recording are possible.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeSky:
+    """Signals that are the same objects from the first to the last sample."""
+
+    signals: Mapping[Band, tuple[ReceivedSatellite, ...]]
+
+    @property
+    def svids(self) -> tuple[int, ...]:
+        """Satellites of the recording, in ascending order."""
+        return tuple(sorted({one.svid for sky in self.signals.values() for one in sky}))
+
+    def parts(self, band: Band, samples: range) -> Iterator[Part]:
+        """Yield all samples with all signals of a band."""
+        yield samples, self.signals[band]
