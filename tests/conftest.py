@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,15 @@ def _modules_with_arrays() -> list[str]:
 
 
 def pytest_configure() -> None:
+    gc.disable()  # what is imported and collected lives as long as the process
     strict_types.install(_modules_with_arrays())
+
+
+def pytest_collection_finish() -> None:
+    """Exclude modules and test items from garbage collection: each full collection of them takes 0.3 s."""
+    gc.collect()
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
