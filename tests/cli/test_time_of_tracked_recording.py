@@ -10,6 +10,7 @@ import csv
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ from vestige.recording.live.live_tracking import LiveTracking
 from vestige.recording.recording import open_recording
 from vestige.recording.tracked import track_recording as tracking
 from vestige.recording.tracked.track_recording import TrackedRecording, with_code_periods
+from vestige.sample_processor.tracking.tracking_receiver import TrackingReceiver
 from vestige.time import GalileoTime
 
 NIGHT = Path(__file__).resolve().parents[2] / "scenarios" / "night.toml"
@@ -48,7 +50,9 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def tracked(night: Path) -> TrackedRecording:
-    return replace(tracking.track_recording(open_recording(night)), time_tag_error_s=0.0)
+    with pytest.MonkeyPatch.context() as patch:  # tests/cli/test_tracked_sky.py looks for all satellites
+        patch.setattr(tracking, "TrackingReceiver", partial(TrackingReceiver, svids=SVIDS))
+        return replace(tracking.track_recording(open_recording(night)), time_tag_error_s=0.0)
 
 
 @pytest.fixture
