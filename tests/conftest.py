@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,19 @@ def _modules_with_arrays() -> list[str]:
 
 
 def pytest_configure() -> None:
+    gc.disable()  # what is imported and collected lives as long as the process
     strict_types.install(_modules_with_arrays())
+
+
+def pytest_collection_finish() -> None:
+    """Exclude modules and test items from garbage collection: each full collection of them takes 0.3 s.
+
+    The other objects are collected less often than usual, because few of them are in cycles.
+    """
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(10_000, 10, 10)
+    gc.enable()
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -87,6 +87,8 @@ def no_parts() -> Iterator[None]:
 
 def _modules_of_parts() -> dict[str, ModuleType]:
     folders = set(map(str, own_parts._folders))
+    if not folders:
+        return {}
     return {
         name: module
         for name, module in sys.modules.items()

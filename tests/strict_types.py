@@ -68,19 +68,13 @@ def _is_array(function: Callable[..., Any], name: str) -> bool:
     )
 
 
-@dataclasses.dataclass
 class _Calls:
     """How often the code of a function was called in the present test."""
 
-    test: int = 0
-    number: int = 0
+    __slots__ = ("number", "test")
 
-    def is_checked(self) -> bool:
-        """Count a call, and tell whether it is one that is checked."""
-        if self.test != _tests:
-            self.test, self.number = _tests, 0
-        self.number += 1
-        return self.number <= CALLS or self.number & (self.number - 1) == 0
+    def __init__(self) -> None:
+        self.test = self.number = 0
 
 
 # By code, not by function: a function within a function is a new one at each call of the outer one, and to make the
@@ -95,7 +89,11 @@ def _checked(function: Callable[..., Any], arrays: Sequence[str]) -> Callable[..
     @functools.wraps(function)
     def wrapper(*arguments: Any, **named: Any) -> Any:
         nonlocal strict
-        if not calls.is_checked() or config.jaxtyping_disable:
+        # written out here, because functions are called a million times in a minute of tests
+        if calls.test != _tests:
+            calls.test, calls.number = _tests, 0
+        calls.number = number = calls.number + 1
+        if (number > CALLS and number & (number - 1)) or config.jaxtyping_disable:
             return function(*arguments, **named)
         if strict is None:
             strict = _beartype(_with_arrays_alone(function, arrays))

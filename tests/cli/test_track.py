@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,9 +15,18 @@ from night import done
 from vestige.cli.recordings.track import command as track
 from vestige.errors import InputFileError
 from vestige.recording.observations.observation_file import open_observations
+from vestige.recording.tracked import track_recording
 from vestige.records import Band
+from vestige.sample_processor.tracking.tracking_receiver import TrackingReceiver
 
 
+@pytest.fixture
+def few_satellites(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Search only two satellites; tests/unit/sample_processor/tracking and tests/cli/test_tracked_sky.py search all."""
+    monkeypatch.setattr(track_recording, "TrackingReceiver", partial(TrackingReceiver, svids=(11, 12)))
+
+
+@pytest.mark.usefixtures("few_satellites")
 def test_too_short_a_recording_is_not_tracked(tmp_path: Path) -> None:
     np.random.default_rng(1).integers(-40, 40, 2 * 800_000, dtype=np.int8).tofile(tmp_path / "e1")
     (tmp_path / "recording.toml").write_text(
@@ -36,6 +46,7 @@ def test_track_refuses_what_it_cannot_do(tmp_path: Path) -> None:
         done(track, tmp_path, "-o", tmp_path / "new")
 
 
+@pytest.mark.usefixtures("few_satellites")
 def test_the_observation_rate_is_that_of_the_files(tmp_path: Path) -> None:
     one = satellite(11, 2.41e7, -350.0, 45.0, 45.0, seed=2)
     sky = received_batch(Band.E1, [one], duration_s=2.2, rate_hz=4.1e6, seed=4)

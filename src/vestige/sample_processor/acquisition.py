@@ -229,12 +229,13 @@ def _cell_powers(
     n_added = rows * len(signals)
     powers = np.zeros((shifts.size, stretches.n_phases), np.float32)
     together = -(-_TRANSFORMS_AT_ONCE // rows)
+    products = np.empty((together, rows, stretches.kept), np.complex64)
     for begin in range(0, shifts.size, together):
         group = shifts[begin : begin + together]
-        first = stretches.guard + group
         for code in codes:
-            product = np.stack([stretches.spectra[:, low : low + stretches.kept] * code for low in first.tolist()])
-            y = fft.ifft(product, axis=2, overwrite_x=True)[..., : stretches.n_phases]
+            for product, low in zip(products, (stretches.guard + group).tolist(), strict=False):
+                np.multiply(stretches.spectra[:, low : low + stretches.kept], code, out=product)
+            y = fft.ifft(products[: group.size], axis=2, overwrite_x=True)[..., : stretches.n_phases]
             for total, shift, of_shift in zip(powers[begin : begin + together], group.tolist(), y, strict=True):
                 doppler_hz = shift * stretches.spacing_hz - stretches.carrier_rest_hz
                 _add_with_code_doppler(total, of_shift, doppler_hz, stretches.starts_s, stretches.rate_hz)
@@ -252,10 +253,13 @@ def _add_with_code_doppler(
 ) -> None:
     """Add Σ|y|² with every stretch moved back to the code phase of the first."""
     for row, start_s in zip(y, starts_s, strict=True):
-        power = row.real**2 + row.imag**2
+        squares = np.square(row.view(np.float32))
+        power = squares[::2] + squares[1::2]
         nominal = start_s / E1_CODE_PERIOD_S
         drift_s = -start_s * doppler_hz / E1_CARRIER_HZ + (round(nominal) * E1_CODE_PERIOD_S - start_s)
-        total += np.roll(power, -round(drift_s * rate_hz))
+        shift = round(drift_s * rate_hz) % power.size
+        total[: power.size - shift] += power[shift:]
+        total[power.size - shift :] += power[:shift]
 
 
 def _code_spectrum(signal: SignalDefinition, svid: int, kept: int, rate_hz: float) -> Complex64[np.ndarray, " bins"]:

@@ -13,9 +13,15 @@ from vestige.records import Band, SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.sample_processor.acquisition import acquire
 from vestige.sample_processor.e1_snapshot import measure_e1
+from vestige.sample_processor.tracking import tracking_receiver
 from vestige.sample_processor.tracking.channel import Channel, correlator_lags, track_together
 from vestige.sample_processor.tracking.settings import PLL_DISCRIMINATORS, TrackingSettings
-from vestige.sample_processor.tracking.tracking_receiver import TrackedStretch, TrackingReceiver, recut
+from vestige.sample_processor.tracking.tracking_receiver import (
+    TRACKED_STRETCH_S,
+    TrackedStretch,
+    TrackingReceiver,
+    recut,
+)
 
 RATE_HZ = 4.1e6
 RANGE_M, RATE_MPS = 2.41e7, -350.0
@@ -34,6 +40,24 @@ def sky() -> SampleBatch:
 @pytest.fixture(scope="module")
 def long_sky() -> SampleBatch:
     return _sky(duration_s=2.0)
+
+
+@pytest.fixture(scope="module")
+def usual(sky: SampleBatch) -> list[ObservationEpoch]:
+    """What is tracked in the sky as it is, in one piece and with the usual settings."""
+    return _track([sky])
+
+
+@pytest.fixture(scope="module")
+def zeroed(sky: SampleBatch) -> list[ObservationEpoch]:
+    """What is tracked if one sample is zero."""
+    return _track([_with_sample(sky, 0.0)])
+
+
+def _with_sample(sky: SampleBatch, value: float) -> SampleBatch:
+    samples = sky.samples.copy()
+    samples[int(0.9 * RATE_HZ)] = value
+    return replace(sky, samples=samples)
 
 
 def _cut(whole: SampleBatch, places: list[int]) -> list[SampleBatch]:
@@ -73,8 +97,8 @@ def test_tracks_what_was_sent(sky: SampleBatch, settings: dict[str, object]) -> 
     assert last.tap_chips[prompt] == 0.0
 
 
-def test_how_samples_are_cut_changes_no_bit(sky: SampleBatch) -> None:
-    whole = _track([sky])
+def test_how_samples_are_cut_changes_no_bit(sky: SampleBatch, usual: list[ObservationEpoch]) -> None:
+    whole = usual
     n = sky.samples.size
     for places in ([n // 3], [1, 5, n - 7], list(range(100_000, n, 333_333))):
         cut = _track(_cut(sky, places))
@@ -127,15 +151,13 @@ def test_a_signal_that_ends_is_lost_and_found_again() -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 3e38])
-def test_samples_that_are_no_numbers_count_as_zero(sky: SampleBatch, value: float) -> None:
-    tracked = []
-    for one in (value, 0.0):
-        samples = sky.samples.copy()
-        samples[int(0.9 * RATE_HZ)] = one
-        tracked.append(_track([replace(sky, samples=samples)]))
-    assert set(tracked[0][-1].observations) == {11, 30}
-    assert repr([epoch.observations for epoch in tracked[0]]) == repr([epoch.observations for epoch in tracked[1]])
-    assert tracked[0][-1].power_db == tracked[1][-1].power_db
+def test_samples_that_are_no_numbers_count_as_zero(
+    sky: SampleBatch, zeroed: list[ObservationEpoch], value: float
+) -> None:
+    tracked = _track([_with_sample(sky, value)])
+    assert set(tracked[-1].observations) == {11, 30}
+    assert repr([epoch.observations for epoch in tracked]) == repr([epoch.observations for epoch in zeroed])
+    assert tracked[-1].power_db == zeroed[-1].power_db
 
 
 def test_a_channel_ends_at_samples_that_are_no_numbers(sky: SampleBatch) -> None:
@@ -151,14 +173,16 @@ def test_a_channel_ends_at_samples_that_are_no_numbers(sky: SampleBatch) -> None
 
 
 @pytest.mark.parametrize("offset_hz", [1.0e6, -3.1e5])
-def test_a_front_end_beside_e1_gives_the_same_observations(sky: SampleBatch, offset_hz: float) -> None:
+def test_a_front_end_beside_e1_gives_the_same_observations(
+    sky: SampleBatch, usual: list[ObservationEpoch], offset_hz: float
+) -> None:
     carrier = np.exp(-2j * np.pi * offset_hz / RATE_HZ * np.arange(sky.samples.size))
     beside = replace(
         sky,
         samples=(sky.samples * carrier).astype(np.complex64),
         center_frequency_hz=sky.center_frequency_hz + offset_hz,
     )
-    plain, moved = _track([sky])[-1].observations, _track([beside])[-1].observations
+    plain, moved = usual[-1].observations, _track([beside])[-1].observations
     assert set(plain) == set(moved) == {11, 30}
     # By rounding, a sample may meet the other chip at an edge. The phase of that sum then changes by 1e-3 rad.
     for svid, one in plain.items():
@@ -169,17 +193,17 @@ def test_a_front_end_beside_e1_gives_the_same_observations(sky: SampleBatch, off
         assert abs(cycles - round(cycles)) < 1e-4
 
 
-def test_the_observation_rate_adds_epochs_and_changes_none(sky: SampleBatch) -> None:
-    usual = {epoch.time: epoch.observations for epoch in _track([sky])}
+def test_the_observation_rate_adds_epochs_and_changes_none(sky: SampleBatch, usual: list[ObservationEpoch]) -> None:
+    few = {epoch.time: epoch.observations for epoch in usual}
     often = _epochs(list(TrackingReceiver(svids=(11, 17, 30), epochs_per_s=50).run([sky])))
     assert {round((after.time - before.time) * 1e6) for before, after in pairwise(often)} == {20_000}
-    common = {epoch.time: epoch.observations for epoch in often if epoch.time in usual}
-    assert len(common) == len(usual)
-    seen = [time for time in usual if 11 in usual[time]]
+    common = {epoch.time: epoch.observations for epoch in often if epoch.time in few}
+    assert len(common) == len(few)
+    seen = [time for time in few if 11 in few[time]]
     assert len(seen) > 3
     for time in seen:
-        assert common[time][11].pseudorange_m == pytest.approx(usual[time][11].pseudorange_m, abs=1e-6)
-        assert common[time][11].doppler_hz == pytest.approx(usual[time][11].doppler_hz, abs=1e-6)
+        assert common[time][11].pseudorange_m == pytest.approx(few[time][11].pseudorange_m, abs=1e-6)
+        assert common[time][11].doppler_hz == pytest.approx(few[time][11].doppler_hz, abs=1e-6)
 
 
 @pytest.mark.parametrize("discriminator", PLL_DISCRIMINATORS)
@@ -217,6 +241,13 @@ def test_constant_samples_give_nothing(value: float) -> None:
     samples = np.full(int(0.5 * RATE_HZ), value, np.complex64)
     receiver = TrackingReceiver(svids=(11, 12))
     assert not any(epoch.observations for epoch in _epochs(list(receiver.run([batch_of(samples, RATE_HZ, Band.E1)]))))
+
+
+def test_all_satellites_are_searched_unless_some_are_named(sky: SampleBatch, monkeypatch: pytest.MonkeyPatch) -> None:
+    searched: list[int] = []
+    monkeypatch.setattr(tracking_receiver, "acquire", lambda _, svids, **__: searched.extend(svids) or ())
+    TrackingReceiver().track(next(recut([sky], TRACKED_STRETCH_S)))
+    assert searched == list(range(1, 37))
 
 
 def test_too_low_a_rate_is_refused() -> None:

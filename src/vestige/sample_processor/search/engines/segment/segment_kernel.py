@@ -43,7 +43,8 @@ def fill_sign_table(x, table):
     wide = np.empty((PATTERNS, _STRETCH), np.int16)
     for first in range(0, table.shape[1], _STRETCH):
         n = min(_STRETCH, table.shape[1] - first)
-        wide[0, :n] = x[first : first + n]
+        for i in range(n):  # to compile an assignment of slices takes 2 s
+            wide[0, i] = x[first + i]
         for j in range(1, CHIPS_IN_GROUP):
             rows = 1 << (j - 1)
             later = x[first + j : first + j + n]
