@@ -8,6 +8,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 from vestige.constants import SUBFRAME_S
@@ -185,5 +186,11 @@ class SatelliteWords:
         """Return the reduced CED of a subframe; the fit is made once for all its pages."""
         subframe, known = start.subframe, self._reduced  # read once, because threads share the words
         if known is None or known[0] != subframe:
-            known = self._reduced = subframe, ReducedCed.from_ephemeris(self.ephemeris(start), start)
+            known = self._reduced = subframe, _fitted(self.ephemeris(start), subframe)
         return known[1]
+
+
+@lru_cache(maxsize=1024)
+def _fitted(ephemeris: Ephemeris, subframe: GalileoTime) -> ReducedCed | None:
+    """Return the reduced CED of a subframe; kept, because other messages of the same sky need the same fits."""
+    return ReducedCed.from_ephemeris(ephemeris, subframe)
