@@ -202,18 +202,25 @@ def test_rinex_says_what_csv_says(folder: Path) -> None:
 
 
 def test_inspect_finds_it_whole(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(e1_signals, "SVIDS", (9, 11))  # tests/unit/recording/doctor looks for all
+    monkeypatch.setattr(e1_signals, "SVIDS", (9, 11))
     text = _written(inspect, folder).stdout
     assert "3 RECS can be in the E6 samples" in text
     assert "observations.csv: CSV, 3 epochs" in text
     assert "validated keys" in text
 
 
+def test_inspect_looks_for_all_satellites(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    searched: set[int] = set()
+    monkeypatch.setattr(e1_signals, "acquire", lambda _, svids, **__: searched.update(svids) or ())
+    _written(inspect, folder)
+    assert searched == set(range(1, 37))
+
+
 def test_ion_metadata_open_the_same_samples(
     folder: Path, verdicts: list[dict], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The standard has no bound on the clock's error, so a person states it."""
-    monkeypatch.setattr(e1_signals, "SVIDS", (9, 11))  # tests/unit/recording/doctor looks for all
+    monkeypatch.setattr(e1_signals, "SVIDS", (9, 11))
     own, ion = open_recording(folder), open_recording(folder / "recording.sdrx")
     for a, b in ((own.e1, ion.e1), (own.e6, ion.e6)):
         assert a is not None

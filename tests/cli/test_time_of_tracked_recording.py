@@ -21,6 +21,7 @@ from vestige.cli.live.live import command as live
 from vestige.cli.recordings.process import command as process
 from vestige.cli.recordings.simulate import command as simulate
 from vestige.errors import VestigeError
+from vestige.recording.live import live_tracking
 from vestige.recording.live.live_tracking import LiveTracking
 from vestige.recording.recording import open_recording
 from vestige.recording.tracked import track_recording as tracking
@@ -50,7 +51,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def tracked(night: Path) -> TrackedRecording:
-    with pytest.MonkeyPatch.context() as patch:  # tests/cli/test_tracked_sky.py looks for all satellites
+    with pytest.MonkeyPatch.context() as patch:  # tests/cli/test_tracked_sky.py searches all satellites
         patch.setattr(tracking, "TrackingReceiver", partial(TrackingReceiver, svids=SVIDS))
         return replace(tracking.track_recording(open_recording(night)), time_tag_error_s=0.0)
 
@@ -129,7 +130,10 @@ def test_recs_before_tracking_are_the_reason_without_a_verdict(processed: Callab
     assert "swapped" not in text
 
 
-def test_live_without_the_time_does_not_call_tracked_satellites_unseen(night: Path) -> None:
+def test_live_without_the_time_does_not_call_tracked_satellites_unseen(
+    night: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_tracking, "TrackingReceiver", partial(TrackingReceiver, svids=SVIDS))
     words = ("--idle-s", "0.1", "--poll-s", "0.02", "--time-uncertainty", "1")
     result = done(live, night, *words, "--json")
     end = json.loads(result.stdout.splitlines()[-1])

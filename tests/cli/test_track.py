@@ -22,7 +22,7 @@ from vestige.sample_processor.tracking.tracking_receiver import TrackingReceiver
 
 @pytest.fixture
 def few_satellites(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only two satellites are searched; tests/cli/test_tracked_sky.py looks for all."""
+    """Search only two satellites; tests/unit/sample_processor/tracking and tests/cli/test_tracked_sky.py search all."""
     monkeypatch.setattr(track_recording, "TrackingReceiver", partial(TrackingReceiver, svids=(11, 12)))
 
 

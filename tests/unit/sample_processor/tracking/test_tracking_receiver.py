@@ -13,9 +13,15 @@ from vestige.records import Band, SampleBatch
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.sample_processor.acquisition import acquire
 from vestige.sample_processor.e1_snapshot import measure_e1
+from vestige.sample_processor.tracking import tracking_receiver
 from vestige.sample_processor.tracking.channel import Channel, correlator_lags, track_together
 from vestige.sample_processor.tracking.settings import PLL_DISCRIMINATORS, TrackingSettings
-from vestige.sample_processor.tracking.tracking_receiver import TrackedStretch, TrackingReceiver, recut
+from vestige.sample_processor.tracking.tracking_receiver import (
+    TRACKED_STRETCH_S,
+    TrackedStretch,
+    TrackingReceiver,
+    recut,
+)
 
 RATE_HZ = 4.1e6
 RANGE_M, RATE_MPS = 2.41e7, -350.0
@@ -234,6 +240,13 @@ def test_constant_samples_give_nothing(value: float) -> None:
     samples = np.full(int(0.5 * RATE_HZ), value, np.complex64)
     receiver = TrackingReceiver(svids=(11, 12))
     assert not any(epoch.observations for epoch in _epochs(list(receiver.run([batch_of(samples, RATE_HZ, Band.E1)]))))
+
+
+def test_all_satellites_are_searched_unless_some_are_named(sky: SampleBatch, monkeypatch: pytest.MonkeyPatch) -> None:
+    searched: list[int] = []
+    monkeypatch.setattr(tracking_receiver, "acquire", lambda _, svids, **__: searched.extend(svids) or ())
+    TrackingReceiver().track(next(recut([sky], TRACKED_STRETCH_S)))
+    assert searched == list(range(1, 37))
 
 
 def test_too_low_a_rate_is_refused() -> None:
