@@ -115,7 +115,7 @@ class ScenarioPlan:
             found |= OWN_CHECK_COLUMNS
         return found | (OSNMA_COLUMNS | SKY_COLUMNS if self.scenario.constellation else {})
 
-    @property
+    @cached_property
     def coords(self) -> Mapping[str, Coord]:
         """Coordinates of the axes other than `epoch`, by name."""
         simulation = self.simulations[0]
