@@ -48,7 +48,7 @@ from dataclasses import dataclass
 from math import ceil, pi
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop_kernel import follow_peak
@@ -141,14 +141,14 @@ class E1Loop:
         before_s = epochs_before * self._interval_s - back_before * (self._interval_s / self._steps)
         effects = self._spoofer.effects(Band.E1, self._svid, times_s)
         one, zero = np.ones((times_s.size, 1)), np.zeros((times_s.size, 1))
-        doppler_hz = np.concatenate([zero, effects.doppler_hz], axis=1)
+        doppler_hz = _joined(zero, effects.doppler_hz)
         noise = 1.0 + effects.rise(Band.E1)
         place, power, dominant, wait = follow_peak(
             self._levels,
             self._place,
             self._wait,
-            np.concatenate([zero, effects.delay_m / _METRES_A_CHIP], axis=1),
-            np.concatenate([one + 0j, effects.amplitude], axis=1),
+            _joined(zero, effects.delay_m / _METRES_A_CHIP),
+            _joined(one + 0j, effects.amplitude),
             doppler_hz,
             self._spoofer.acquired_anew(self._svid, before_s, times_s),
             self._lock * noise,
@@ -174,3 +174,8 @@ class E1Loop:
             captured=(dominant[epoch] > 0) & ~acquiring,
             forged_nav_data=np.concatenate([[False], effects.forged_nav_data])[dominant[epoch]],
         )
+
+
+def _joined(true: Shaped[np.ndarray, "n 1"], others: Shaped[np.ndarray, "n m"]) -> Shaped[np.ndarray, "n sources"]:
+    """Return the values of all sources, row by row in memory, so that the kernel is compiled for one layout only."""
+    return np.ascontiguousarray(np.concatenate([true, others], axis=1))
