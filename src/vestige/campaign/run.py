@@ -194,7 +194,7 @@ def _submitted(
 ) -> Iterator[tuple[int, Future[Columns]]]:
     """Submit each chunk of `chunks`, and yield the number of the chunk and its future.
 
-    The epochs of other chunks are prepared, too, because the preparation must run through all epochs.
+    The epochs of other chunks are prepared, too, because the preparation must run through all earlier epochs.
     """
     preparation = plan.prepare()
     wanted = frozenset(chunks)

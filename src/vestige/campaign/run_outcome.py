@@ -113,7 +113,7 @@ class JudgedRun(Protocol):
 
     @property
     def range_error_m(self) -> Float[np.ndarray, "n m"]:
-        """Largest error of the range in use that the attack caused since the previous RECS; NaN if there is none."""
+        """Largest error of the range in use that the attack caused since the last RECS; NaN if no range is in use."""
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:

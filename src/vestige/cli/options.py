@@ -215,7 +215,8 @@ group_delay_option = click.option(
     "--bgd",
     type=click.Choice(["os-icd", "file-value", "minus-os-icd", "minus-file-value"]),
     default="os-icd",
-    help="Meaning of a BGD value: E6 is later than E1 by (γ − 1)·BGD (os-icd) or by BGD (file-value); minus: earlier.",
+    help="Meaning of a BGD value: E6 is later than E1 by (γ − 1)·BGD (os-icd) or by BGD (file-value). With minus-, "
+    "E6 is earlier by the same delay.",
 )
 
 

@@ -41,7 +41,8 @@ class Case:
 
     threat: str  # number of the attack, such as `A3`; – for the user's own scenario
     scene: str  # name of the scene
-    scenario: Callable[[int, bool], CampaignScenario]  # returns the campaign of a seed; with the attack if True
+    # function that returns the campaign of a seed; the second argument says whether the campaign has the attack
+    scenario: Callable[[int, bool], CampaignScenario]
     row: Threat | None = None  # row of the threat table; None for the user's own scenario
     notes: tuple[str, str, str] = ("", "", "")  # reasons for a difference from the expectation, by level
     settings: tuple[str, ...] = ()  # values of `--set`, which replace values of the scene
@@ -117,7 +118,7 @@ def measure_scenes(scenario: CampaignScenario, window_s: tuple[float, float]) ->
 
 
 def measure_together(scenarios: Sequence[CampaignScenario], window_s: tuple[float, float]) -> tuple[Outcomes, ...]:
-    """Return the outcomes of campaigns in one window. Campaigns with the same seed share a truth, simulated once."""
+    """Return the outcomes of campaigns in one window; campaigns with the same seed need one simulation of the truth."""
     return tuple(measure_scenes(one, window_s) for one in scenarios)
 
 
@@ -172,7 +173,8 @@ def _runs(
     All cases are measured with a group of seeds before the next group begins. The runs of a case begin before the
     runs of the previous case have ended, so that no worker waits.
     """
-    measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}  # by digest: call, and place in the call
+    # for each digest: the call that measures the run, and the position of the run in this call
+    measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}
 
     def submitted() -> Iterator[tuple[int, bool, tuple[RunKey, ...], str]]:
         together = [seeds[first : first + _SEEDS_TOGETHER] for first in range(0, len(seeds), _SEEDS_TOGETHER)]

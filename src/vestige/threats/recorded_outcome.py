@@ -73,7 +73,7 @@ class TrackedErrors:
     error_m: Float[np.ndarray, "k m"]
 
     def worst_m(self, column: int, after_s: float, to_s: float) -> float:
-        """Return the error of largest magnitude of a satellite after `after_s`, until `to_s`; NaN if not tracked."""
+        """Return the error of largest magnitude of a satellite between `after_s` and `to_s`; NaN if not tracked."""
         here = (self.time_s > after_s + _SAME_S) & (self.time_s < to_s + _SAME_S)
         return worst_of(self.error_m[here, column])
 

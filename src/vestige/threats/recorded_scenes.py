@@ -8,8 +8,8 @@ a recording is a part of the scene and differs from it only in these points:
 * RECS come more often, and some satellites are left out.
 * If the recording begins before the attack, the receiver is locked when the attack begins. If the recording begins
   later, the receiver is switched on under the attack, as in the scene (`acquired`).
-* The sampling rate is the lowest that E6 allows. The stated limit of the clock error is
-  10 ms. So the search for E6 signals at other times than E1 predicts covers 10 ms on both sides, not 1 s.
+* The sampling rate is the lowest that E6 allows. The stated limit of the clock error is 10 ms. So the search for E6
+  signals at other times than E1 predicts covers 10 ms on both sides, not 1 s.
 
 `threats.toml` gives the part, the factor and the satellites of each recording.
 """

@@ -224,8 +224,8 @@ processor_options = options_together(
     click.option(
         "--fail-on",
         type=click.Choice(["spoofed", "alarm", "unauthenticated"]),
-        help="End with exit status 3. spoofed: if a verdict is SPOOFED. alarm: if there was an alarm (SPOOFED, SUSPECT "
-        "or NOT_DETECTED). unauthenticated: if not every verdict is AUTHENTIC. Scripts should use alarm.",
+        help="Condition for exit status 3. spoofed: a verdict is SPOOFED. alarm: there was an alarm (SPOOFED, SUSPECT "
+        "or NOT_DETECTED). unauthenticated: not every verdict is AUTHENTIC. Scripts should use alarm.",
     ),
     _level_options,
     _e6_options,
@@ -269,7 +269,10 @@ def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
 
 
 def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
-    """Return the estimator of the C/N0 of E1; usage error if the option is given without E1 measured in samples."""
+    """Return the estimator of the C/N0 of E1.
+
+    The option without E1 that is `measured` in samples is a usage error.
+    """
     if options["cn0_estimator"] is not None and not measured:
         raise click.UsageError("--cn0-estimator is for E1 measured in samples; here observations give the C/N0")
     return options["cn0_estimator"] or "noise-floor"

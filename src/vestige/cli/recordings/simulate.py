@@ -162,12 +162,12 @@ def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
             )
         output.flush()
     except BrokenPipeError:
-        # discards the buffered bytes; otherwise Python would write them at its exit, and fail again
+        # discards the buffered bytes; otherwise Python would write these bytes at its exit, and fail
         os.dup2(os.open(os.devnull, os.O_WRONLY), output.fileno())
 
 
 def _chosen(epochs: str | None, scenario: CampaignScenario) -> tuple[int, int]:
-    """Return the first epoch of `A:B` and the epoch after the last; without `A:B`, these are of all epochs."""
+    """Return the first epoch of `A:B` and the epoch after the last; without `A:B`, all epochs are chosen."""
     match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", epochs or f"0:{scenario.epochs}", re.ASCII)
     if match is None:
         raise click.UsageError(f"--epochs: found {epochs}, expected A:B within 0:{scenario.epochs}")

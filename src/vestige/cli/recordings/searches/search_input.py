@@ -79,7 +79,10 @@ def clock_bound_s(recording: Recording, uncertainty_s: float | None) -> float:
 
 
 def arrival_window_in(e6: SampleReader, code: ChipSequence, around_s: float) -> tuple[GalileoTime, GalileoTime]:
-    """Return the first and the last time in the samples at which the first chip may arrive; equal if there is none."""
+    """Return the first and the last time in the samples at which the first chip may arrive.
+
+    If the first chip cannot arrive in the samples, both times are equal.
+    """
     from vestige.acas_processor.searches.vestigial import arrival_window
 
     return arrival_window(code.transmit_time, around_s, e6) or (e6.start, e6.start)
