@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 MAX_LABEL_S = 1e5  # largest uncertainty in s that is searched, also if the error of the time tag has no limit
 
 
-def late_or_early(error_s: float) -> str:
+def ahead_or_behind(error_s: float) -> str:
     """Return the error of a time tag as text, to be continued with the time to which the error refers.
 
     Examples
     --------
-    >>> late_or_early(-0.004), late_or_early(10.02)
+    >>> ahead_or_behind(-0.004), ahead_or_behind(10.02)
     ('4 ms behind', '10.02 s ahead of')
     """
     size_s = abs(error_s)
@@ -34,7 +34,7 @@ def by_the_message(error_s: float) -> str:
     >>> by_the_message(-9.998)
     'the time tag of the samples is 10.00 s behind the time in the navigation message, ± 10 ms'
     """
-    return f"the time tag of the samples is {late_or_early(error_s)} the time in the navigation message, ± 10 ms"
+    return f"the time tag of the samples is {ahead_or_behind(error_s)} the time in the navigation message, ± 10 ms"
 
 
 def time_tag_warning(error_s: float, said_s: float = 0.0) -> str:
@@ -114,5 +114,5 @@ def label_error_s(
         )
         return 0.0
     if abs(found.error_s) > TIME_TAG_TOLERANCE_S:
-        say(f"the time tag is {late_or_early(found.error_s)} the time of the RECS in the samples")
+        say(f"the time tag is {ahead_or_behind(found.error_s)} the time of the RECS in the samples")
     return found.error_s if abs(found.error_s) > TIME_TAG_TOLERANCE_S else 0.0

@@ -149,4 +149,5 @@ def _print(tracked: TrackedRecording, rate_hz: int) -> None:
     else:
         echo(by_the_message(tracked.time_tag_error_s))
         if offset_s := clock_set_s(tracked):
-            echo(f"the clock of the files is set {offset_s} s earlier than the clock of the samples")
+            side = "earlier" if offset_s > 0 else "later"
+            echo(f"the clock of the files is set {abs(offset_s)} s {side} than the clock of the samples")
