@@ -100,9 +100,10 @@ def _two_lag_sums(own, chip, y_re, y_im, chip_1, re_1, im_1, chip_2, re_2, im_2)
 
 @njit(cache=True, nogil=True)
 def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, chip, turn, out):
-    """Add samples at an end of the segment, where each tap has its own first or last sample; the taps' middle is u0.
+    """Add samples at an end of the segment, where each tap has its own first or last sample.
 
-    Samples whose own chip is not in the segment count as 0 for the noise floor.
+    u0 is the code phase of the first sample in chips, minus the middle of the bank. Samples whose own chip is not in
+    the segment count as 0 for the noise floor.
     """
     for k in range(offsets.size):
         total = 0.0 + 0.0j
@@ -122,7 +123,8 @@ def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, chip, turn, out):
 def middle_chips(offsets):
     """Return the middle of a bank in chips: whole chips if the middle is far from the prediction.
 
-    The noise floor is the power of chips, which then coincide with those of the signal.
+    The noise floor is the power of the samples, summed over chips. With whole chips, the sums cover the chips of the
+    signal.
     """
     if offsets.size == 0:
         return 0.0
@@ -166,7 +168,7 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
     rotator_table(if_hz * dt, cos, sin)
 
     # A chip has at most lags + 1 samples; arrays of samples begin with `lags` samples of the previous block. The number
-    # of lags is even: no two samples of a chip have the lag that is added to an odd number.
+    # is rounded up to an even number, because two lags are summed together. No samples of a chip have the added lag.
     lags = 2 * max(np.int64(1), np.int64(np.ceil((1.0 / (code_rate * dt) - 1.0 + 1e-3) / 2)))
     window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
     chip = np.full(lags + BLOCK, -1, np.int32)
