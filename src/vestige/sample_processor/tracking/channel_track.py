@@ -109,22 +109,26 @@ class ChannelTrack:
         sent_s = period["number"] * E1_CODE_PERIOD_S + period["code_phase"] / E1C.chip_rate_hz
         return int(period["first_sample"]), float(sent_s)
 
-    def learn_time(self, page: ReceivedPage, week: int) -> GalileoTime | None:
+    def learn_time(self, page: ReceivedPage, near: GalileoTime) -> GalileoTime | None:
         """Return the time of transmission of a page, and store this time; None if the word of the page has no time.
 
         Parameters
         ----------
         page
             A page of this channel.
-        week
-            Galileo week. It may be wrong by up to 2047 weeks if the word has a week number; otherwise it must be right.
+        near
+            Time near the reception. Its error may be up to 2047 weeks if the word has a week number, otherwise up to
+            half a week.
         """
-        unplaced = InavPage(svid=self.svid, time=GalileoTime(week, 0), data=page.data)
+        unplaced = InavPage(svid=self.svid, time=GalileoTime(near.week, 0), data=page.data)
         time = None if unplaced.is_alert else time_in_word(unplaced.word)
         if time is None or not 0 <= time[1] < SECONDS_PER_WEEK:
             return None
         told, second = time
-        if told is not None:
+        week = near.week
+        if told is None:
+            week += round((near.second - second) / SECONDS_PER_WEEK)
+        else:
             week += (told - week + _WEEKS // 2) % _WEEKS - _WEEKS // 2
         start = GalileoTime.normalized(week, second)
         whole, rest_ms = divmod(_PERIOD_MS * page.period, 1000)

@@ -213,7 +213,7 @@ class TrackingReceiver:
         for svid, received in pages.items():
             track = self.tracks[svid]
             for page in received:
-                if track.learn_time(page, whole.start.week) is not None:
+                if track.learn_time(page, whole.start) is not None:
                     self._learn_clock(whole)
             waiting = self._waiting.setdefault(svid, [])
             waiting.extend(received)
