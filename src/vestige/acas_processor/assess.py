@@ -2,10 +2,10 @@
 
 Theory of operation
 -------------------
-`assess` judges a block of n epochs at once and gives the same bits as n blocks of one epoch. Most checks look only at
-the measurements of an epoch and of the epochs shortly before it. Two quantities depend on earlier verdicts. Reference
-levels are learned from epochs that raised no alarm. The range of the searches is the possible clock error, which
-depends on the last authentic position. So the block is judged with a guess of which epochs have no alarm:
+`assess` judges a block of n epochs at once. The result has the same bits as the results of n blocks of one epoch. Most
+checks look only at the measurements of an epoch and of the epochs shortly before it. Two quantities depend on earlier
+verdicts. Reference levels are learned from epochs that raised no alarm. The range of the searches is the possible clock
+error, which depends on the last authentic position. So the block is judged with a guess of which epochs have no alarm:
 
 1. Guess that an epoch has no alarm if none of the checks that need no guess fails in it.
 2. Judge the block with the guess. The verdict of an epoch depends only on the guess for earlier epochs.
@@ -51,8 +51,10 @@ from vestige.time import GalileoTime
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
-FORGET_S = 3600.0  # a satellite that E1 has not shown for longer needs no verdict: it has set
-TRAVEL_TIME_SPREAD_S = 0.07  # spread of the travel time from any satellite to any receiver on Earth
+FORGET_S = 3600.0  # no verdict is due for a satellite that E1 has not tracked for this time, because it has set
+# clock error that a fix of fewer than `POSITION_SATELLITES` satellites leaves: the spread of the travel time from any
+# satellite to any receiver on Earth
+TRAVEL_TIME_SPREAD_S = 0.07
 POSITION_SATELLITES = 4
 
 
@@ -162,7 +164,7 @@ class _Assessment:
             guess = found
 
     def _judge(self, guess: _Guess) -> _Guess:
-        """Judge the block with a guess, keep the results, and return the guess that would have been right."""
+        """Judge the block with a guess, keep the results, and return the next guess, made from the verdicts."""
         snapshots = self._measured.snapshots
         evidence = self._judged_by = self._evidence(self._references(guess.quiet & snapshots.recs))
         series = self._fixed | {
@@ -207,7 +209,7 @@ class _Assessment:
         return confirmed(series.failed, series.run, confirm, np.array([streaks.get(svid, 0) for svid in svids]))
 
     def _combined(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> tuple[_Guess, np.ndarray]:
-        """Return the guess that would have been right, and status and cause, from the failures of the checks."""
+        """Return, from the failures of the checks, the next guess, and status and cause of each epoch and satellite."""
         available = self._fixed[CheckName.E6_POWER].run
         status, cause = combine(self._processor.level, failed, available, self._processor.added_checks)
         due = self._seen | self._lost
@@ -307,7 +309,7 @@ class _Assessment:
         return ranges_near(found, self._processor, limit_s, known)
 
     def _fixes_that_count(self, found: VerdictBlock) -> Float[np.ndarray, "n 3"]:
-        """Return the E1 positions that limit both the position of the receiver and the error of its clock."""
+        """Return the fixes near which the receiver must be later: no alarm, four authentic E1 ranges; NaN elsewhere."""
         if found.position is None or CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
             return np.full((self._time_s.size, 3), np.nan)
         judged = self._judged
@@ -315,7 +317,7 @@ class _Assessment:
         return np.where(counts[:, None], found.position.position_m, np.nan)
 
     def _fix_after(self) -> FixMemory | None:
-        """Return the last fix that limits position and clock error after the block."""
+        """Return the last fix near which the receiver must be after the block."""
         rows = np.flatnonzero(np.isfinite(self._fixed_m[:, 0]))
         if not rows.size:
             return self._state.fix

@@ -19,8 +19,8 @@ signal, whoever sends it.
 
 The paper does not decide these details; vestige chooses:
 
-* The chosen tap itself exceeds the threshold. The taps between, in step 3, may be below the threshold.
-* If step 3 ends at a tap that is below the threshold or violates the constraint, the scan of step 2 continues behind
+* The chosen tap itself exceeds the threshold. The taps that step 3 passes may be below the threshold.
+* If step 3 ends at a tap that is below the threshold or violates the constraint, the scan of step 2 continues after
   this tap. The reason is that step 5 gives up only if *no* set can be found.
 * Step 4 moves to the right while the next tap satisfies the constraint, exceeds the threshold and has a smaller D. A
   global minimum of D would jump to any symmetric point, such as a later and stronger spoofing signal.
@@ -156,7 +156,7 @@ class EarlyDetector(_Spaced):
         first = np.argmax(peak, axis=1)
         goes_on = np.zeros_like(peak)
         goes_on[:, :-1] = peak[:, 1:] & (asymmetry[:, 1:] < asymmetry[:, :-1])
-        tap = np.argmax(~goes_on & (np.arange(peak.shape[1]) >= first[:, None]), axis=1)  # first tap from there
+        tap = np.argmax(~goes_on & (np.arange(peak.shape[1]) >= first[:, None]), axis=1)  # first tap from `first` on
         return np.where(peak.any(axis=1), tap + n, NOT_DETECTED)
 
 

@@ -31,8 +31,8 @@ class Evidence:
     subframes
         OSNMA of the subframes that ended in the block.
     memory
-        Numbers that the check itself remembered after the previous block (`CheckWithMemory`), by SVID; those of the
-        receiver have the key 0. Empty before the first block, and for a check without memory.
+        Numbers that the check itself remembered after the previous block (`CheckWithMemory`), by SVID; numbers of the
+        receiver have the key 0. The mapping is empty before the first block, and for a check without memory.
     """
 
     measured: MeasurementBlock

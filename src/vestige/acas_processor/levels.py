@@ -11,8 +11,8 @@ the whole receiver), and how often the check runs.
 * Level 3 adds OSNMA from a second channel (4) and the exhaustive search on E6 (5). Power–distortion and inertial
   sensors bridge the time between two RECS (7). In the paper, steps 4 and 5 of level 3 replace steps 4 and 5 of level 2,
   and the fix is step 6. vestige keeps the hand-over search, because the exhaustive search takes minutes. The exhaustive
-  search is made at the start, on suspicion, and at a set period. Between exhaustive searches a second signal on E1 is a
-  suspicion.
+  search is made at the start, on suspicion, and at a set period. Between exhaustive searches a second signal on E1
+  counts as a suspicion.
 
 Failures of different checks are evidence of different strength. A check that finds a second signal, or an E6 range that
 differs from E1, gives SPOOFED. The reason is that somebody sends signals that the satellite did not send. A missing E6
@@ -78,15 +78,15 @@ class TestCadence(Enum):
 
 
 class DetectionAssumptions(NamedTuple):
-    """Assumptions from which the false-alarm probability of steps 1 and 2 follows; that probability is not set."""
+    """Assumptions from which the false-alarm probability of steps 1 and 2 follows, because no setting gives it."""
 
     kappa: float = KAPPA  # factor of the range check
     pd: float = MIN_PD  # probability that E6 is detected
     bank_p_fa: float = 0.0  # probability that noise exceeds the detection threshold in any correlator of the bank
 
 
-# Makes a check from the processor's settings and the false-alarm probability of one test.
-# None if the settings do not allow the check.
+# Function that makes a check from the processor's settings and the false-alarm probability of one test. The function
+# returns None if the settings do not allow the check.
 CheckMaker = Callable[["AcasProcessor", float], Check | None]
 
 
@@ -99,15 +99,14 @@ class CheckSpec:
     failure: Status  # status after a failure
     # function that makes the check; None for the searches, which `assess` makes, and for checks that a user wrote
     make: CheckMaker | None = None
-    # scope of one test, and its time
-    scope: Scope = Scope.SATELLITE
-    cadence: TestCadence = TestCadence.OBSERVATION
-    confirm: int = 1
-    # whether a failure makes all other satellites SUSPECT: an attacker who repeats one satellite may repeat all
+    scope: Scope = Scope.SATELLITE  # scope of one test
+    cadence: TestCadence = TestCadence.OBSERVATION  # times at which a test is made
+    confirm: int = 1  # number of tests in a row that must fail
+    # whether a failure makes all other satellites SUSPECT, because an attacker may repeat all satellites
     suspects_all_satellites: bool = False
     # the check's own false-alarm probability of one test; None if the check has a share of the level's budget
     own_p_fa: Callable[[DetectionAssumptions], float] | None = None
-    # part of that probability that no threshold changes, if the level's false alarms a day are set
+    # part of the false-alarm probability that no threshold changes; used if the level's false alarms a day are set
     fixed_p_fa: Callable[[DetectionAssumptions], float] | None = None
     settable: bool = True  # whether threshold or confirmation can follow from the level's false alarms a day
     exact: bool = False  # whether the probability is exact; otherwise it is an upper limit
@@ -328,7 +327,7 @@ def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor 
     )
 
 
-# Checks that every level has if they are turned on. They have no share of the budget, so the others keep theirs.
+# Checks that every level has if they are turned on. They do not reduce the budget of the other checks.
 OPTIONAL = (
     _steady(CheckName.E6_PHASE, lambda processor: processor.monitoring.e6_phase),
     _steady(CheckName.E6_FADING, lambda processor: processor.monitoring.e6_fading),
@@ -364,8 +363,8 @@ def combine(
     Returns
     -------
     status, cause
-        The cause is the index of the first gravest failure in `LEVELS[level]` followed by `own`, or `OTHERS` or
-        `NO_CAUSE`.
+        The cause is the index of the gravest failure in `LEVELS[level]` followed by `own`, or `OTHERS` or `NO_CAUSE`.
+        Among equally grave failures the first failure is the cause.
     """
     found = np.where(available, GRAVITY.index(Status.AUTHENTIC), GRAVITY.index(Status.NOT_AVAILABLE))
     cause = np.full(found.shape, NO_CAUSE, np.int8)

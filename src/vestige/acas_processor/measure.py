@@ -5,8 +5,8 @@ The steps for one satellite and epoch are
     RECS of this epoch → key validated and not yet disclosed when the samples were taken → chips
     → hand-over from E1 → bank of correlators → threshold → detector → range offset
 
-The measurement stops at the first impossible step, which `Availability` names. This module does not know the origin of
-the snapshot.
+The measurement stops at the first impossible step, which `Availability` names. The measurement is the same for recorded
+and simulated snapshots.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ from vestige.theory.thresholds import probability_of_detection
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
-_CN0_DECIMALS = 2  # an estimate is good to 0.1 dB; a P_d for each different value would take most of the time
+# C/N0 is rounded for P_d, because a P_d for each different value would take most of the time; estimates are accurate
+# to 0.1 dB
+_CN0_DECIMALS = 2
 
 
 def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
@@ -53,7 +55,7 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
     availability[asked & (banks.noise_power <= 0)] = Availability.ZERO
     correlated = availability == Availability.CORRELATED
     expected_dbhz = snapshots.e1.cn0_dbhz + processor.e6_over_e1_db
-    # a model of E6 needs no hand-over, and its RECS is sent at the time of the snapshot
+    # in a model of E6 without hand-over, the RECS is sent at the time of the snapshot
     after_s = np.where(np.isnan(handovers.expected_s), reception_s(snapshots.e1), handovers.expected_s)
     phase_rad = np.where(correlated, predicted_phase_rad(snapshots.e1, after_s), np.nan)
     return MeasurementBlock(

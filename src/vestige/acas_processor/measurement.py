@@ -15,7 +15,7 @@ from vestige.records.snapshot_block import BankBlock, SnapshotBlock
 
 
 class Availability(IntEnum):
-    """Stage that the measurement of E6 reached."""
+    """Result of the correlation of E6: `CORRELATED`, or the reason why there are no correlators."""
 
     CORRELATED = 0
     NOT_SEEN = 1
@@ -32,9 +32,9 @@ class DetectedBlock:
     """Result of the detector for each bank; NaN, and −1 for `tap`, where nothing was detected."""
 
     tap: Int[np.ndarray, "*n"]  # index of the punctual correlator
-    # its magnitude in standard deviations of the noise per dimension, and its phase
+    # magnitude of the punctual correlator in standard deviations of the noise per dimension
     magnitude_sigma: Float[np.ndarray, "*n"]
-    phase_rad: Float[np.ndarray, "*n"]
+    phase_rad: Float[np.ndarray, "*n"]  # phase of the punctual correlator
     range_offset_m: Float[np.ndarray, "*n"]  # measured minus predicted E6 range
     threshold_sigma: float  # threshold of the magnitude
 
@@ -43,28 +43,22 @@ class DetectedBlock:
 class FixBlock:
     """The position fix of each epoch from all E1 pseudoranges; NaN where there is none."""
 
-    # the fix, and the satellites at transmission; NaN for satellites without an orbit
-    fix: Fix
-    sent: Transmission
-    # standard deviation of each pseudorange as the receiver assumes it, and its part from the ionosphere that is common
-    # to all satellites; None if this part is not modelled
-    sigma_m: Float[np.ndarray, "n m"]
+    fix: Fix  # position and clock
+    sent: Transmission  # satellites at transmission; NaN for satellites without an orbit
+    sigma_m: Float[np.ndarray, "n m"]  # standard deviation of each pseudorange as the receiver assumes it
+    # part of `sigma_m` from the ionosphere that is common to all satellites; None if this part is not modelled
     common_m: Float[np.ndarray, "n m"] | None
-    bounded: bool  # whether `sigma_m` is an upper limit of the errors, not just their standard deviation
-    # measured rate of the pseudorange, its rate for a receiver and a clock at rest, and the standard deviation of the
-    # measured rate
-    range_rate_mps: Float[np.ndarray, "n m"]
-    static_range_rate_mps: Float[np.ndarray, "n m"]
-    sigma_rate_mps: Float[np.ndarray, "n m"]
-    # rate of the receiver clock times c, and standard deviations of the rate and of the clock, without errors that are
-    # common to all satellites.
-    drift_mps: Float[np.ndarray, " n"]
+    bounded: bool  # whether `sigma_m` is only an upper limit of the standard deviation of the errors
+    range_rate_mps: Float[np.ndarray, "n m"]  # measured rate of the pseudorange
+    static_range_rate_mps: Float[np.ndarray, "n m"]  # rate of the pseudorange for a receiver and a clock at rest
+    sigma_rate_mps: Float[np.ndarray, "n m"]  # standard deviation of the measured rate
+    drift_mps: Float[np.ndarray, " n"]  # rate of the receiver clock times c
+    # standard deviations of `drift_mps` and of the clock times c, without errors that are common to all satellites
     sigma_drift_mps: Float[np.ndarray, " n"]
     own_sigma_clock_m: Float[np.ndarray, " n"]
     raim_statistic: Float[np.ndarray, " n"]  # weighted sum of squared residuals; NaN without redundancy
-    # largest separations east, north, up in standard deviations, and the number of satellites left out in turn
-    separation_sigmas: Float[np.ndarray, "n 3"]
-    separation_modes: Int64[np.ndarray, " n"]
+    separation_sigmas: Float[np.ndarray, "n 3"]  # largest separations east, north, up in standard deviations
+    separation_modes: Int64[np.ndarray, " n"]  # number of satellites left out in turn
 
     @property
     def satellites(self) -> Int64[np.ndarray, " n"]:
@@ -80,12 +74,12 @@ class FixBlock:
         return cast("FixBlock", _rows(self, epochs))
 
     def put(self, places: Int64[np.ndarray, " k"], other: FixBlock) -> None:
-        """Overwrite some epochs by those of another block."""
+        """Overwrite the epochs at `places` with the epochs of another block."""
         _put(self, places, other)
 
 
 def _rows(record: object, rows: Int64[np.ndarray, " k"] | slice) -> object:
-    """Return a record of arrays, or of such records, with some of its rows."""
+    """Return a record with the given rows of all its arrays, also of arrays in inner records."""
     if isinstance(record, np.ndarray):
         return record[rows]
     if not is_dataclass(record) or isinstance(record, type):
@@ -118,19 +112,18 @@ class MeasurementBlock:
     snapshots: SnapshotBlock  # the block that was measured
     recs: RecsBlock  # RECS and keys
     availability: Int8[np.ndarray, "n m"]  # values of `Availability`
-    # correlators of E6, and the result of the detector
-    banks: BankBlock
-    detected: DetectedBlock
+    banks: BankBlock  # correlators of E6
+    detected: DetectedBlock  # result of the detector
     # probability of detection that E1's C/N0 predicts; NaN if C/N0 is unknown or nothing was correlated
     predicted_pd: Float[np.ndarray, "n m"]
-    # expected time of the RECS in s after the time of the snapshot, and expected Doppler on E6, both from E1; NaN where
-    # no hand-over was made
+    # time of the RECS that E1 predicts, in s after the time of the snapshot; NaN where no hand-over was made
     expected_s: Float[np.ndarray, "n m"]
+    # Doppler on E6 that E1 predicts; NaN where no hand-over was made
     doppler_e6_hz: Float[np.ndarray, "n m"]
     # phase of the correlators that the carrier phase of E1 predicts, up to a constant of the satellite; NaN if E1 has
     # no carrier phase or nothing was correlated
     predicted_phase_rad: Float[np.ndarray, "n m"]
-    # time over which the Doppler of E1 extrapolates that phase, in s; NaN as above
+    # time over which the Doppler of E1 extrapolates the carrier phase, in s; NaN where `predicted_phase_rad` is NaN
     extrapolated_s: Float[np.ndarray, "n m"]
     fixes: Fixes | None = None  # makes the position fix
 

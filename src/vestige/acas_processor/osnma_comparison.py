@@ -1,9 +1,9 @@
-"""Compare demodulated OSNMA with that of a second channel, in pieces of subframes [WFO, Sec. IV-C].
+"""Compare demodulated OSNMA with the OSNMA of a second channel, subframe by subframe [WFO, Sec. IV-C].
 
 Validation drops forged keys, so validated keys alone would show a forgery as a loss. Therefore this module compares
-everything that was demodulated with a good checksum, validated or not. The key of each subframe is compared, from any
-satellite. Where both channels have navigation pages, the 40 bits of OSNMA in each page of the same satellite are
-compared too (tags, MACSEQ, root keys).
+everything that was demodulated with a good checksum, validated or not. The key of each subframe is compared, whichever
+satellite sent the key. Where both channels have navigation pages, the 40 bits of OSNMA in each page of the same
+satellite are compared too (tags, MACSEQ, root keys).
 
 Keys that are computed from later keys do not count as received. If the demodulated keys are unknown (`Assistance` that
 was not read from a folder), the validated keys replace them.
@@ -25,7 +25,7 @@ from vestige.time import GalileoTime
 def compare_osnma(
     own: Assistance, second: Assistance, since: GalileoTime, until: GalileoTime, svids: tuple[int, ...]
 ) -> OsnmaBlock:
-    """Compare the received parts of the subframes that begin in a window with those of the second channel.
+    """Compare the subframes that begin in a window, as far as received, with the subframes of the second channel.
 
     The key of a subframe is the same from every satellite, so it counts once, in the first column. A different key from
     any satellite is in the last column. A right key that was not validated counts as lost.

@@ -31,7 +31,7 @@ from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
 
 _MOST_CONFIRM = 1000
-_OWN_STEP = 8  # after those of [WFO, Sec. IV]
+_OWN_STEP = 8  # after the steps of [WFO, Sec. IV]
 
 
 @runtime_checkable

@@ -94,14 +94,14 @@ class AcasProcessor:
         Distance in m before the prediction to which the bank extends at the same spacing, limited by the correlator's
         window of 820 m. A meaconer with a short delay captures E1. The true E6 signal is then earlier than E1 predicts.
         The search for a second signal on E1 omits 2 chips, 586 m, around the tracked signal, so the bank has to cover
-        them.
+        this distance.
     budget, kappa
         Error budget of E6 − E1 and its factor: the range check is |offset| ≤ κσ. If `monitoring.alarms_per_day` is set,
         `range_kappa` replaces κ.
     min_pd
         Smallest predicted probability of detection at which a missing signal is an alarm [WFO, Sec. III-A, step 5].
     e6_over_e1_db
-        Expected C/N0 of E6-C over E1-C, from the signals, the antenna and the front ends.
+        Expected C/N0 of E6-C minus the C/N0 of E1-C in dB, from the signals, the antenna and the front ends.
     cipher_mode, group_delay_convention
         Choices for the two parts of the service's interface that are not public.
     monitoring
@@ -170,7 +170,7 @@ class AcasProcessor:
 
     @property
     def added_checks(self) -> tuple[CheckSpec, ...]:
-        """Checks in addition to those of the level: the optional checks, then the user's checks."""
+        """Checks in addition to the level's checks: the optional checks, then the user's checks."""
         return (*self.optional, *(one.spec for one in self.own_of_level))
 
     @property

@@ -33,7 +33,7 @@ class PositionBlock:
 
     @property
     def position_m(self) -> Float[np.ndarray, "n 3"]:
-        """ECEF positions; NaN where there is none."""
+        """ECEF positions; NaN where there is no position."""
         position_m = np.where(self.fixes.fix.valid[:, None], self.fixes.fix.position_m, np.nan)
         return spread_over_block(position_m, self.rows, self.used.shape[:1])
 
@@ -48,28 +48,24 @@ class VerdictBlock:
     """Verdicts on n epochs and m satellites at one mitigation level, with the checks that led to them."""
 
     measured: MeasurementBlock  # measurements behind the verdicts
-    # mitigation level, and its checks
-    level: int
-    specs: tuple[CheckSpec, ...]
-    # verdict of each epoch as index in `Status`, and its cause (`combine`)
-    status: Int8[np.ndarray, "n m"]
-    cause: Int8[np.ndarray, "n m"]
+    level: int  # mitigation level
+    specs: tuple[CheckSpec, ...]  # checks of the level
+    status: Int8[np.ndarray, "n m"]  # verdict of each epoch, as index in `Status`
+    cause: Int8[np.ndarray, "n m"]  # check that caused the verdict (`combine`)
     state: Int8[np.ndarray, "n m"]  # state that a receiver shows its user after that epoch
     before: AlarmState  # state before the block
     due: Bool[np.ndarray, "n m"]  # epochs and satellites with a verdict due
-    # all checks of the level that could be made, and their failures after confirmation
-    checks: Mapping[CheckName | str, CheckSeries]
-    failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]
-    # results of the searches
-    e1_search: SearchResults
-    exhaustive_search: SearchResults
+    checks: Mapping[CheckName | str, CheckSeries]  # all checks of the level that could be made
+    failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]  # failures of the checks after confirmation
+    e1_search: SearchResults  # results of the search on E1
+    exhaustive_search: SearchResults  # results of the exhaustive search
     searched: Bool[np.ndarray, " n"]  # epochs in which the exhaustive search was made
     evidence: Evidence  # input of the checks
     true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)  # as in `Verdict`
-    # pseudorange in use, NaN without one, and whether it is that of the earliest of several signals instead of E1
-    range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
+    range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)  # NaN if no range is in use
+    # whether the range in use is the range of the earliest of several signals, not the E1 range
     earlier: Bool[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.bool_))
-    # reason why the range of a signal is impossible, as a number of `possible_range.REASONS`; 0 if it is possible
+    # reason why a range is impossible, as an index of `possible_range.REASONS`; 0 if the range is possible
     impossible: Int8[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.int8))
     position: PositionBlock | None = None  # position of each epoch; None without orbits
 

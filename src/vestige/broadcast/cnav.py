@@ -9,8 +9,8 @@
 | tail | 6, zero |
 
 The page passes through the convolutional code and the interleaver of I/NAV, here with 123 columns and 8 rows. With the
-16 synchronisation symbols before it, the page has 1000 symbols, one in each period of the E6-B code. A page begins with
-a second of GST.
+16 synchronisation symbols before it, the page has 1000 symbols, one in each period of the E6-B code. A page begins at a
+whole second of GST.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def cnav_page_symbols(bits: UInt8[np.ndarray, " 492"]) -> UInt8[np.ndarray, " 10
 def cnav_symbols(
     seed: int, svid: int, reference: GalileoTime
 ) -> Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]:
-    """Return the symbols of a satellite as ±1 by their number after a whole second; logic 0 is +1.
+    """Return a function that gives the symbols of a satellite as ±1 by their number; logic 0 is +1.
 
     Parameters
     ----------

@@ -84,6 +84,6 @@ class InavTransmission:
         Parameters
         ----------
         start
-            Start of the page, an odd whole second of satellite time; the first symbol is sent then.
+            Start of the page and of its first symbol, an odd whole second of satellite time.
         """
         return page_symbols(self.page(start).data)

@@ -1,7 +1,7 @@
-"""The OSNMA fields of a sky's pages, made when a page asks for them.
+"""OSNMA fields of the pages of all satellites, made when a page needs them.
 
-The fields of a subframe depend on the words of the subframes before, back to `SUBFRAMES_REMEMBERED`. So the fields of
-any subframe can be made without those of the whole broadcast, with the same bits.
+The fields of a subframe depend on the words of the `SUBFRAMES_REMEMBERED` subframes before it, and on no earlier words.
+So the fields of any subframe can be made without the fields of the whole broadcast, with the same bits.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _Fields = dict[int, tuple[bytes, ...]]
 
 @dataclass(frozen=True, kw_only=True)
 class OsnmaFields:
-    """OSNMA fields of all satellites of a sky, for a page of a satellite; threads may share them.
+    """Source of the OSNMA fields of all satellites of a sky, page by page; threads may share a source.
 
     Attributes
     ----------
     operator
-        Operator that makes the fields. Nobody else may ask this operator for fields.
+        Operator that makes the fields; used by this source only.
     words
         Words of all satellites by SVID, from the operator's start or from `SUBFRAMES_REMEMBERED` before the first page.
     """
@@ -48,7 +48,7 @@ class OsnmaFields:
         Raises
         ------
         VestigeError
-            If the operator does not broadcast then.
+            If the operator does not broadcast at this time.
         """
         subframe = start.subframe
         with self._lock:

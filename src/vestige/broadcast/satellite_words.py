@@ -192,5 +192,5 @@ class SatelliteWords:
 
 @lru_cache(maxsize=1024)
 def _fitted(ephemeris: Ephemeris, subframe: GalileoTime) -> ReducedCed | None:
-    """Return the reduced CED of a subframe; kept, because other messages of the same sky need the same fits."""
+    """Return the reduced CED of a subframe; the cache serves other messages of the same sky."""
     return ReducedCed.from_ephemeris(ephemeris, subframe)

@@ -1,8 +1,8 @@
 """The navigation message of all satellites of a sky: I/NAV words with OSNMA in them, and the symbols of E1-B.
 
 In each subframe the operator of OSNMA authenticates the words of earlier subframes, from all satellites. Pages are made
-when they are asked for, and a message keeps only a few of them. A page has the same bits in every message that contains
-it.
+when they are needed, and a message keeps only a few pages. A page has the same bits in every message that
+contains the page.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from vestige.streams import stream_key
 from vestige.time import GalileoTime
 
 _ISSUE_S = 600  # a new issue every ten minutes, as on air
-_ISSUES = 128  # IODnav as on air: it counts the ten minutes of its toe
+_ISSUES = 128  # number of IODnav values: IODnav is toe in steps of ten minutes, modulo 128, as on air
 Symbols = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]
 _SYMBOLS_A_PAGE = PAGE_S * SYMBOLS_PER_S
 _PAGES_KEPT = 16  # number of pages of a satellite, enough for the workers and for a delayed signal
@@ -87,9 +87,9 @@ class SkyMessage:
             yield {svid: tuple(one.page(time) for time in starts) for svid, one in self.transmissions.items()}
 
     def symbols(self, svid: int, reference: GalileoTime) -> Symbols:
-        """Return the symbols of a satellite as ±1 by their number after a whole second; logic 0 is +1.
+        """Return a function that gives the symbols of a satellite as ±1 by their number; logic 0 is +1.
 
-        The sequence raises `VestigeError` for a symbol that is not in the message.
+        The function raises `VestigeError` for a symbol that is not in the message.
 
         Parameters
         ----------
@@ -123,10 +123,10 @@ class SkyMessage:
         return symbol
 
     def forged(self, seed: int) -> SkyMessage:
-        """Return the message that an attacker invents: own words, and tags and keys that are not valid.
+        """Return the message of an attacker, with the attacker's words, and with tags and keys that are not valid.
 
-        The clock of every satellite is 2⁻²⁰ s later (0.95 µs, 286 m) in all words that contain it. The attacker repeats
-        the public HKROOT bytes. He cannot know the keys, so the MACK bits are random.
+        In all words the offset af0 of every satellite clock is 2⁻²⁰ s larger (0.95 µs, 286 m). The attacker repeats the
+        public HKROOT bytes. The attacker cannot know the keys, so the MACK bits are random.
 
         Parameters
         ----------
@@ -176,7 +176,7 @@ def make_sky_message(
     ephemerides
         One ephemeris of each satellite that sends.
     operator
-        Operator that makes the OSNMA fields; the message keeps it for itself.
+        Operator that makes the OSNMA fields; used by this message only.
     end
         Time up to which the message must last.
     first
@@ -191,8 +191,8 @@ def make_sky_message(
     Raises
     ------
     VestigeError
-        If an ephemeris does not fit into its words; the message names the satellite. Pages raise this error if the
-        operator does not broadcast then.
+        If an ephemeris does not fit into its words; the message names the satellite. The pages raise this error when
+        they are made, if the operator does not broadcast at their time.
     """
     start = operator.configuration.start
     begin = start if first is None else max(first.subframe, start)

@@ -166,7 +166,7 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
     rotator_table(if_hz * dt, cos, sin)
 
     # A chip has at most lags + 1 samples; arrays of samples begin with `lags` samples of the previous block. The number
-    # of lags is even: no two samples of a chip have the lag that is added to an odd number.
+    # is rounded up to an even number, because two lags are summed together. No samples of a chip have the added lag.
     lags = 2 * max(np.int64(1), np.int64(np.ceil((1.0 / (code_rate * dt) - 1.0 + 1e-3) / 2)))
     window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
     chip = np.full(lags + BLOCK, -1, np.int32)

@@ -15,8 +15,8 @@ Three loops run one after the other over a piece of 512 pairs: hash, logarithm, 
     x = (31 bits of z) + ½                      ½ … 2³¹: the largest number is 6.66 σ
     ln(x / 2³¹) = ln(1 + m) + (e − 31) ln 2     x = (1 + m) 2^e, √½ ≤ 1 + m < √2
 
-Polynomials: Cephes, single precision [CEPHES], with fused multiply-add, so that all machines get the same bits. Errors
-against float64: radius 1.1e-7 relative, sine and cosine 6e-8.
+The polynomials are those of Cephes in single precision [CEPHES]. They use fused multiply-add, so that all machines get
+the same bits. Compared with float64, the radius has a relative error of 1.1e-7, and sine and cosine an error of 6e-8.
 
 Two keys that differ by a multiple of GOLD would give the same sequence, shifted. A hash as the key prevents such a
 difference (`noise_key`).
@@ -57,7 +57,7 @@ _C = tuple(np.float32(c) for c in (-0.5, 4.166664568298827e-2, -1.38873162549376
 def noise_key(seed: int, epoch: int, stream: int) -> np.uint64:
     """Return the key of the noise of one epoch.
 
-    `stream` is a constant for each band and purpose, so that their noise differs.
+    `stream` is a constant for each band and purpose, so that two bands or purposes have different noise.
     """
     return np.uint64(_mix_int(_mix_int(seed + epoch * GOLD) + stream))
 
@@ -87,7 +87,7 @@ def _hash(z, hi, lo):
 
 @njit(cache=True, nogil=True)
 def _logarithm(hi, ln):
-    """Fill float32[n] `ln` with ln(x / 2³¹), where x is 31 bits of `hi` and ½."""
+    """Fill float32[n] `ln` with ln(x / 2³¹), where x is the upper 31 bits of `hi` plus ½."""
     for i in range(hi.size):
         b = bits_of(np.float32(np.int32(np.uint32(hi[i] >> np.uint32(1)))) + np.float32(0.5))
         e = np.int32(np.int32(b - _SQRT_HALF) >> np.int32(23))
@@ -106,7 +106,7 @@ def _logarithm(hi, ln):
 
 @njit(cache=True, nogil=True)
 def _turn(scale, hi, lo, ln, x):
-    """Fill float32[2 n] `x` with scale × the radii √(−2 ln) at the angles in `lo`, which `hi` and `lo` unfold."""
+    """Fill float32[2 n] `x` with pairs of radius scale × √(−2 ln), whose angles follow from bits of `lo` and `hi`."""
     factor = np.float32(-2.0) * scale * scale
     for i in range(hi.size):
         r = np.sqrt(factor * ln[i])

@@ -12,7 +12,7 @@ Code phase and carrier phase are parabolas in time. For each block of 1024 sampl
 phase are computed in float64 at the middle of the block. One table of the carrier serves several blocks. The number of
 blocks follows from the Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
 
-No sum depends on the order of vector lanes, and operations are fused explicitly: a block has the same bits on every
+No sum depends on the order of vector lanes, and operations are fused explicitly. So a block has the same bits on every
 machine.
 """
 
@@ -99,11 +99,11 @@ def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler
     doppler_hz, doppler_rate
         Frequency of the carrier in the samples in Hz, and its rate of change in Hz/s.
     growth
-        Relative growth of the amplitude per s, new for each block.
+        Relative growth of the amplitude per s; the amplitude is constant within a block.
     """
     n_samples = x.size // 2
     n_blocks = -(-n_samples // BLOCK)
-    # a table's frequency is exact at its middle; BLOCK / 2 samples from the block's own middle it has an error of
+    # phase error in rad that each further block with the same table adds: the table's frequency is exact in the middle
     turn = np.pi * abs(doppler_rate) * dt * dt * BLOCK / 2 * BLOCK
     held = n_blocks if turn * n_blocks <= _MAX_TURN_RAD else max(1, int(_MAX_TURN_RAD / turn))
     cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)

@@ -35,7 +35,7 @@ class RangeModel:
     s0_m, v_mps, a_mps2
         Range, range rate and acceleration at t = 0.
     amplitude_m, omega_radps
-        Sinusoidal part A sin ωt.
+        A in m and ω in rad/s of the sinusoidal part A sin ωt.
     """
 
     s0_m: float = 0.0

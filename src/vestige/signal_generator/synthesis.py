@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-Sample n is taken t_n after the start of the segment. At the start, chip number L would arrive by a path without delay.
-L earlier chips are on air. A signal has Doppler f_d and Doppler rate ḟ_d on its carrier f_c. Over its paths r the
+Sample n is taken t_n after the start of the segment. At the start, chip number L arrives by a path without delay. The L
+chips before it arrive earlier. A signal has Doppler f_d and Doppler rate ḟ_d on its carrier f_c. Over its paths r the
 signal adds
 
     x_n = Σ_r a_r · chip[L + ⌊u_n − d_r⌋] · exp j2π[(f_c − f_0 + f_d + f_r) t_n + ½ ḟ_d t_n²]
@@ -13,8 +13,8 @@ The Doppler is thus on code and carrier alike. The correlator at delay d_r of a 
 Doppler gives a_r. A path's own Doppler f_r rotates only the phase of the path. A fading rate of 1 Hz would move the
 delay by only 4 mm in 16 ms. A signal with another range rate, such as a spoofing signal, is another `ReceivedSignal`.
 
-**Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 = 1/f_s and a component of C/N0 has
-amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.
+**Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 is 1/f_s, and a component with a given C/N0
+has the amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.
 
 **Band.** No filter is applied. Chips are rectangular, so the sampling rate must not be a small multiple of the chip
 rate (`vestige.receiver.samples.staircase`).
@@ -42,15 +42,15 @@ class ReceivedSignal:
     """One received signal: its chips, their start, and the paths by which they arrive."""
 
     chips: ChipSequence  # rectangular (BPSK) chips; there is no signal before the first and after the last chip
-    # time at which chip number `lead_chips` arrives by a path without delay, in s; it counts from sample 0 unless
-    # `synthesize` says otherwise, and may be negative
+    # time in s at which chip number `lead_chips` arrives by a path without delay; may be negative. The time counts from
+    # sample 0, or from the origin that `origin_sample` and `origin_s` of `synthesize` state
     start_s: float
     doppler_hz: float  # on the carrier, at `start_s`
     doppler_rate_hz_per_s: float  # rate of change of the Doppler
-    delay_m: Float[np.ndarray, " n_rays"]  # delay of each path, positive is later
+    delay_m: Float[np.ndarray, " n_rays"]  # delay of each path, positive if later
     amplitude: Complex128[np.ndarray, " n_rays"]  # amplitude of each path with its phase at `start_s`
     ray_doppler_hz: Float[np.ndarray, " n_rays"]  # Doppler of each path over `doppler_hz`
-    lead_chips: int = 0  # chips before the segment, for the samples before it and for late paths
+    lead_chips: int = 0  # number of chips before `start_s`, for earlier samples and late paths
 
 
 def amplitude(cn0_dbhz: float, sample_rate_hz: float) -> float:

@@ -1,9 +1,9 @@
 """The compiled inner loops of sample synthesis: the paths of one signal, added to stored samples.
 
 All paths of a group share the chip windows (`vestige.signals.chip_window_kernel`). A path then costs a rotation, the
-XOR of its chip into the sign bits, and an addition. Each path has its own rotator table; its phase at the middle of
-every block comes from float64. The Doppler rate rotates the sum of all paths inside the block. The rotation has second
-order in an angle that stays below 1e-3 rad at 100 Hz/s.
+XOR of its chip into the sign bits, and an addition. Each path has its own rotator table. The phase of a path at the
+middle of every block is computed in float64. The Doppler rate rotates the sum of all paths inside the block. This
+rotation is computed to second order in its angle, which stays below 1e-3 rad at 100 Hz/s.
 
 Two paths share a loop, so that their sum is loaded and stored once. The loop of the last two also rotates the sum and
 adds it to the samples. An odd number of paths gets another path without amplitude, which changes no bit.

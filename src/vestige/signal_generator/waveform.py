@@ -38,7 +38,7 @@ class Component:
     symbol: Sequence | None = None  # symbol ±1 by its number, counted from the reference second; None for a pilot
     # chips number `first` to `first + n - 1`, where a stretch is faster to make than single chips
     stretch: Callable[[int, int], Int8[np.ndarray, " n"]] | None = None
-    # the codes of which `chip` is the product, primary times secondary; else None
+    # primary and secondary code, if `chip` is the product of both; else None
     primary: Int8[np.ndarray, " n"] | None = None
     secondary: Int8[np.ndarray, " k"] | None = None
 
@@ -75,7 +75,7 @@ def open_component(signal: SignalDefinition, svid: int, *, seed: int = 0) -> Com
 
 
 def coded_component(signal: SignalDefinition, svid: int, symbol: Sequence | None) -> Component:
-    """Return a component with its published codes and symbols; None for a pilot."""
+    """Return a component with its published codes and the given symbols; `symbol` is None for a pilot."""
     code = tiered_code(signal, svid)
     return Component(
         signal=signal,

@@ -8,14 +8,15 @@ bit, XORed into a float32, multiplies the float32 by the chip.
 
 **One window for many samples.** A window has the chips of all samples that lie within 15 chips, at every delay within
 `WINDOW_REACH_CHIPS` of a common middle. A window serves 32 samples from 2.2 samples per chip on, and eight samples from
-half a sample per chip on. At lower sampling rates each sample has its own window. A window stays in the order of its
-words. Chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. So no look-up is needed for single
-samples.
+half a sample per chip on. At lower sampling rates each sample has its own window. Each chip of a window keeps its bit
+position in the packed word. Chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. So no look-up is
+needed for single samples.
 
 **Fixed-point code phase.** The phase at the start of a block is a float64. Inside the block the phase is an integer
 with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. The phase, modulo 32 chips and cut to 27
 fraction bits, is added to the phase of the delay (`window_delay`). The five upper bits of the sum are the shift. A chip
-edge is exact to 2^-27 chip (0.4 µm): a plain double loop in float64 finds the same chip at every sample.
+edge is exact to 2^-27 chip (0.4 µm). A loop over the samples with a float64 code phase finds the same chip at every
+sample.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -29,7 +30,8 @@ from vestige.records.packed_chips import PAD
 
 GROUP = 32  # samples that share a window at most; the length of `window` is a multiple
 _SMALL_GROUP = 8
-_GROUP_SPAN = 14  # chips from the first to the last sample of a group at most, so that they meet 15
+# largest distance in chips from the first to the last sample of a group, so that the group meets 15 chips
+_GROUP_SPAN = 14
 # largest delay from the middle: with the chips of a group, 31 of a window's 32 chips are used
 WINDOW_REACH_CHIPS = 8.0
 FRACTION_BITS = 27  # bits of a delay; five bits are left for 32 chips

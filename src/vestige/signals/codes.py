@@ -59,14 +59,14 @@ def primary_code(signal: SignalDefinition, svid: int) -> Int8[np.ndarray, " n_ch
     Raises
     ------
     ValueError
-        If there is no code for `svid` (1 … 50).
+        If there is no code for `svid`; the codes are for SVID 1 to 50.
     """
     return _chips(_section(signal.name)[_row(svid)])
 
 
 @cache
 def secondary_code(signal: SignalDefinition, svid: int) -> Int8[np.ndarray, " n_periods"]:
-    """Return the secondary code of `signal` for one satellite as int8 ±1, one chip per primary period, or [1]."""
+    """Return the secondary code of `signal` for one satellite as int8 ±1, one chip per primary period; [1] if none."""
     row = _row(svid)
     if signal.secondary_length == 1:
         return _chips(np.zeros(1, np.uint8))

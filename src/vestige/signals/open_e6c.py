@@ -1,8 +1,8 @@
-"""Whether the chips of a RECS are those of the open E6-C code, which is public and repeats each millisecond.
+"""Decide whether the chips of a RECS belong to the open E6-C code, which is public and repeats each millisecond.
 
 E6-C was not encrypted before the service began. RECS made from such a recording (`vestige recs make`) exercise the
 whole chain, but a search for the earliest arrival is meaningless with them. The same chips arrive again one code period
-later, and the chips 100 ms earlier, a period of the secondary code, match the RECS too.
+later. The chips of 100 ms earlier, one period of the secondary code, match the RECS, too.
 """
 
 from __future__ import annotations

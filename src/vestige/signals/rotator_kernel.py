@@ -2,7 +2,7 @@
 
 One table for the constant frequency rotates all samples of a block. The phase of the block and the rate of change of
 the frequency are computed in float64 at the block's middle. The table is the product of a few coarse and fine steps, so
-that it costs 64 sines instead of 1024.
+that a table costs 64 sines instead of 1024.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

@@ -8,8 +8,9 @@ w are both complex Gaussian, so |z| is Rician with A and the variance s² = 1 + 
 
     miss = P(|z| < γ) = 1 − Q₁(A/s, γ/s)
 
-The C/N0 is that of the direct signal. A real reflection is delayed, so its contribution to the correlator of the direct
-signal is less than its power. So the average is an upper limit. P = 0 gives `miss_probability` of `thresholds`.
+C/N0 refers to the direct signal. A real reflection is delayed, so its contribution to the correlator of the direct
+signal is less than its power. The average is therefore an upper limit of the misses. P = 0 gives `miss_probability` of
+`thresholds`.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def faded_miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, ra
     pfa
         P_fa of a single test.
     ray_power_db
-        P, mean power of all reflections over that of the direct signal in dB; −inf for none.
+        P, mean power of all reflections over the power of the direct signal in dB; −inf for none.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Number of hypotheses of a search: N relates the false alarm of a single test to that of the whole search.
+"""Number of hypotheses of a search: N relates P_fa of a single test to P_FA of the whole search.
 
 Theory of operation
 -------------------
@@ -11,8 +11,9 @@ The paper's count for the hand-over, 30 s / 4 ms = 7500, has one code offset at 
 count is multiplied by the number of taps. The hand-over saves tests on E6 because a detection on E1 comes first. The
 detection on E1 has its own count: `exhaustive_hypotheses` over one E1 period with the E1 chip.
 
-The counts are not rounded to whole steps. Hypotheses less than a chip apart share part of their noise, so N of them
-give fewer false alarms than N independent hypotheses. `effective_taps` gives this reduction for a bank of taps.
+The counts are not rounded to whole steps. Hypotheses less than a chip apart share part of their noise, so N such
+hypotheses give fewer false alarms than N independent hypotheses. `effective_taps` gives this reduction for a bank of
+taps.
 """
 
 from __future__ import annotations

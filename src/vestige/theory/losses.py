@@ -64,7 +64,7 @@ def code_doppler_loss_db(doppler_hz: float, integration_s: float) -> float:
 
 
 def front_end_loss_db(bandwidth_hz: float) -> float:
-    """Return the loss of an ideal front-end filter, replica unfiltered: the share of the power that passes.
+    """Return the loss of an ideal front-end filter with an unfiltered replica: the share of the power that passes.
 
     The bandwidth is two-sided.
     """

@@ -45,7 +45,7 @@ def marcum_q(a: Reals, b: Real, order: int = 1) -> Reals:
         Threshold on the root of the sum of the squared magnitudes, same unit; ≥ 0. A number, or an array with the shape
         of a.
     order
-        K, number of magnitudes in the sum; 1 … 1000.
+        K, number of magnitudes in the sum; 1 to 1000.
     """
     is_upper, tail = _smaller_tail(a, b, order)
     return np.where(is_upper, tail, 1.0 - tail)[()]

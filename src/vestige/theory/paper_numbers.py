@@ -155,7 +155,7 @@ def _exhaustive() -> list[PaperNumber]:
     """Return rows 8 to 16: exhaustive search in E6."""
     n_exact_chip = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ)
     n_exact_c = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ, CHIP_PRINTED_S)
-    n_paper = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ, 60.0 / 3e8)  # with c = 3e8 m/s, as its 3e8 offsets
+    n_paper = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ, 60.0 / 3e8)  # c = 3e8 m/s, as for the 3e8 offsets
     pfa = single_event_pfa(OVERALL_PFA, n_paper)
     cn0 = [required_cn0_dbhz(PD, k * 4e-3, single_event_pfa(OVERALL_PFA, k * n_paper)) for k in (1, 2, 4)]
     return [

@@ -8,8 +8,9 @@ opposite slope through the higher outer tap.
 
     τ = τ_p + sgn(c_l − c_e) · ½ · (c_max − c_min)/(c_p − c_min) · Δ        c_max, c_min: of c_e and c_l
 
-Let all three taps lie on a triangle with its peak δ late of the punctual tap and flanks of slope a per metre: c_p = 1 −
-aδ, c_l = 1 − a(Δ−δ), c_e = 1 − a(Δ+δ). So c_l − c_e = 2aδ, c_p − c_e = aΔ, and δ = ½ Δ (c_l − c_e)/(c_p − c_e).
+Let all three taps lie on a triangle with flanks of slope a per metre. The peak is later than the punctual tap by δ.
+Then c_p = 1 − aδ, c_l = 1 − a(Δ−δ), and c_e = 1 − a(Δ+δ). So c_l − c_e is 2aδ, and c_p − c_e is aΔ. The result is
+δ = ½ Δ (c_l − c_e)/(c_p − c_e).
 
 The formula is exact for an unfiltered signal while Δ + |δ| is at most one chip: for every |δ| ≤ Δ/2 if Δ ≤ 2/3 chip.
 
@@ -37,8 +38,9 @@ def range_offset_m(
 ) -> Float[np.ndarray, " n_epochs"]:
     """Return measured minus predicted E6 range of each epoch in m, positive if later; NaN without a detection.
 
-    Magnitudes |c| go from early to late. `tap` is the index of the punctual tap from a detector, n … N−1−n, or −1.
-    `spacing` is n. `offsets_m` are the taps' offsets from the prediction, ascending and equidistant.
+    Magnitudes |c| go from early to late. `tap` is the index of the punctual tap from a detector: n to N−1−n, or −1
+    without a detection. `spacing` is n. `offsets_m` are the taps' offsets from the prediction, ascending and
+    equidistant.
 
     Raises `ValueError` if the taps are not equidistant, or a punctual tap lacks a neighbour.
     """
@@ -54,7 +56,7 @@ def range_offset_m(
     columns = punctual[:, None] + np.array([-spacing, 0, spacing])
     outer = np.take_along_axis(magnitudes, columns, axis=1)
     early, late = outer[:, 0], outer[:, 2]
-    # The highest of the three replaces c_p: the same for a peak, and a ratio of ±1 if an outer tap is higher.
+    # The highest of the three taps replaces c_p. At a peak this tap is c_p; if an outer tap is higher, the ratio is ±1.
     height = outer.max(axis=1) - np.minimum(early, late)
     ratio = np.divide(late - early, height, out=np.zeros_like(height), where=height != 0)
     offset_m = offsets_m[punctual] + 0.5 * ratio * spacing * step_m[0]

@@ -5,15 +5,15 @@ Theory of operation
 A correlator output z = A e^{jφ} + w is in units of its noise per dimension. The screen sums up a share f of the chips,
 and adds two outputs half a chip apart, because they share half of their noise. The screen's sum z₁, in units of its own
 noise, and z have the correlation ρ = √(f (1 + ½)/2). If |z₁| > t, both cells are kept, and z is compared with the
-threshold g. If the signal in z₁ is ρ A, for a given z
+threshold g. For a given z, and if the signal in z₁ has the amplitude ρ A,
 
     z₁ = ρ z + √(1−ρ²) v,    v complex Gaussian of unit variance per dimension, whatever A is:
     P(miss | |z| = S) = P₁(ρ S/√(1−ρ²), t/√(1−ρ²))
 
 A cell far above the threshold is thus almost never lost, and the loss depends only on S, not on the C/N0. With t = ρ g
 − k √(1−ρ²), a cell just at the threshold is k standard deviations above t. The choice of k and f balances the loss
-against the time: noise passes e^{−t²/2} of the cells. Here f = ¾, so ρ = ¾, and k = 2. Without the sum of two outputs,
-f = 9/16 has the same correlation, but the screen then needs 50 % more additions.
+against the time: the share e^{−t²/2} of the cells without a signal passes the screen. Here f = ¾, so ρ = ¾, and k = 2.
+Without the sum of two outputs, f = 9/16 has the same correlation, but the screen then needs 50 % more additions.
 
 The loss at a C/N0 is the mean of this probability over all S > g. The mean is computed for the strongest cell, with the
 signal anywhere between the points of the grid. Three effects change the signal in z₁. The second output of the sum is
@@ -96,6 +96,6 @@ def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float, segment_cycle
 
 
 def _unit_interval(n: int) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
-    """Return nodes and weights of Gauss's quadrature over 0 … 1."""
+    """Return nodes and weights of Gauss's quadrature from 0 to 1."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
     return (nodes + 1) / 2, weights / 2

@@ -17,8 +17,8 @@ from vestige.theory.hypotheses import effective_taps
 from vestige.theory.losses import code_grid_loss, doppler_grid_loss
 from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz, single_event_pfa, threshold
 
-# overall P_fa for one search of one satellite, less than the share of a search with each RECS that suspicion may
-# request
+# overall P_fa for one search of one satellite; smaller than the share of the alarm budget that a search with each RECS
+# has
 SEARCH_P_FA = 1e-6
 _DOPPLER_CORRELATION = 2 / np.pi  # correlation of the noise of two bins 1/(2 T) apart: sinc(1/2)
 
@@ -28,10 +28,9 @@ class SearchBudget:
     """Detection budget of a search, printed before the search starts."""
 
     hypotheses: float
-    independent: float  # independent tests with as many false alarms; equal to N if neighbours are not counted
-    # overall and single-event false-alarm probability
-    pfa_overall: float
-    pfa: float
+    independent: float  # number of independent tests with the same false alarms; N without `correlated_neighbours`
+    pfa_overall: float  # false-alarm probability of the whole search
+    pfa: float  # false-alarm probability of a single test
     threshold: float  # on the magnitude, in standard deviations of the noise per dimension
     required_cn0_dbhz: float  # C/N0 of E6-C that is found with probability 0.9 on the grid
     grid_loss_db: float  # mean loss of a signal between the grid points, in code and Doppler
@@ -78,8 +77,8 @@ def grid_probability_of_detection(
 ) -> float:
     """Return P_d of the strongest cell, averaged over all positions of a signal between the points of the grid.
 
-    `pfa` is the false-alarm probability of a cell. With `bins` Doppler, too, is on a grid of 1/(2 T_I); otherwise it is
-    known.
+    `pfa` is the false-alarm probability of a cell. If `bins` is true, the Doppler is on a grid as well, with steps of
+    1/(2 T_I). Otherwise the Doppler is known.
     """
     nodes, weights = np.polynomial.legendre.leggauss(24)
     share = (nodes + 1) / 2
@@ -104,7 +103,7 @@ def roc(
 ) -> tuple[RocPoint, ...]:
     """Return the receiver operating characteristic of a search of N hypotheses, grid losses included.
 
-    With `bins` Doppler is on a grid (exhaustive search); otherwise it is known (hand-over search).
+    If `bins` is true, the Doppler is on a grid (exhaustive search). Otherwise the Doppler is known (hand-over search).
     """
     return tuple(
         RocPoint(

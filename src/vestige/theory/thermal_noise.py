@@ -47,8 +47,8 @@ def dll_noise_m(
 
     With `dot_product` the loop multiplies early minus late with the prompt.
 
-    C/N0 is that of the tracked signal, and the bandwidth of the front end is two-sided. The spacing is the distance
-    between the early and the late correlator. `shares` are the power shares of the pulses of signal and replica. B_L is
+    C/N0 refers to the tracked signal. The bandwidth of the front end is two-sided. The spacing is the distance between
+    the early and the late correlator. `shares` are the power shares of the pulses of signal and replica. B_L is
     one-sided.
     """
     cn0 = 10.0 ** (cn0_dbhz / 10.0)

@@ -12,7 +12,7 @@ is complex Gaussian of unit variance per dimension. The magnitude of z is compar
                  P_fa = Γ(K, g²/2) / Γ(K)     P_d = Q_K(A, g)
 
 The paper's numbers assume one dwell, aligned in time and frequency, a constant amplitude, and known noise power.
-`losses` gives the cost of misalignment, `swerling1_probability_of_detection` that of a fluctuating amplitude.
+`losses` gives the loss by misalignment. `swerling1_probability_of_detection` is for a fluctuating amplitude.
 
 The conversions between P_FA and P_fa use log1p and expm1. As printed, 1 − (1 − P_FA)^{1/N} loses digits in floating
 point and gives the paper's 4.16e-14 instead of 4.17e-14.

@@ -8,7 +8,7 @@ then
     T = χ²(n − d) + k χ²(d)        P(T > t) = ∫₀^∞ e^{−v} P(χ²(n − d) > t − k q(v)) dv,    P(χ²(d) > q(v)) = e^{−v}
 
 For d = n the sum is k χ²(n). The integral is a sum over `_TAILS`. k is rounded up to a step of 2 %. The threshold is
-therefore an upper limit, high by at most 2 % of the part that k makes.
+therefore an upper limit, too high by at most 2 % of the part k χ²(d).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from jaxtyping import Float, Int
 from scipy.special import chdtrc, chdtri
 
 _STEP = 0.02  # step of ln k
-_TAILS = (np.arange(600) + 0.5) / 10  # v
+_TAILS = (np.arange(600) + 0.5) / 10  # values of v
 
 
 def variance_threshold(
@@ -42,7 +42,7 @@ def variance_threshold(
 
     Examples
     --------
-    >>> float(variance_threshold(10, np.array([0]), np.array([1.0]), 0.01)[0])  # that of χ²(10)
+    >>> float(variance_threshold(10, np.array([0]), np.array([1.0]), 0.01)[0])  # as for χ²(10)
     23.209...
     """
     found = np.full(np.shape(ratio), np.nan)

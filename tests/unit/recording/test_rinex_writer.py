@@ -103,6 +103,15 @@ def test_an_epoch_that_is_written_as_the_next_second(tmp_path: Path) -> None:
     assert [e.time for e in _read(tmp_path / "o.rnx")] == [GalileoTime(1162, 0)]
 
 
+def test_epochs_of_a_week_may_be_counted_in_float64(tmp_path: Path) -> None:
+    """Hours after the start, the fraction of a second has the rounding of all seconds before."""
+    start, path = GalileoTime(1421, 0), tmp_path / "week.rnx"
+    tags_s = [0.086 + hour * 3600.0 for hour in range(0, 168, 7)]
+    assert max(abs((start + tag_s).fraction - 0.086) for tag_s in tags_s) > 1e-11
+    write_rinex_observations(path, [ObservationEpoch(time=start + tag_s, observations={}) for tag_s in tags_s])
+    assert [epoch.time.fraction for epoch in _read(path)] == [0.086] * len(tags_s)
+
+
 def test_what_rinex_cannot_hold_is_our_mistake(tmp_path: Path) -> None:
     path = tmp_path / "o.rnx"
     with pytest.raises(ValueError, match="time of its first observation"):

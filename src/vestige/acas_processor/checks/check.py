@@ -105,7 +105,7 @@ class LevelMonitor(Monitor):
         return two_sided_factor(self.p_fa) * self.sigma_db
 
     def probability_of_detection(self: _Level, change_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the probability that the monitor detects a change of the level."""
+        """Return the probability that the monitor detects a change of the level by `change_db`."""
         return two_sided_detection(change_db / self.sigma_db, self.p_fa)
 
 
@@ -123,7 +123,7 @@ def two_sided_detection(shift_sigma: Float[np.ndarray, "*n"], p_fa: float) -> Fl
 def count_threshold(trials: int, probability: float, p_fa: float) -> int:
     """Return the smallest t with P(count > t) ≤ p_fa for a binomial count.
 
-    Counts are whole, so the false-alarm probability is at most the budget, not equal to it.
+    Counts are whole numbers, so the false-alarm probability is at most `p_fa`, and mostly smaller.
     """
     counts = np.arange(trials + 1, dtype=np.float64)
     return int(np.argmax(bdtrc(counts, trials, probability) <= p_fa))
@@ -134,7 +134,7 @@ def confirmed(
 ) -> Bool[np.ndarray, "*n"]:
     """Return where a check failed `confirm` times in a row; epochs in which it was not run do not count.
 
-    `before` is the number of a satellite's last tests before the block that failed in a row, at most `confirm`.
+    `before` is, for each satellite, the number of failures in a row just before the block, at most `confirm`.
     """
     out = np.zeros(failed.shape, np.bool_)
     flat_failed, flat_run, flat_out = (array.reshape(array.shape[0], -1) for array in (failed, run, out))

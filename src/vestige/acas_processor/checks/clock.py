@@ -3,19 +3,20 @@
 Theory of operation
 -------------------
 A position fix gives bias b and drift d of the receiver's clock (both times c). The codes give b with σ_b, and the
-carriers give d with σ_d, independently. An oscillator with white (Sf) and random-walk (Sg) frequency noise [GALLEANI08]
-allows, over a step Δt,
+carriers give d with σ_d, independently. The oscillator has white (Sf) and random-walk (Sg) frequency noise
+[GALLEANI08]. Over a step Δt the three statistics of the check have the variances
 
     innovation     d_k − d_{k−1}                            c² Sg Δt + 2 σ_d²
     consistency    b_k − b_{k−1} − ½(d_k + d_{k−1}) Δt      c² (Sf Δt + Sg Δt³/12) + 2 σ_b² + ½ σ_d² Δt²
     slope          least-squares slope of the last drifts   wᵀ C w,  C_ij = c² Sg min(t_i, t_j) + σ_d² δ_ij
 
-as variances. Each test fails beyond K standard deviations. The three tests share the budget P_fa equally.
+w are the weights of the least-squares slope, and C is the covariance of the drifts. Each test fails beyond K standard
+deviations. The three tests share the budget P_fa equally.
 
-The innovation test detects a step of the drift. The consistency test detects a time push of the codes that the carriers
-do not follow. The slope test detects a slow pull of the drift. The random walk of the oscillator hides a slower
-pull-off. A push that is consistent on code and carrier, and slower than the random walk, is not detected. A receiver
-that steps its clock by whole milliseconds must remove the steps first.
+The innovation test detects a step of the drift. The consistency test detects a delay of the codes that the carriers do
+not follow. The slope test detects a slow, steady change of the drift. An attack that changes code and carrier alike,
+and more slowly than the random walk of the oscillator, is not detected. A receiver that steps its clock by whole
+milliseconds must remove the steps first.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 
 class ClockHistory(NamedTuple):
-    """The receiver clock of n epochs with a fix: times, bias and drift times c, and the variances of bias and drift."""
+    """The receiver clock at n epochs with a fix: time, bias and drift (both multiplied by c), and their variances."""
 
     time_s: Float[np.ndarray, " n"]
     bias_m: Float[np.ndarray, " n"]
@@ -62,9 +63,9 @@ class ClockDriftMonitor:
     The default is the clock of [WFO, Sec. V].
     """
 
-    # Sf = h0/2 and Sg = 2π² h−2 of the oscillator
-    white_s: float = 7.115e-24 / 2  # [WFO, Sec. V]
-    walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
+    white_s: float = 7.115e-24 / 2  # Sf = h0/2, white frequency noise of the oscillator [WFO, Sec. V]
+    # Sg = 2π² h−2, random-walk frequency noise of the oscillator [WFO, Sec. V]
+    walk_hz: float = 2 * math.pi**2 * 4.311e-21
     window: int = 10  # number of epochs of the slope, 3 or more
     max_gap_s: float = 120.0  # longest step between epochs; the monitor begins anew after a longer gap
     p_fa: float = 1e-5  # false-alarm probability of one epoch, all three tests together
@@ -76,7 +77,7 @@ class ClockDriftMonitor:
 
     @property
     def factor(self) -> float:
-        """K of each of the three tests."""
+        """K, the threshold of each of the three tests in standard deviations."""
         return two_sided_factor(self.p_fa / 3)
 
     def statistics(self, clock: ClockHistory) -> ClockStatistics:

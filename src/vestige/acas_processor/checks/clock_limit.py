@@ -3,18 +3,19 @@
 Theory of operation
 -------------------
 The receiver keeps time by itself. The receiver states an upper limit U of the error of its clock against Galileo System
-Time (`time_uncertainty_s`). The E1 ranges measure the same error: the clock b of a position fix, times c. A replay that
-comes τ later makes b larger by c τ, even if the attacker suppresses other signals. The check passes if
+Time (`time_uncertainty_s`). The E1 ranges measure the same error: a position fix gives the clock error b, multiplied by
+c. A replay that arrives later by τ increases b by c τ, even if the attacker suppresses other signals. The check passes
+if
 
     with a fix       |b|/c ≤ U + (`MARGIN_M` + K σ_b)/c
     without a fix    |median(P)/c − 85 ms| ≤ U + 20 ms
 
 where P are the pseudoranges; Galileo travel times are 65 to 105 ms (`position/possible_range.py`). `MARGIN_M` covers
-ionosphere and troposphere, which the fix does not correct, and orbits. K follows from `p_fa`.
+ionosphere, troposphere and orbit errors, which the fix does not correct. K follows from `p_fa`.
 
-The check depends on U. A replay passes if it is no later than U allows, or if the clock's own error cancels its delay.
-U is the limit that the receiver states. The smaller limit from the receiver's last authentic fix does not count here,
-because the attack may have begun before that fix.
+The check depends on U. A replay passes if it is no later than U allows, or if the error of the clock cancels the delay
+of the replay. U is the limit that the receiver states. The smaller limit from the receiver's last authentic fix does
+not count here, because the attack may have begun before that fix.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Range check between E6 and E1: |offset| ≤ κσ, step 2 of every level [WFO, Sec. IV-A; TAES2023, Eq. 21-24]."""
+"""Check the E6 range against E1: |offset| ≤ κσ, step 2 of every level [WFO, Sec. IV-A; TAES2023, Eq. 21-24]."""
 
 from __future__ import annotations
 
@@ -22,13 +22,12 @@ class RangeCheck:
 
     name: ClassVar = CheckName.E1_E6_RANGE
     unit: ClassVar = "m"
-    # error budget of the range difference, and its factor κ
-    budget: ErrorBudget = field(default_factory=ErrorBudget.uncorrected)
-    kappa: float = KAPPA
+    budget: ErrorBudget = field(default_factory=ErrorBudget.uncorrected)  # error budget of the range difference, σ
+    kappa: float = KAPPA  # κ, factor of σ
 
     @property
     def p_fa(self) -> float:
-        """False-alarm probability of one test if σ is the standard deviation of the errors; a larger σ lowers it."""
+        """False-alarm probability of one test if σ is the standard deviation of the errors; smaller with a larger σ."""
         return math.erfc(self.kappa / math.sqrt(2))
 
     @property

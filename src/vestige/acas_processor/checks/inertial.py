@@ -13,10 +13,10 @@ The difference of both sides has the variance of the remaining errors:
 
     variance = σ_ρ̇,0² + σ_ρ̇,1² + (σ_bias T)² + N² T + c² Sg T
 
-with σ_bias the accelerometers' bias, N their velocity random walk, and Sg the frequency random walk of the receiver's
-oscillator. The test fails beyond K standard deviations. The test does not detect a pull-off that stays below the drift
-of oscillator and accelerometers. The test does not detect a pull-off that ends before the next epoch either, if the
-rate then has its old value.
+T is the time between the epochs, σ_bias the bias of the accelerometers, N their velocity random walk, and Sg the
+frequency random walk of the receiver's oscillator. The test fails beyond K standard deviations. The test does not
+detect a pull-off that stays below the drift of oscillator and accelerometers. The test does not detect a pull-off that
+ends before the next epoch either, if the rate then has its old value.
 
 Accelerations are kinematic: the second derivative of the position relative to the Earth, without gravity.
 """
@@ -46,8 +46,8 @@ class InertialMonitor(Monitor):
     unit: ClassVar = "m/s"
     # bias of the accelerometers along the line of sight, 1σ
     sigma_bias_mps2: float = 0.01  # 1 mg, a consumer's sensor
-    walk_mps_per_sqrt_s: float = 0.002  # N, their velocity random walk
-    # Sg = 2π² h−2 of the receiver's oscillator; 0 for differences between satellites
+    walk_mps_per_sqrt_s: float = 0.002  # N, velocity random walk of the accelerometers
+    # Sg = 2π² h−2 of the receiver's oscillator; 0 for differences between satellites, which have no clock error
     clock_walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
     p_fa: float = 1e-6
 
@@ -57,7 +57,7 @@ class InertialMonitor(Monitor):
         return np.sqrt((self.sigma_bias_mps2 * interval_s) ** 2 + walk * interval_s)
 
     def threshold_mps(self, interval_s: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the largest |statistic| that passes after an interval T, if range rates had no errors."""
+        """Return the largest |statistic| that passes after an interval T, as if the range rates had no errors."""
         return two_sided_factor(self.p_fa) * self.sigma_mps(interval_s)
 
     def statistic(

@@ -8,9 +8,9 @@ subframe is lost with a known probability p, so the count is binomial. The thres
 exceeded with a probability of at most P_fa.
 
 **Assisted comparison** [WFO, Sec. IV-C]. Keys and tags also come from a second channel (the network). Missing or
-damaged fields are counted field by field, so the check needs only seconds. A field that differs although its page
-passed the checksum is no reception error (probability 2⁻²⁴ a page). A single such field shows that another sender is
-active.
+damaged fields are counted field by field, so the check needs only seconds. A reception error passes the checksum of a
+page with a probability of only 2⁻²⁴. A single field that differs although its page passed the checksum therefore shows
+that another sender is active.
 
 The checks do not detect an attack that leaves the data unchanged. The comparison proves nothing if the attacker
 controls the second channel.
@@ -33,7 +33,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LossMonitor(Monitor):
-    """Monitor of losses: it fails if so many losses have a probability below P_fa without an attack."""
+    """Monitor of losses, which fails if so many losses have a probability below P_fa without an attack."""
 
     loss_probability: float = 0.02  # probability of a loss in one trial without an attack
     p_fa: float = 1e-5
@@ -76,12 +76,12 @@ class OsnmaAvailabilityMonitor(_LossMonitor):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaAgreementMonitor:
-    """Monitor that compares received fields with those of the second channel; any difference fails."""
+    """Monitor that compares received fields with the fields of the second channel; it fails at any difference."""
 
     name: ClassVar = CheckName.OSNMA_AGREEMENT
     unit: ClassVar = "fields"
 
-    p_fa: float = 2.0**-24  # probability that one field fails: CRC-24 passes a damaged page
+    p_fa: float = 2.0**-24  # probability that a damaged page passes CRC-24, so that its field differs
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the check over a block; it is made at the end of each subframe."""

@@ -18,7 +18,7 @@ from vestige.constants import PAGES_A_SUBFRAME
 from vestige.records.snapshot_block import OsnmaBlock
 
 KEY_WINDOW = 20  # subframes in which missing keys are counted, 10 minutes
-KEY_BIT = 1 << PAGES_A_SUBFRAME  # a key that is compared as a whole
+KEY_BIT = 1 << PAGES_A_SUBFRAME  # bit of a key that is compared as a whole, after the bits of the pages
 _KEY_PAGES = sum(1 << page for page in range(10, 15))  # pages with the bits of a key of 128 bits [OSNMA-ICD]
 
 
@@ -27,25 +27,24 @@ class Subframes:
     """The k subframes that ended in a block."""
 
     epoch: Int64[np.ndarray, " k"]  # row at which each subframe is judged
-    # number of the last subframes without a key, and number of the last subframes
-    missing: Int64[np.ndarray, " k"]
-    window: Int64[np.ndarray, " k"]
-    # pages, or keys, of all satellites
-    due: Int64[np.ndarray, " k"]
-    lost: Int64[np.ndarray, " k"]
-    received: Int64[np.ndarray, " k"]
-    differs: Int64[np.ndarray, " k"]
+    missing: Int64[np.ndarray, " k"]  # number of the last `window` subframes without a received key
+    window: Int64[np.ndarray, " k"]  # number of the last subframes, at most `KEY_WINDOW`
+    # numbers of pages or keys, summed over the satellites:
+    due: Int64[np.ndarray, " k"]  # sent according to the second channel
+    lost: Int64[np.ndarray, " k"]  # due, but not received
+    received: Int64[np.ndarray, " k"]  # received
+    differs: Int64[np.ndarray, " k"]  # received, but different from the second channel
 
 
 def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMemory) -> tuple[Subframes, OsnmaMemory]:
-    """Return the subframes that ended in a block, and the memory after it.
+    """Return the subframes that ended in a block, and the memory after the block.
 
     `block` contains pieces of subframes in order of time; None without a second channel.
     """
     keyed, current = memory.keyed, memory.open
     rows: list[tuple[int, ...]] = []
     for of in _together(block):
-        if current is None or of.start != current.start:  # pieces of the other are missing
+        if current is None or of.start != current.start:  # the last pieces of the other subframe are missing
             current = Subframe(start=of.start)
         current = _joined(current, of, svids)
         if not of.last:
@@ -65,7 +64,7 @@ class _Pieces(NamedTuple):
     start: int  # start of the subframe
     epoch: int  # row of the last piece
     last: bool  # whether the last piece ends the subframe
-    # a number of bits for each satellite
+    # bits of pages and key, an integer for each satellite
     due: list[int]
     received: list[int]
     differs: list[int]

@@ -10,9 +10,10 @@ r⟩ is largest. The statistic √G with
 
 measures how much better two signals explain the taps than one signal. Noise alone makes every |·|²/2 exponential. Let a
 reflection have a Rayleigh amplitude and the mean power P over a direct signal of amplitude s. The reflection adds at
-most s²P/2 to the variance in each dimension. In a single RECS such a reflection looks like a spoofing signal. So
+most s²P/2 to the variance in each dimension. In a single RECS such a reflection looks like a spoofing signal. The check
+therefore fails where
 
-    fail where √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = number of positions tried
+    √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = number of positions tried
 
 with k = 1 where the weaker signal is the later signal. The false-alarm probability is an upper limit, because
 neighbouring positions share noise and a reflection rarely lies at the worst position. In harsh conditions P is −15.8
@@ -55,9 +56,9 @@ class TwoSignals(NamedTuple):
     """Best fit of two signals to the correlators of a RECS."""
 
     statistic: Float[np.ndarray, "*n"]  # √G
-    # stronger signal: amplitude s in standard deviations of the noise per dimension, and offset in m
+    # amplitude s of the stronger signal in standard deviations of the noise per dimension
     amplitude: Float[np.ndarray, "*n"]
-    stronger_m: Float[np.ndarray, "*n"]
+    stronger_m: Float[np.ndarray, "*n"]  # offset of the stronger signal in m
     weaker_m: Float[np.ndarray, "*n"]  # offset of the weaker signal in m
 
     @property
@@ -80,8 +81,8 @@ class SecondSignalMonitor(Monitor):
 
     name: ClassVar = CheckName.E6_SECOND_SIGNAL
     unit: ClassVar = "sigma"
-    # P, mean power of all reflections over the direct signal
-    ray_power_db: float = -15.8  # mean power of the reflections in the harsh conditions [WFO, Sec. VI-A]
+    # P, mean power of all reflections over the direct signal; the default is for harsh conditions [WFO, Sec. VI-A]
+    ray_power_db: float = -15.8
     p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, an upper limit
     reach_m: float = np.inf  # correlators farther from the prediction are left out
 
@@ -116,7 +117,7 @@ class SecondSignalMonitor(Monitor):
     def threshold(
         self, found: TwoSignals, offsets_m: Float[np.ndarray, " n_taps"], *, relative: float | np.ndarray = 1.0
     ) -> Float[np.ndarray, "*n"]:
-        """Return the largest √G that passes; `relative` scales the amplitude of the reflections at other elevations."""
+        """Return the largest √G that passes; `relative` scales the amplitude of the reflections (1 at 16°)."""
         tried = _places(tuple(np.round(offsets_m, 6).tolist())).whitened.shape[0]
         share = np.where(found.weaker_m < found.stronger_m, _EARLY_SHARE, 1.0)
         ray_amplitude = found.amplitude * relative
@@ -124,7 +125,7 @@ class SecondSignalMonitor(Monitor):
         return np.sqrt(-2 * variance * np.log(self.p_fa / tried))
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block; low satellites have stronger multipath, high satellites weaker."""
+        """Return the check over a block; low satellites have stronger multipath and therefore a higher threshold."""
         measured = evidence.measured
         found = two_signals(self, measured)
         offsets_m = measured.banks.offsets_m

@@ -22,11 +22,11 @@ _AXES = ("east", "north", "up")
 
 
 def separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3 m"], Int[np.ndarray, " n"]]:
-    """Return |Δx_q|/σ_ss,q for east, north, up and every satellite (NaN if undefined), and how many are defined."""
+    """Return |Δx_q|/σ_ss,q for east, north, up and every satellite (NaN if undefined), and the number of modes."""
     parts = redundancy(local_geometry(fix), fix.weight)
     separation = solution_separation(parts, fix.residual_m, fix.weight)
     sigma = separation.sigma_m[:, :3]
-    # if a satellite hardly affects an axis, its σ is only rounding errors
+    # the σ of a satellite that hardly affects an axis consists of rounding errors only
     touched = sigma > 1e-9
     modes = np.count_nonzero(np.isfinite(sigma[:, 2]), axis=1)
     return np.abs(separation.difference_m[:, :3]) / np.where(touched, sigma, np.nan), modes
@@ -54,9 +54,8 @@ class SolutionSeparationMonitor(Monitor):
 
     name: ClassVar = CheckName.SOLUTION_SEPARATION
     unit: ClassVar = "thresholds"
-    # false-alarm probabilities of one epoch, for both horizontal axes together and for the vertical one
-    p_fa_horizontal: float = 9e-8  # LPV-200
-    p_fa_vertical: float = 3.9e-6  # LPV-200
+    p_fa_horizontal: float = 9e-8  # false-alarm probability of one epoch, both horizontal axes together (LPV-200)
+    p_fa_vertical: float = 3.9e-6  # false-alarm probability of one epoch, vertical axis (LPV-200)
 
     @property
     def p_fa(self) -> float:

@@ -1,10 +1,10 @@
 """State of each satellite that a receiver shows, with one alarm for each change of state.
 
-A verdict comes with each RECS, and suspicions come between the RECS. The state of a satellite is therefore the gravest
-status of the last `HOLD_S`. A graver status raises the state at once. The state falls only after `HOLD_S` without a
-status as grave as the state. So an attack that a check detects only in some RECS is a single alarm. AUTHENTIC is a
-statement about a range, and a satellite that E1 has lost has no range. The state AUTHENTIC therefore ends with the
-loss, but a state of alarm does not.
+Each RECS gives a verdict, and the monitors may raise a suspicion between two RECS. The state of a satellite is
+therefore the gravest status of the last `HOLD_S`. A graver status raises the state at once. The state falls only after
+`HOLD_S` without a status as grave as the state. So an attack that a check detects only in some RECS raises a single
+alarm. AUTHENTIC is a statement about a range, and a satellite that E1 has lost has no range. The state AUTHENTIC
+therefore ends with the loss, but a state of alarm does not.
 """
 
 from __future__ import annotations

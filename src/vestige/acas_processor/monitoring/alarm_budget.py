@@ -10,14 +10,13 @@ Theory of operation
 Some checks have their own false-alarm probability, in addition to this budget. The range check has erfc(κ/√2) if its σ
 is the standard deviation of the errors (a larger σ is intended). In addition, noise exceeds the detection threshold in
 some of the N correlators, with N times the P_fa of a correlator. E6 power has 1 − P_d, averaged over fading by
-multipath (`theory/fading.py`). Power–distortion has the published false-alarm probability of 0.6 % [WESSON18], to the
-power of the number of its confirmations. OSNMA that differs has the probability 2⁻²⁴ a page. These probabilities are
-upper limits. The sum of these probabilities is an upper limit too, because several failures during one alarm
-(`alarm.py`) count once.
+multipath (`theory/fading.py`). Power–distortion has 0.006ᵏ, where 0.6 % is the published false-alarm probability
+[WESSON18] and k the number of confirmations. OSNMA agreement has 2⁻²⁴ a page. These probabilities are upper limits. The
+sum of these probabilities is an upper limit too, because several failures during one alarm (`alarm.py`) count once.
 
-**With `alarms_per_day` = a** the whole level may raise at most a false alarms in one day. Alarms that no threshold
+**With `alarms_per_day` = a** the whole level may raise at most `a` false alarms in one day. Alarms that no threshold
 changes are subtracted first: the alarms by noise in the N correlators, and OSNMA's 2⁻²⁴. The other n checks of the
-level get equal shares, and with T tests a day each
+level get equal shares. A check with T tests a day has
 
     P = (a − Σ fixed) / (n T)        of one test
     range check        κ = √2 erfc⁻¹(P)
@@ -25,12 +24,12 @@ level get equal shares, and with T tests a day each
     power–distortion   ⌈ln P / ln 0.006⌉ failures in a row
     all others         P_fa = P
 
-For level 1, eight satellites and a RECS each 30 s, a = 1: 0.11 alarms a day come from noise in 46 correlators, P =
-1.9·10⁻⁵, κ = 4.27. Checks that a user wrote keep their own probability, in addition to a.
+An example is level 1 with eight satellites, a RECS each 30 s and a = 1. Noise in 46 correlators then raises 0.11 alarms
+a day, P is 1.9·10⁻⁵, and κ is 4.27. Checks that a user wrote keep their own probability, in addition to a.
 
 Among the checks with a settable probability, clock and RAIM are *exact*: their statistics have the distribution from
 which the threshold is computed. The other checks allow for errors that are not always present, such as a front end that
-drifts or a C/N0 that fades. The probabilities of these checks are upper limits, too.
+drifts or a C/N0 that fades. The probabilities of these checks are upper limits.
 """
 
 from __future__ import annotations
@@ -63,10 +62,9 @@ class Cadence:
     """Numbers that determine how often a receiver tests: satellites, and times between epochs, RECS and searches."""
 
     satellites: int
-    # time between epochs of E1, between RECS, and between exhaustive searches, in s
-    observation_s: float = 1.0
-    recs_s: float = 30.0
-    search_s: float = 3600.0
+    observation_s: float = 1.0  # time between epochs of E1
+    recs_s: float = 30.0  # time between RECS
+    search_s: float = 3600.0  # time between exhaustive searches
 
     def tests_a_day(self, row: CheckSpec) -> float:
         """Return the number of tests of a check in a day."""
@@ -153,7 +151,7 @@ def _fixed_p_fa(row: CheckSpec, assumed: DetectionAssumptions) -> float:
 
 
 def _set(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmShare:
-    """Return the share of a check of a level whose alarms a day are set; `p_fa` is the allowance of one test."""
+    """Return the share of a check if the alarms a day are set; `p_fa` is the probability that one test may have."""
     if not row.settable:
         return _with_own(row, p_fa, assumed)
     p_fa = min(p_fa, _LARGEST_P_FA)

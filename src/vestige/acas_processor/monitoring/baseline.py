@@ -7,8 +7,8 @@ The checks of step 3 compare with a reference level. One rule gives the source o
 2. Otherwise the receiver learns the level: the median of the last `WINDOW` values of epochs with RECS and without an
    alarm. Before `LEARNED` values are collected, the check is not run.
 
-An attack from the beginning becomes the usual level. The median of k values has π/(2k) times the variance of a single
-value, so thresholds grow by √(1 + π/(2k)).
+If an attack is present from the beginning, the receiver learns the level of the attack. The median of k values has
+π/(2k) times the variance of a single value, so thresholds grow by √(1 + π/(2k)).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from vestige.signals.definitions import E6C
 
 BASELINE_WINDOW = 20
 LEARNED = 5
-_LEAST_SNR = 1e-3  # lower limit, for noise that is stronger than the largest correlator
+_LEAST_SNR = 1e-3  # smallest SNR, for a largest correlator that is below the noise
 
 
 class Quantity(Enum):
@@ -52,10 +52,9 @@ class Quantity(Enum):
 class Antenna:
     """Antenna model: the expected C/N0 of a satellite against its elevation."""
 
-    # C/N0 of E1-C and E6-C at the zenith
-    e1_dbhz: float
-    e6_dbhz: float
-    # decrease of C/N0 from zenith to horizon: C/N0(e) = zenith − fall (1 − sin e); 0 needs no elevation
+    e1_dbhz: float  # C/N0 of E1-C at the zenith
+    e6_dbhz: float  # C/N0 of E6-C at the zenith
+    # decrease of C/N0 from zenith to horizon: C/N0(e) = zenith − fall (1 − sin e); if 0, no elevation is needed
     fall_db: float = 0.0
 
     def expected_dbhz(self, zenith_dbhz: float, elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -69,13 +68,13 @@ class Antenna:
 class ReferenceLevels:
     """Reference levels that the receiver's settings state; None for a level that the receiver learns."""
 
-    # power of each band without interference, in the reference of its front end
+    # power of each band without interference, relative to the reference of its front end
     e1_power_db: float | None = None
     e6_power_db: float | None = None
     antenna: Antenna | None = None
 
     def configured(self, quantity: Quantity, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "*n"] | None:
-        """Return a stated level for every epoch (and satellite, if it differs); None if the receiver learns it."""
+        """Return the stated level of every epoch (and satellite, for C/N0); None if the receiver learns the level."""
         power_db = {Quantity.E1_POWER_DB: self.e1_power_db, Quantity.E6_POWER_DB: self.e6_power_db}.get(quantity)
         if power_db is not None:
             return np.full(elevation_rad.shape[0], power_db)
@@ -155,7 +154,7 @@ class Observed:
         }
 
     def _own_share(self, snr: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
-        """Return the signal's contribution to the floor of wrong codes: Ec/N0, smaller where it overlaps two chips."""
+        """Return the power that the signal adds to the floor of wrong codes, over the noise: at most Ec/N0."""
         banks, chips_per_m = self.measured.banks, E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
         between = np.nan_to_num(self.measured.detected.range_offset_m) * chips_per_m % 1.0
         return snr / (banks.integration_s * E6C.chip_rate_hz) * ((1 - between) ** 2 + between**2)
@@ -187,7 +186,7 @@ class Observed:
         return found
 
     def after(self, baseline: Baseline, teaches: Bool[np.ndarray, " n"]) -> Baseline:
-        """Return the baseline with the values of the block's epochs without an alarm added."""
+        """Return the baseline after a block, with the values of its epochs without an alarm."""
         known: dict[Quantity, dict[int, Values]] = {}
         for quantity, values in self.values.items():
             known[quantity] = dict(baseline.values.get(quantity, {}))
@@ -202,7 +201,7 @@ class Observed:
 def _running(
     before: Values, column: Float[np.ndarray, " n"], teaches: Bool[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the median of the last alarm-free values before each epoch, NaN with too few, and their number."""
+    """Return the median of the last values without an alarm before each epoch (NaN if too few), and their number."""
     taught = teaches & np.isfinite(column)
     values = np.concatenate([np.array(before, np.float64), column[taught]])
     known: Int64[np.ndarray, " n"] = len(before) + np.cumsum(taught) - taught

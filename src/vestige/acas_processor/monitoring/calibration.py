@@ -13,7 +13,7 @@ MIN_SATELLITES = 3  # with a single satellite, spoofing looks like a bias
 
 
 def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | None:
-    """Return the correction of the hardware bias so that the median range offset is zero, in s.
+    """Return the correction of the hardware bias in s that makes the median range offset zero.
 
     The bias is common to all satellites; ionosphere, multipath and noise are not. The median over all detected
     satellites is robust against a minority of spoofed satellites. Calibrate where the signals are known to be

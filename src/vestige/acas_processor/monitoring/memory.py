@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 Vector = tuple[float, float, float]
-# Numbers that a check remembers from block to block, by SVID; those of the receiver have the key 0. Only the check
-# knows their meaning.
+# Numbers that a check remembers from block to block, by SVID; numbers of the receiver have the key 0. Each check gives
+# the numbers its own meaning.
 CheckMemory = Mapping[int, tuple[float, ...]]
 RECEIVER = 0  # key of the receiver
 
@@ -16,7 +16,7 @@ RECEIVER = 0  # key of the receiver
 class FixMemory:
     """Last position from authentic ranges without an alarm."""
 
-    time_s: float  # after the first epoch that the receiver ever processed
+    time_s: float  # in s after the first epoch that the receiver ever processed
     position_m: Vector  # ECEF
 
 
@@ -25,7 +25,7 @@ class Subframe:
     """OSNMA of one subframe, as far as received."""
 
     start: int  # in s since the GST epoch
-    # bits of pages by satellite
+    # by satellite, a bit for each page: due, received, and received but different
     due: Mapping[int, int] = field(default_factory=dict)
     received: Mapping[int, int] = field(default_factory=dict)
     differs: Mapping[int, int] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Settings of the checks that levels 2 and 3 add, and the checks that follow from them."""
+"""Settings of the checks that levels 2 and 3 add, and the checks that follow from these settings."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class MonitoringSettings:
     e6_phase, e6_fading
         The optional monitors of the carrier on E6, for every level; None if they are turned off.
     osnma_availability, osnma_reception
-        The checks with their settings; their false-alarm probability is replaced by that of the level's budget.
+        Settings of both checks; the level's budget replaces their false-alarm probability.
     second_signal_filtered
         Whether a filter of the E6 front end bends the correlation function, so that two signals look like one.
     e1_search, exhaustive_search
@@ -64,7 +64,7 @@ class MonitoringSettings:
     search_p_fa
         False-alarm probability of one search.
     exhaustive_period_s
-        Time between two exhaustive searches while nothing is suspicious.
+        Time between two exhaustive searches while nothing is suspicious, in s.
     """
 
     cadence: Cadence = Cadence(satellites=10, observation_s=30.0)  # noqa: RUF009  (frozen)

@@ -35,16 +35,16 @@ from vestige.theory.variance_test import variance_threshold
 class Recs(NamedTuple):
     """RECS in order of time, from before the block and of the block."""
 
-    row: Int[np.ndarray, " k"]  # epoch of the block; −1 for earlier RECS
+    row: Int[np.ndarray, " k"]  # row of the RECS in the block; −1 for earlier RECS
     stretch: Int[np.ndarray, " k"]  # number of times that E1 lost the satellite since the block began
-    # remembered from block to block
-    time_s: Float[np.ndarray, " k"]  # after the first epoch that the receiver ever processed
-    # detecting correlator minus the phase that E1 predicts, up to a constant; NaN if unknown
+    # the following fields are remembered from block to block
+    time_s: Float[np.ndarray, " k"]  # in s after the first epoch that the receiver ever processed
+    # phase of the detecting correlator minus the phase that E1 predicts, up to a constant; NaN if unknown
     phase_rad: Float[np.ndarray, " k"]
     # magnitude of the detecting correlator in standard deviations of the noise per dimension
     magnitude_sigma: Float[np.ndarray, " k"]
     cn0_e1_dbhz: Float[np.ndarray, " k"]
-    # time over which the Doppler of E1 extrapolates its phase to the middle of the RECS
+    # time over which the Doppler of E1 extrapolates the E1 phase to the middle of the RECS
     extrapolated_s: Float[np.ndarray, " k"]
 
 
@@ -75,7 +75,7 @@ def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
 
 
 def remembered_recs(evidence: Evidence, most: int) -> CheckMemory:
-    """Return the memory for the next block: the last `most` RECS of each satellite that E1 still tracks, 1 or more."""
+    """Return the memory for the next block: the last RECS of each satellite that E1 still tracks, at most `most`."""
     lost = np.count_nonzero(~evidence.measured.snapshots.e1.seen, axis=0)
     found = {}
     for column, recs in enumerate(recs_of_satellites(evidence)):
@@ -86,7 +86,7 @@ def remembered_recs(evidence: Evidence, most: int) -> CheckMemory:
 
 
 def last_of(values: Shaped[np.ndarray, " k"], n: int) -> Shaped[np.ndarray, "tests n"]:
-    """Return the last n values at each value from the n-th on."""
+    """Return a row for each value from the n-th on: this value and the n − 1 values before it."""
     if values.size < n:
         return np.zeros((0, n), values.dtype)
     return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(values, n))

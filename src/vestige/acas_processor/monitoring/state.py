@@ -17,7 +17,7 @@ from vestige.time import GalileoTime
 class SearchMemory:
     """Memory of the exhaustive search: time and result of the last search, and any suspicion since then."""
 
-    searched_at: GalileoTime | None = None  # time of the last epoch
+    searched_at: GalileoTime | None = None  # time of the last search
     found_twice: bool = False  # whether a search with the last RECS found more than one signal of a satellite
     suspicious: bool = False  # whether another check failed since the last RECS
 
@@ -30,8 +30,8 @@ class ReceiverState:
     last: GalileoTime  # time of the last epoch
     uncertainty: TimeUncertainty = field(default_factory=TimeUncertainty)
     baseline: Baseline = field(default_factory=Baseline)  # reference levels of power, C/N0 and noise floor
-    position_m: Vector | None = None  # ECEF position of the last fix; None before the first
-    fix: FixMemory | None = None  # last fix, which limits the position of the receiver; None before the first
+    position_m: Vector | None = None  # ECEF position of the last fix; None before the first fix
+    fix: FixMemory | None = None  # last fix near which the receiver must be; None before the first such fix
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
     memory: Mapping[CheckName | str, CheckMemory] = field(default_factory=dict)  # by check
     search: SearchMemory = field(default_factory=SearchMemory)

@@ -20,9 +20,8 @@ class AuthenticPosition:
     """Position of the receiver at the time of a snapshot, from authentic ranges, with its standard deviations."""
 
     index: int
-    # time of the snapshot, and of the last key that the position needs
-    time: GalileoTime
-    available_at: GalileoTime
+    time: GalileoTime  # time of the snapshot
+    available_at: GalileoTime  # time of the last key that the position needs
     # geodetic coordinates; height over the ellipsoid
     latitude_deg: float
     longitude_deg: float
@@ -30,10 +29,10 @@ class AuthenticPosition:
     # standard deviations of the position in m, from the covariance of the fix
     horizontal_sigma_m: float
     vertical_sigma_m: float
-    # satellites whose ranges are used; those of them whose range is that of the earliest of several signals
-    svids: tuple[int, ...]
-    earlier: tuple[int, ...]
-    orbits_authenticated: bool  # whether OSNMA proves their ephemerides, or the user vouches for them
+    svids: tuple[int, ...]  # satellites whose ranges are used
+    earlier: tuple[int, ...]  # used satellites whose range belongs to the earliest of several signals
+    # whether OSNMA or a statement of the user authenticates the ephemerides of all used satellites
+    orbits_authenticated: bool
 
     @property
     def latency_s(self) -> float:

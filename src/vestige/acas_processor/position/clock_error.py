@@ -28,7 +28,7 @@ class ClockError:
     Attributes
     ----------
     error_s
-        Clock minus Galileo System Time; a positive error makes signals late. NaN without a pseudorange.
+        Clock minus Galileo System Time in s; positive if the clock is ahead. NaN without a pseudorange.
     sigma_m
         Standard deviation of the fix's clock times c; NaN where there is no fix.
     of_fix

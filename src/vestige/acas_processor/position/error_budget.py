@@ -1,7 +1,7 @@
-"""Error budget of the range test: the possible distance of E6 from the E1 prediction without an attack.
+"""Error budget of the range check: the possible distance of E6 from the E1 prediction without an attack.
 
-The range offset of a true signal is the sum of independent errors, and the test allows κ times their standard deviation
-[TAES2023, Eq. 21-24]:
+The range offset of a true signal is the sum of independent errors, and the check allows κ times their standard
+deviation [TAES2023, Eq. 21-24]:
 
     authentic if  |τ_E6 − τ_E6,predicted| ≤ κ σ_auth
     σ_auth² = σ_HWB² + σ_BGD² + (γ−1)² σ_I,E1² + σ_MP,E1² + σ_MP,E6² + σ_n,E1² + σ_n,E6²,    γ = (f1/f6)²

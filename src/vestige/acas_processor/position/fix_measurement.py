@@ -1,7 +1,7 @@
 """Position fix of every epoch of a block, with the quantities for the checks of step 5 [WFO, Sec. IV-B].
 
-The fix uses all E1 pseudoranges of an epoch and the broadcast orbits. If standard deviations depend on the elevation, a
-first fix without them gives the elevation.
+The fix uses all E1 pseudoranges of an epoch and the broadcast orbits. If the standard deviations depend on the
+elevation, a first fix with other standard deviations gives the elevation.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class FixSettings:
     ephemerides: tuple[Ephemeris, ...] = ()  # broadcast orbits and clocks of any satellites
     authenticated: frozenset[int] | None = None  # satellites whose ephemerides are authenticated; None for all
     errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)  # standard deviations of the observations
-    fit_interval_s: float = FIT_INTERVAL_S  # longest time from its reference time for which an ephemeris is used
+    fit_interval_s: float = FIT_INTERVAL_S  # longest time between the reference time of an ephemeris and its use
     near: ApproximatePosition | None = None  # known position of the receiver, if any
 
     def why_no_fix(self, time: GalileoTime) -> str | None:

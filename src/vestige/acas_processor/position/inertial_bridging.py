@@ -5,10 +5,10 @@ rates, the range rates for a receiver and a clock at rest, and the directions to
 its own quantities with the stored quantities (`checks/inertial.py`). An epoch without a position stores nothing, so the
 next epoch has no comparison.
 
-Velocity increments are in local axes, which rotate with the position: by 1.2 mrad over 7.5 km, 30 s of an aircraft.
-Each increment is rotated into ECEF at its position on the path between the two fixes. The path follows from the
-positions at both ends and the increments. The path is computed twice: as a straight line, then with the increments. The
-path also gives the velocities at both ends.
+Velocity increments are in local axes, which rotate with the position: by 1.2 mrad over the 7.5 km that an aircraft
+flies in 30 s. Each increment is rotated into ECEF at its position on the path between the two fixes. The path follows
+from the positions at both ends and the increments. The path is computed twice: as a straight line, then with the
+increments. The path also gives the velocities at both ends.
 """
 
 from __future__ import annotations
@@ -89,10 +89,10 @@ def rate_steps(evidence: Evidence) -> RateSteps:
 def remembered_rates(evidence: Evidence) -> CheckMemory:
     """Return the memory for the next block; empty without a position at the last RECS.
 
-    The numbers of the receiver are time (GST second and fraction), position (ECEF) and whether the increments since the
-    RECS have no gap, and then those of each increment: the time of its end, and velocity (east, north, up). Each
-    satellite has its range rate, its range rate for a receiver and a clock at rest, the σ of the range rate and the
-    unit vector to the satellite (ECEF).
+    The first numbers of the receiver are time (GST second and fraction), position (ECEF), and whether the increments
+    since the RECS have no gap. The numbers of each increment follow: the time of its end, and velocity (east, north,
+    up). Each satellite has its range rate, its range rate for a receiver and a clock at rest, the σ of the range rate,
+    and the unit vector to the satellite (ECEF).
     """
     snapshots = evidence.measured.snapshots
     after = int(np.max(np.flatnonzero(snapshots.recs), initial=-1)) + 1
@@ -100,7 +100,7 @@ def remembered_rates(evidence: Evidence) -> CheckMemory:
     return _with_increments(evidence, last, after, evidence.shape[0])
 
 
-_OF_END, _OF_INCREMENT = 6, 5  # numbers of the receiver in its memory
+_OF_END, _OF_INCREMENT = 6, 5  # count of numbers of the receiver in the memory: of a RECS, and of an increment
 
 
 def _with_increments(evidence: Evidence, left: CheckMemory, first: int, last: int) -> CheckMemory:
@@ -171,7 +171,7 @@ def _ends(evidence: Evidence, recs: Int64[np.ndarray, " k"]) -> _Ends:
 
 
 class _Sensed(NamedTuple):
-    """Velocity increments of a block and since the last RECS before it, and the step to which each belongs."""
+    """Velocity increments since the last RECS before a block, and the step to which each increment belongs."""
 
     time: GalileoTimes
     delta_velocity_mps: Float[np.ndarray, "j 3"]
@@ -206,7 +206,7 @@ def _sensed(evidence: Evidence, recs: Int64[np.ndarray, " k"]) -> _Sensed:
 def _why_no_step(
     ends: _Ends, interval_s: Float[np.ndarray, " k"], covered: Bool[np.ndarray, " k"], step: int
 ) -> str | None:
-    """Return why rates cannot be compared over a step; None if they can."""
+    """Return why rates cannot be compared over a step; None if they can be compared."""
     if not ends.valid[step + 1]:
         return "no position fix"
     if not ends.valid[step]:
@@ -251,12 +251,12 @@ def _bent(
 ) -> _Path:
     """Return the path between two positions on which a receiver gains velocities, each at a constant rate.
 
-    Positions and velocities are ECEF. `ends_s` are the ends of the increments after the first position. The receiver
-    reaches the second position at `interval_s`.
+    Positions and velocities are ECEF. `ends_s` are the ends of the increments in s after the first position. The
+    receiver reaches the second position at `interval_s`.
     """
     steps_s = np.diff(ends_s, prepend=0.0)[..., None]
     before = np.cumsum(gained, axis=1) - gained
-    moved = steps_s * (before + gained / 2)  # beside what the velocity at the beginning makes
+    moved = steps_s * (before + gained / 2)  # without the displacement by the velocity at the beginning
     rest_s = interval_s - (ends_s[:, -1] if ends_s.shape[1] else 0.0)
     total = np.sum(gained, axis=1)
     first = (places[:, 1] - places[:, 0] - np.sum(moved, axis=1) - rest_s[:, None] * total) / interval_s[:, None]

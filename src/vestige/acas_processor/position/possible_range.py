@@ -7,9 +7,10 @@ A search can mistake noise for a signal anywhere in the searched time. Three tes
 2. **The other satellites.** The clock error is common to all ranges of an epoch, so ranges differ by the travel times
    alone. A range that is farther from the median than `SPREAD_M` is wrong. If only two ranges disagree, either may be
    wrong.
-3. **The known position.** With d the distance from the satellite to that position, P − d + c Δt_sat is the clock error
-   to within `reach_m` + `MARGIN_M`. This clock error must lie within the limit of the clock, and agree with that of the
-   other satellites. Test 3 is for found signals only, because the checks test the range of E1.
+3. **The known position.** d is the distance from the satellite to the known position, and Δt_sat the satellite's clock.
+   P − d + c Δt_sat is then the error of the receiver's clock times c, to within `reach_m` + `MARGIN_M`. This error must
+   lie within the limit of the clock, and agree with the error from the other satellites. Test 3 is only for signals
+   that a search found, because the checks test the range of E1.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ SPREAD_M = (LONGEST_TRAVEL_S - SHORTEST_TRAVEL_S) * SPEED_OF_LIGHT_MPS
 FIX_REACH_M = 1000.0  # error of a fix without corrections: ionosphere, troposphere, and an undetected attack
 FASTEST_MPS = 500.0  # highest speed of the receiver; an airliner has 300 m/s
 MARGIN_M = 500.0  # ionosphere and troposphere of a low satellite, its orbit error, 46 m of Earth rotation
-_RANGE_RATE_MPS = 1000.0  # upper limit on the Earth; converts clock error to satellite position
+_RANGE_RATE_MPS = 1000.0  # upper limit of range rates on the Earth: range error for each second of clock error
 
-# why a range is not possible, as numbers in `why_impossible`
+# reasons why a range is not possible; `why_impossible` returns the index of the reason
 REASONS = (
     "",
     "no possible travel time and clock error give such a range",
@@ -50,9 +51,9 @@ class ApproximatePosition:
     Attributes
     ----------
     position_m
-        ECEF.
+        ECEF coordinates in m.
     reach_m
-        Upper limit of the distance to the receiver.
+        Upper limit of the distance to the receiver in m.
 
     Examples
     --------

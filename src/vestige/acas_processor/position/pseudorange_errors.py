@@ -3,9 +3,9 @@
     σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor²        of a pseudorange
     σ_ρ̇ = λ σ_f(C/N0)                                                                of its rate
 
-with the noise of the receiver's own loops (`thermal_noise`, [KAPLAN06, 5.6.2]), the obliquity M and the multipath A of
-`elevation_model`. A share of the ionosphere's variance is common to all satellites. This share enters the covariance of
-the fix, not its weights.
+σ_code and σ_f are the noise of the receiver's loops (`thermal_noise`, [KAPLAN06, 5.6.2]). The obliquity M and the
+relative multipath A come from `elevation_model`. A share of the ionosphere's variance is common to all satellites. This
+share enters the covariance of the fix, not its weights.
 """
 
 from __future__ import annotations
@@ -49,12 +49,10 @@ class PseudorangeErrors:
     """Standard deviations of E1 observations."""
 
     floor_m: float = 5.0  # all errors except those below
-    # residual of the ionosphere on E1 at 17.5° elevation, and the share of its variance common to all satellites
-    # satellites.
-    ionosphere_m: float = 0.0
-    ionosphere_common: float = 0.5
+    ionosphere_m: float = 0.0  # residual of the ionosphere on E1 at 17.5° elevation
+    ionosphere_common: float = 0.5  # share of the variance of the ionosphere that is common to all satellites
     multipath_m: float = 0.0  # error of multipath at 16° elevation
-    rate_mps: float = 0.1  # error of a range rate without `loops`
+    rate_mps: float = 0.1  # error of a range rate, used if `loops` is None
     loops: LoopNoise | None = None  # noise of the tracking loops; None: only the floor
 
     @property
@@ -64,7 +62,7 @@ class PseudorangeErrors:
 
     @property
     def is_bound(self) -> bool:
-        """Whether the standard deviations are upper limits of all errors, not only those of the loops' noise."""
+        """Whether the standard deviations are upper limits; False if they contain the noise of the loops only."""
         return self.loops is None or self.needs_elevation or self.floor_m > _NEGLIGIBLE_M
 
     def range_m(
@@ -92,7 +90,7 @@ class PseudorangeErrors:
 
 
 def _sigma(loops: LoopNoise, name: str, cn0_dbhz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return a standard deviation, with its logarithm interpolated between whole dB to 1e-3."""
+    """Return a standard deviation, whose logarithm is interpolated between whole dB with an accuracy of 1e-3."""
     return np.exp(np.interp(cn0_dbhz, _GRID_DBHZ, _log_sigma(loops, name)))
 
 

@@ -2,12 +2,13 @@
 
 A RECS authenticates the time since the previous RECS. In epochs with RECS the range in use is
 
-1. the range of the earliest signal, if a search found several, whatever the verdict: nobody can send chips before they
-   are broadcast. If both searches found this signal within one chip, the exhaustive search gives its range;
+1. the range of the earliest signal, if a search found several signals. This rule holds for any verdict, because nobody
+   can send chips before they are broadcast. If both searches found this signal within one chip, the exhaustive search
+   gives its range;
 2. if the correlators of the RECS contain two signals: the range of E1 if the earlier signal agrees with the E1
    prediction, otherwise the range of the earlier signal;
-3. the range of E6, if the detected signal comes before the E1 prediction and the range check fails (for the reason in
-   1);
+3. the range of E6, if the detected signal comes before the E1 prediction and the range check fails (for the reason of
+   rule 1);
 4. the range of E1, if both the verdict and the state are AUTHENTIC.
 
 Otherwise no range is in use. If a search found several signals and cannot decide which signal is true, no range is in
@@ -103,7 +104,7 @@ def ranges_near(
 
 
 def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[np.ndarray, "n m"]:
-    """Return the offset of the earlier of two signals in the correlators of a RECS in m after E1; NaN for one signal.
+    """Return the delay of the earlier of two signals in a RECS after the E1 prediction, in m; NaN for one signal.
 
     A signal that only the detector found counts if its range check failed.
     """
@@ -118,7 +119,7 @@ def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[n
 def _earliest_m(
     handed_over_m: Float[np.ndarray, "n m"], exhaustive_m: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n m"]:
-    """Return the offset of the earliest signal of both searches, in m after E1; NaN unless a search found several.
+    """Return the delay of the earliest signal of both searches after the E1 prediction, in m; NaN for one signal.
 
     Nobody can send before the satellite, so the earlier of two signals counts. Two offsets within a chip belong to the
     same signal. Then the offset of the exhaustive search counts, because this search covers all offsets.

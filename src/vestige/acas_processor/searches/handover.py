@@ -2,12 +2,12 @@
 
 The E1 pseudorange contains all delays common to both bands (geometry, clocks, troposphere). The remaining difference is
 
-    P6 − P1 = (γ − 1)(I1 + c·BGD(E1,E6)) + (HW6 − HW1)        γ = (f1/f6)²; positive: E6 later
+    P6 − P1 = (γ − 1)(I1 + c·BGD(E1,E6)) + (HW6 − HW1)        γ = (f1/f6)²; positive if E6 is later
     f_d6    = f_d1 · f6/f1                                     f6/f1 = 125/154
 
-The RECS epoch is a time of transmission on the satellite's clock, so the expected reception solves t = t_tx + P6(t)/c
-with P1(t) = P1 − λ1 (f_d1 Δt + ½ ḟ_d1 Δt²) around the time of the observation. The satellite clock needs no
-correction.
+The time t_tx of a RECS is a time of transmission on the satellite's clock, so the satellite clock needs no correction.
+The expected time of reception t solves t = t_tx + P6(t)/c. The pseudorange at Δt after the observation is P1(t) = P1 −
+λ1 (f_d1 Δt + ½ ḟ_d1 Δt²).
 
 One oscillator drives both front ends, so the carrier phase of E6 follows the phase of E1 apart from the ionosphere and
 a constant. φ1 is the carrier phase of E1 in cycles, growing with the range. The E6 correlator has the phase

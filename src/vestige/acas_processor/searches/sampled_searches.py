@@ -47,7 +47,7 @@ from vestige.time import GalileoTime
 
 _OPEN_CODE = next(why for why in SEARCH_NOT_RUN if "open E6-C" in why)
 
-_SAME_S = 2e-6  # 2 chips of E1, which its search omits
+_SAME_S = 2e-6  # 2 chips of E1: the search on E1 omits this time around a found signal
 
 _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival
 
@@ -58,14 +58,13 @@ class SatelliteSearch:
 
     svid: int
     signals: tuple[Acquisition, ...]  # signals on E1, the strongest first; none from the exhaustive search
-    # Peaks in E6, in order of time; the first is the true signal. There are none if the first may have arrived after
-    # the disclosure of its key. Then E6 proves nothing, but `count` still counts the found signals.
+    # Peaks in E6, in order of time. The first peak is the true signal. The tuple is empty if the first peak may have
+    # arrived after the disclosure of its key. E6 then proves nothing, but `count` still counts the found signals.
     peaks: tuple[Peak, ...]
-    # number of signals (NaN if the search was not run), and number of signals that carry the encrypted chips
-    count: float
-    carrying: int = 0
-    # Whether the first peak is the true signal of several. False if a signal on E1 that was not found in E6 may be
-    # earlier: the true signal may be too weak on E6.
+    count: float  # number of signals; NaN if the search was not run
+    carrying: int = 0  # number of signals that carry the encrypted chips
+    # If there are several signals: whether the first peak is known to be the true signal. False if a signal on E1 that
+    # was not found in E6 may be earlier, because the true signal may be too weak on E6.
     true_is_known: bool = False
     not_run: int = 0  # 0 if the search was run, else 1 + the index of the reason in `SEARCH_NOT_RUN`
     sent: GalileoTime | None = None  # time of transmission of the RECS of the peaks; None without peaks
@@ -179,7 +178,7 @@ class E6ExhaustiveSearch:
     p_fa: float = 1e-3  # false-alarm probability of one snapshot
     # integration time, Doppler span, engine, workers
     how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
-    # time to search before and after the time at which E1 expects the RECS; None for all of the time uncertainty
+    # time to search before and after the time at which E1 predicts the RECS; None for the whole time uncertainty
     around_s: float | None = None
     cipher_mode: CipherMode = CipherMode.CBC  # as in `AcasProcessor`
 
@@ -197,8 +196,8 @@ class E6ExhaustiveSearch:
     ) -> tuple[SatelliteSearch, ...]:
         """Return the result for every satellite with a RECS.
 
-        `e6` replaces the samples of the snapshot if the file is too long for a snapshot. For `around_s`, `expected`
-        gives the time at which E1 expects the RECS of a satellite; satellites without an expected time are not
+        `e6` replaces the samples of the snapshot if the file is too long for a snapshot. If `around_s` is set,
+        `expected` gives the time at which E1 predicts the RECS of a satellite; satellites without such a time are not
         searched.
         """
         source = e6 or _samples(snapshot)
@@ -311,7 +310,7 @@ def _preceded(peak: Peak, signals: Sequence[Acquisition], e1: SampleBatch, sent:
 
 
 def _sent_on_e1(signal: Acquisition, e1: SampleBatch, received: GalileoTime) -> tuple[float, float]:
-    """Return the transmission time of a signal on E1 that is received at a time, and the period of that time, in s."""
+    """Return the transmission time of a signal on E1 for a reception time, modulo a period, and the period, in s."""
     measured = measure_e1(e1, signal)
     if measured is not None and measured.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB:
         since_s = (received - measured.time) * (1 + measured.doppler_hz / E1_CARRIER_HZ)

@@ -47,7 +47,7 @@ def block_of(
 ) -> SnapshotBlock:
     """Return a snapshot as a block of one epoch.
 
-    Accelerations count from `since` on, the time of the previous snapshot; None for the first snapshot.
+    Accelerations from `since` on are used. `since` is the time of the previous snapshot, None for the first snapshot.
     """
     svids = tuple(sorted(set(snapshot.observations) | snapshot.recs))
     observations = [snapshot.observations.get(svid) for svid in svids]

@@ -7,7 +7,7 @@ receiver that finds the chips of one RECS twice is being spoofed. Nobody can sen
 the earliest signal is the true signal [WFO, Sec. III-D, III-E].
 
 `handover_peaks` hands over all signals of the satellite on E1 to E6. Each signal is measured on E1 and handed over as a
-line of candidate epochs (`CandidateEpochs`). E1 is measured again every `REMEASURE_S`. A Doppler error of 1 Hz shifts
+line of candidate times (`CandidateEpochs`). E1 is measured again every `REMEASURE_S`. A Doppler error of 1 Hz shifts
 the line by a tap in a minute, and a Doppler change of 0.5 Hz/s in ten seconds. After the first authentic position the
 clock is known, and the smaller time uncertainty shortens both searches in proportion.
 """
@@ -42,7 +42,7 @@ class VestigialDecision:
     peaks: tuple[Peak, ...]
     true: Peak | None  # earliest peak; None without a peak, or if its chips may have been known at its arrival
     spoofed: bool  # whether there is more than one signal
-    open_code: bool = False  # whether the chips are those of the open code: then the peaks prove nothing
+    open_code: bool = False  # whether the chips belong to the open code; the peaks then prove nothing
 
 
 def decide_vestigial(
@@ -80,7 +80,7 @@ def _without_repetitions(peaks: Iterable[Peak], period_s: float) -> Iterator[Pea
 
 
 def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: float) -> ReceptionProof:
-    """Return the `ReceptionProof` of a RECS: which of its arrivals are from before anybody could know its chips.
+    """Return the `ReceptionProof` of a RECS: which arrivals are before anybody could know its chips.
 
     The assistance contains the segment of the chips and its key. `uncertainty_s` is the upper limit of the error of the
     clock that measures the start, infinite if there is no limit.
@@ -111,7 +111,7 @@ def arrival_window(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateInterval:
-    """A line of candidate epochs, with the first and last start at which the line is valid."""
+    """A line of candidate times, with the first and last start at which the line is valid."""
 
     line: CandidateEpochs
     first_start: GalileoTime
@@ -121,7 +121,7 @@ class CandidateInterval:
 def handover_line(
     snapshot: E1Snapshot, chips: ChipSequence, *, delay_m: float = 0.0, secondary: bool = True
 ) -> CandidateEpochs:
-    """Return the candidate epochs at which the chips may arrive in E6, from a signal on E1.
+    """Return the candidate times at which the chips may arrive in E6, from a signal on E1.
 
     `delay_m` is P6 − P1 from `predicted_delay_m`. With `secondary` the phase of the secondary code is used if it is
     clear. Candidates are then 100 ms apart instead of 4 ms.
@@ -184,7 +184,7 @@ def handover_peaks(
     taps: int = 5,
     trace: Callable[[GalileoTime, float], None] | None = None,
 ) -> tuple[tuple[Peak, ...], SearchBudget]:
-    """Return the signals in E6 at the candidate epochs of all lines, in order of time, and the budget of the search.
+    """Return the signals in E6 at the candidate times of all lines, in order of time, and the budget of the search.
 
     `overall_pfa` is the probability that noise alone gives any peak. Each candidate has an odd number of `taps`, half a
     chip apart.
@@ -229,7 +229,7 @@ def _moved(snapshot: E1Snapshot, time: GalileoTime) -> E1Snapshot:
 
 
 def _predicted(snapshot: E1Snapshot, time: GalileoTime) -> tuple[Acquisition, GalileoTime]:
-    """Return the predicted signal in a window that begins at a time."""
+    """Return the signal as predicted for a window that begins at `time`, and `time`."""
     moved = _moved(snapshot, time)
     ahead_s = -moved.transmit_phase_s % E1_CODE_PERIOD_S
     found = Acquisition(

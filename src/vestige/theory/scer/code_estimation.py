@@ -19,7 +19,7 @@ The share of the power of x that correlates with the true signs is ρ² = E[x s]
     hard         ρ² = (1 − 2 P_e)²
     soft         ρ² = E[tanh(2γ + √(2γ) z)]        z standard normal; for the estimate E[x s] = E[x²]
 
-The rest of the power is noise; it is 1/ρ² − 1 times the part that correlates.
+The rest of the power is noise: 1/ρ² − 1 times the part that correlates.
 
 **Chips of E6-C.** Each chip lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. Let the matching part of the spoofing
 signal have η times the power of the true signal. The rest is noise behind the victim's correlator, because its chips do
@@ -27,8 +27,8 @@ not match. The density of this noise is
 
     N/N0 = η (Ec/N0 of the victim) (1/ρ² − 1)
 
-The density is η/G for a repeater that receives G times better. An attacker who drops the quadrature of the repeated
-signal halves the noise without any decision: 1/ρ² − 1 = 1/(2γ).
+The density is η/G for a repeater whose C/N0 is G times the C/N0 of the victim. An attacker who drops the quadrature of
+the repeated signal halves the noise without any decision: 1/ρ² − 1 = 1/(2γ).
 
 **Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol: t is the time since the symbol began.
 """
@@ -47,7 +47,7 @@ from vestige.theory.marcum_q import Reals
 Decision = Literal["hard", "soft"]
 Estimation = Literal["repeated", "hard", "soft"]
 
-# nodes of a standard normal variable, once the weights add up to 1
+# nodes and weights of the mean over a standard normal variable
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(201)
 _WEIGHTS /= _WEIGHTS.sum()
 _LINE = np.linspace(-9.0, 9.0, 1801)  # values of a standard normal variable, for integrands with a step
@@ -123,7 +123,7 @@ def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimatio
     victim_cn0_dbhz
         C/N0 of E6-C with the victim's antenna in dBHz.
     reception_gain_db
-        G, C/N0 of the attacker's reception over that of the victim in dB.
+        G, C/N0 of the attacker's reception over the C/N0 of the victim in dB.
     estimation
         Chips or symbols that the attacker transmits: repeated, or hard or soft decisions.
 
@@ -153,8 +153,8 @@ def replayed_mean(
         C/N0 of E1-B of the attacker's reception in dBHz.
     head_start_s
         Duration of the symbol that the attacker has received when the spoofing signal's own symbol begins, in s. The
-        duration is the delay of the spoofing signal less the attacker's latency. If negative, the attacker guesses for
-        that duration.
+        duration is the delay of the spoofing signal less the attacker's latency. If the value is negative, the attacker
+        guesses for that duration.
     n_chips
         Chips from the beginning of the symbol, of 0.98 µs each, 1 to 4092.
     decision
@@ -214,7 +214,7 @@ def _sign_products(gamma: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n"]:
         later = gamma[i + 1 :]
         total = 2 * earlier + np.sqrt(2 * earlier) * _LINE  # 2γ y_i
         since = np.maximum(later - earlier, 1e-300)[:, None]
-        # a guess without reception is independent of the others
+        # a guess without reception is independent of the other signs
         sign = np.sign(total) if earlier > 0 else np.zeros(_LINE.size)
         found = erf((total + 2 * since) / np.sqrt(4 * since)) @ (sign * density)
         product[i, i + 1 :] = product[i + 1 :, i] = found

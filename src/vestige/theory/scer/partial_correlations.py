@@ -21,8 +21,8 @@ are
 
 The `paired` metric needs no predictable symbols: d is the later part of an unpredictable symbol less its first part.
 The alarm is raised above a threshold. The thresholds of `real`, `distance` and `paired` are exact. The thresholds of
-`magnitudes` and `ratio` assume known A and s. A is taken from the later parts. The estimate of s enters as s t/z, the
-quantiles of Student's t and of the normal distribution, which is exact for A ≫ s/√n.
+`magnitudes` and `ratio` assume known A and s. A is taken from the later parts. The estimate of s enters as s t/z, where
+t and z are the quantiles of Student's t and of the normal distribution. This form is exact for A ≫ s/√n.
 
 **The ratio of Rice variables.** For independent complex Gaussian X and Y with the means x and y and the variances σ²
 and τ² per dimension, S = σ² + τ² [PROAKIS08, app. B]:
@@ -49,13 +49,13 @@ from vestige.theory.marcum_q import marcum_p, marcum_q
 from vestige.theory.scer.code_estimation import Decision, replayed_covariance, replayed_mean
 
 FIRST_CHIPS = 4  # 3.9 µs: near the best for an attacker with a gain of 10 dB, at 42 dBHz
-PREDICTABLE_EACH = 468 / 32  # predictable symbols of an I/NAV page for each unpredictable one
+PREDICTABLE_EACH = 468 / 32  # predictable symbols of an I/NAV page for each unpredictable symbol
 
 ReferenceMetric = Literal["real", "distance", "magnitudes", "ratio"]
 Metric = Literal["paired"] | ReferenceMetric
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(100)
-_REACH = 9.0  # standard deviations of an integral
+_REACH = 9.0  # half width of the integrals in standard deviations
 
 
 def metric_value(
@@ -66,7 +66,7 @@ def metric_value(
     n_predictable: int,
     metric: ReferenceMetric,
 ) -> float:
-    """Return the metric of two partial correlations; a replay makes it large.
+    """Return the metric of two partial correlations; a replay makes the metric large.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def replay_detection_probability(
     cn0_dbhz
         C/N0 of E1-B at the victim in dBHz.
     reception_gain_db
-        G, C/N0 of the attacker's reception over that of the victim in dB.
+        G, C/N0 of the attacker's reception over the C/N0 of the victim in dB.
     n_symbols
         Unpredictable symbols in the test.
     p_fa
@@ -185,8 +185,8 @@ def replay_detection_probability(
     Examples
     --------
     The test takes a subframe of 480 symbols at 42 dBHz, P_fa 1e-3. The first attacker has the antenna of the victim,
-    and the second attacker has 10 dB more gain. The third value is that of the second attacker with a spoofing signal
-    that is 3 µs late.
+    and the second attacker has 10 dB more gain. The third value is for the second attacker, whose spoofing signal is
+    delayed by 3 µs.
 
     >>> f"{replay_detection_probability(42.0, 0.0, 480, 1e-3):.3f}"
     '0.999'

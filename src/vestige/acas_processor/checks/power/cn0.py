@@ -3,8 +3,8 @@
     ΔC = C/N0 − expected,    |ΔC| ≤ K √(σ_estimator² + σ_model²),    K from P_fa, two-sided
 
 The standard deviation of the estimator is known (`sample_processor/cn0.py`). The standard deviation of the model
-(antenna pattern, satellite power, slow fading) is larger. Noise and meaconing lower the C/N0, an overpowered spoofer
-raises it. A matched-power spoofer leaves the C/N0 unchanged.
+(antenna pattern, satellite power, slow fading) is larger. Noise and meaconing lower the C/N0, and an overpowered
+spoofer raises the C/N0. A matched-power spoofer leaves the C/N0 unchanged.
 """
 
 from __future__ import annotations

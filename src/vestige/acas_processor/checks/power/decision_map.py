@@ -5,8 +5,8 @@ Theory of operation
 Each hypothesis is a distribution of second signals [WESSON18]:
 
     clean       none
-    multipath   one reflection: Rayleigh amplitude, exponential delay, on the tracked satellite only, so no power
-    spoofed     η and Δτ uniform, on all satellites
+    multipath   one reflection: Rayleigh amplitude, exponential delay, on the tracked satellite only, no rise of power
+    spoofed     η uniform in dB and Δτ uniform, on all satellites
     jammed      J/N uniform in dB
 
 `simulate` draws (ΔP, D) under one hypothesis, with the closed forms of `power_distortion`. No samples are needed.
@@ -14,7 +14,8 @@ Smoothed histograms of many draws are the densities p(ΔP, D | H). Each cell of 
 expected cost. A false alarm costs `alarm_cost` times as much as a miss. This factor trades false alarms against
 detection.
 
-A map belongs to one C/N0 of the tracked satellite, because D grows with C/N0. Each map is drawn once and kept.
+A map belongs to one C/N0 of the tracked satellite, because D grows with C/N0. Each map is computed once and kept in
+memory.
 """
 
 from __future__ import annotations
@@ -42,26 +43,22 @@ class Hypotheses:
 
     cn0_dbhz: float = 45.0  # C/N0 of the tracked satellite without interference
     sky_cn0_dbhz: float = 45.0  # mean C/N0 of all satellites in the band
-    # taps: T, τ_d, the replica's pulse, its chip rate
-    integration_s: float = 0.1
-    half_spacing_chips: float = 0.15
-    pulse: Pulse = BPSK
-    chip_rate_hz: float = 1.023e6
-    # power: W, satellites in the band, drift
-    bandwidth_hz: float = 2e6
-    n_satellites: int = 10
-    sigma_power_db: float = 0.4
-    # multipath: mean power relative to the satellite, mean excess delay
-    ray_power_db: float = -16.0
-    ray_mean_excess_m: float = 40.0
-    # range of η, and largest |Δτ|
-    spoofer_advantage_db: tuple[float, float] = (-1.0, 10.0)
-    spoofer_offset_chips: float = 1.0
-    jam_to_noise_db: tuple[float, float] = (3.0, 20.0)
+    integration_s: float = 0.1  # T, integration time of the taps
+    half_spacing_chips: float = 0.15  # τ_d, distance of the early and the late tap from the prompt
+    pulse: Pulse = BPSK  # pulse of the replica
+    chip_rate_hz: float = 1.023e6  # chip rate of the replica
+    bandwidth_hz: float = 2e6  # W, bandwidth of the power measurement
+    n_satellites: int = 10  # number of satellites in the band
+    sigma_power_db: float = 0.4  # standard deviation of ΔP by drifts of the front end
+    ray_power_db: float = -16.0  # mean power of the reflection over the satellite
+    ray_mean_excess_m: float = 40.0  # mean excess delay of the reflection
+    spoofer_advantage_db: tuple[float, float] = (-1.0, 10.0)  # smallest and largest η
+    spoofer_offset_chips: float = 1.0  # largest |Δτ|
+    jam_to_noise_db: tuple[float, float] = (3.0, 20.0)  # smallest and largest J/N
 
     @property
     def signals_to_noise(self) -> float:
-        """r, power of all satellites in the band over that of the noise."""
+        """r, power of all satellites in the band over the power of the noise."""
         return self.n_satellites * 10 ** (self.sky_cn0_dbhz / 10) / self.bandwidth_hz
 
     def simulate(
@@ -93,7 +90,7 @@ class Hypotheses:
 _POWER_DB = (-3.0, 25.0, 0.25)  # first, last, step of the cells
 _DISTORTION = (0.0, 7.0, 0.07)  # bins of ln(1 + D)
 _SMOOTHING_CELLS = 1.0  # 1σ
-_SECOND_SIGNAL = (SignalClass.MULTIPATH, SignalClass.SPOOFED)  # only with a second signal does D depend on the C/N0
+_SECOND_SIGNAL = (SignalClass.MULTIPATH, SignalClass.SPOOFED)  # hypotheses in which D depends on C/N0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,8 +178,8 @@ def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> 
 def confusion(decisions: DecisionMap, hypotheses: Hypotheses, *, seed: int, draws: int) -> Int64[np.ndarray, "4 4"]:
     """Return the confusion matrix: how often a true class (rows) is classified as each class (columns).
 
-    The draws are new, not those of the map. The hypotheses may differ from those of the map. `draws` is the number of
-    draws of each class.
+    The draws are independent of the draws of the map. The hypotheses may differ from the hypotheses of the map. `draws`
+    is the number of draws of each class.
     """
     rows = []
     for truth in SignalClass:
@@ -212,9 +209,9 @@ class PowerDistortionMonitor:
     unit: ClassVar = "class"
     # hypotheses of the map; the expected C/N0, rounded to `cn0_step_db`, replaces their C/N0
     hypotheses: Hypotheses = field(default_factory=Hypotheses)
-    alarm_cost: float = 10.0  # cost of a false alarm over that of a miss
+    alarm_cost: float = 10.0  # cost of a false alarm over the cost of a miss
     cn0_step_db: float = 3.0  # steps of C/N0 for which maps are made
-    # published rate of false alarms [WESSON18]; the tests check it for clean and multipath
+    # published false-alarm probability [WESSON18]; the unit tests confirm this value for clean and multipath
     p_fa: float = 0.006
 
     def map_for(self, expected_cn0_dbhz: float) -> DecisionMap:

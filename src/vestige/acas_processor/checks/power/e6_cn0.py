@@ -7,7 +7,7 @@ For a detectable signal |c| is nearly normal about √(s² + 1):
     |c| − √(s² + 1),    | · | ≤ K √(1 + (s (10^(σ_model/20) − 1))²),    K from p_fa, two-sided
 
 σ_model covers fading by reflections, the position between two taps (at most −1.2 dB for taps 15 m apart), antenna and
-satellite. σ_model is the larger part, so the budget is an upper limit.
+satellite. σ_model is the larger part. Its errors are not always present, so `p_fa` is an upper limit.
 """
 
 from __future__ import annotations

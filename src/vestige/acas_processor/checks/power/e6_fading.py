@@ -2,11 +2,11 @@
 
 Theory of operation
 -------------------
-The phase of a second signal of amplitude a turns against that of the true signal. The second signal therefore increases
-the magnitude in some RECS and reduces it in others. The variance of these changes is a²/2 relative to the power of the
-true signal. The statistic is √(T/(N − 2)). m is the magnitude of the detecting correlator. T is the scatter of m about
-a straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). m is in standard deviations
-of the noise per dimension, and m̄ is its mean. The variance of m is
+The phase of a second signal of relative amplitude a turns against the true signal. The second signal therefore
+increases the magnitude in some RECS and reduces the magnitude in others. The variance of these changes is a²/2 relative
+to the power of the true signal. The statistic is √(T/(N − 2)). m is the magnitude of the detecting correlator. T is the
+scatter of m about a straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). m is in
+standard deviations of the noise per dimension, and m̄ is its mean. The variance of m is
 
     σ² = 1 + (ρ m̄)²
 
@@ -45,7 +45,7 @@ class E6FadingMonitor(Monitor):
     Attributes
     ----------
     window
-        N, number of RECS.
+        N, number of RECS of a test.
     ray_power_db
         P, mean power of all reflections over the direct signal in dB, at 16° of elevation.
     ray_life_s

@@ -1,4 +1,4 @@
-"""Test for runs of missed E6 signals: step 1 of a level whose false alarms per day are set [WFO, Sec. IV-A].
+"""Check for runs of missed E6 signals: step 1 of a level whose false alarms a day are set [WFO, Sec. IV-A].
 
 `e6_power.py` raises an alarm with every miss where E1 predicts a detection. Weak satellites are missed by chance
 several times a day. A level with fewer alarms therefore needs several misses in a row. The number of these misses
@@ -13,8 +13,8 @@ of misses has the probability ∏ q_k. The check fails where
     ∏ q_k < p_fa,        over the misses since the last detection
 
 Let R be the shortest run of RECS that ends with RECS k and has ∏ q_k < p_fa. The test of RECS k can fail only if all
-RECS of R were missed. The length of R is fixed before its RECS arrive, and R has a probability below p_fa. So no test
-fails more often than p_fa at any C/N0. For a constant q this is "M of M RECS" with
+RECS of R were missed. The length of R is fixed before its RECS arrive, and R has a probability below p_fa. So the
+false-alarm probability of a test is below p_fa at any C/N0. For a constant q this is "M of M RECS" with
 
     M = ⌈ln p_fa / ln q⌉
 
@@ -49,12 +49,12 @@ _LEAST = 1e-300  # smallest probability of a run of misses, so that JSON can sto
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissPrediction:
-    """Prediction of the probability that a RECS is missed without an attack, from the receiver's own knowledge."""
+    """Prediction of the probability that a RECS is missed without an attack, from the C/N0 on E1."""
 
-    min_pd: float = MIN_PD  # smallest predicted probability of detection with which a missing signal means anything
+    min_pd: float = MIN_PD  # a miss counts where E1 predicts at least this probability of detection
     detection_p_fa: float = 1e-7  # false-alarm probability of the detection in one correlator
     ray_power_db: float = -15.8  # mean power of all reflections over the direct signal
-    e6_over_e1_db: float = 0.0  # expected C/N0 of E6 over that of E1
+    e6_over_e1_db: float = 0.0  # expected C/N0 of E6 over the C/N0 of E1
 
     def counting(self, measured: MeasurementBlock) -> Bool[np.ndarray, "n m"]:
         """Return where a miss counts: where E1 predicts a detection probability of at least `min_pd`."""
@@ -140,7 +140,7 @@ class E6MissesCheck(Monitor):
 
 
 def expected_miss_rate(prediction: MissPrediction, measured: MeasurementBlock) -> float:
-    """Return how often a test of `E6PowerCheck` fails without an attack: the mean over its tests in a block.
+    """Return the probability that a test of `E6PowerCheck` fails without an attack: the mean over the tests of a block.
 
     A test in which a miss does not count never fails. The result is 0 without tests.
     """

@@ -32,7 +32,7 @@ class E6PowerCheck:
 
     name: ClassVar = CheckName.E6_POWER
     unit: ClassVar = "signals missing"
-    min_pd: float = MIN_PD  # smallest predicted probability of detection with which a missing signal means anything
+    min_pd: float = MIN_PD  # a miss is an alarm where E1 predicts at least this probability of detection
 
     @property
     def p_fa(self) -> float:

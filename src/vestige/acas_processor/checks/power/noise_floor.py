@@ -1,12 +1,13 @@
 """Compare the E6 noise floor, measured with codes that are not in the signal, with its calibration [WFO, Sec. IV-A].
 
 The detection threshold follows this floor, so a higher floor causes misses but no false detections. A rising floor
-explains a miss: noise on E6, or the self-noise of a strong random code from a spoofer. The mean over all wrong codes of
-N_c chips has the standard deviation 4.343/√N_c dB:
+explains a miss. The cause is noise on E6, or the self-noise of a strong random code from a spoofer. The mean over all
+wrong codes of N_c chips has the standard deviation 4.343/√N_c dB:
 
     ΔN = floor − nominal,    |ΔN| ≤ K √(σ_system² + (4.343 dB)²/N_c),    K from P_fa, two-sided
 
-Both floors are before the gain control, because a gain that follows the noise would hide its rise.
+Both floors are referred to the input of the gain control, because a gain that follows the noise would hide a rise of
+the noise.
 """
 
 from __future__ import annotations

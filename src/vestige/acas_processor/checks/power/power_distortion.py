@@ -5,7 +5,7 @@ Theory of operation
 A second signal of power η, offset Δτ and phase Δθ bends the correlation function of the tracked signal and adds power:
 
     D  = |ξ(−τ_d) − ξ(+τ_d)|     symmetric difference of two taps about the prompt, in σ of the noise per dimension
-                                 without interference, and with the gain at the time of measurement
+                                 without interference
     ΔP = 10 log₁₀[(1 + r (1 + η) + J/N)/(1 + r)],   r = Σ C/N0 / W      rise of the power in the band W
 
 The tracked signal has the amplitude s = √(2 C/N0 T), and its own contribution to D cancels:
@@ -13,8 +13,8 @@ The tracked signal has the amplitude s = √(2 C/N0 T), and its own contribution
     no second signal    D² / v ~ χ²(2),   v = 2 (1 − R(2τ_d))      so  D ≤ √(−2 v ln P_fa)
     a second signal     D Rician about s √η |R(τ_d + Δτ) − R(τ_d − Δτ)|
 
-The gain control keeps the total power constant, so D from the taps is divided by 10^(ΔP/20). A jammer therefore makes
-ΔP large and D small. Multipath makes D large and leaves ΔP small. A spoofer makes ΔP and D large.
+The gain control keeps the total power constant, so the measured D is smaller by the factor 10^(ΔP/20). A jammer
+therefore makes ΔP large and D small. Multipath makes D large and leaves ΔP small. A spoofer makes ΔP and D large.
 `simulated_decision_map` divides the (ΔP, D) plane into regions.
 """
 
@@ -27,7 +27,7 @@ from vestige.signals.pulse import BPSK, Pulse, autocorrelation
 
 
 def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float:
-    """Return v = 2 (1 − R(2τ_d)), the variance per dimension of ξ(−τ_d) − ξ(τ_d) over that of one tap.
+    """Return v = 2 (1 − R(2τ_d)), the variance per dimension of ξ(−τ_d) − ξ(τ_d) over the variance of a tap.
 
     `half_spacing_chips` is τ_d, `pulse` is the pulse of the replica.
     """

@@ -34,9 +34,8 @@ class ReceivedPowerMonitor(LevelMonitor):
 
     band: Band
     sigma_system_db: float = 0.3  # drift of gain and temperature, 1σ
-    # W and T of the power measurement
-    bandwidth_hz: float = 2e6
-    averaging_s: float = 0.01
+    bandwidth_hz: float = 2e6  # W of the power measurement
+    averaging_s: float = 0.01  # T of the power measurement
     p_fa: float = 1e-6
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 
 import vestige as vs
 
-HARSH = Path(__file__).resolve().parents[2] / "scenarios" / "harsh.toml"
+HARSH = Path(__file__).resolve().parents[3] / "scenarios" / "harsh.toml"
 # SHA-256 of 20,000 epochs, int8: status [epoch, satellite], and the first detecting tap [detector, epoch, satellite]
 DIGESTS = {
     "status": "2939e4c4983e3c972816662af3401d5674bb7320211d8fbb43cc0dc180be22d5",
