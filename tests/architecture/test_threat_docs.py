@@ -37,7 +37,7 @@ def attack_of(row: Cells) -> str:
 
 def word(cell: str) -> str:
     """Return the word of a cell of the table: `missed` of `missed ?: 50 · 38 · 70, 30 s`."""
-    return re.sub(r" (\*\*≠\*\*|\?)$", "", cell.split(":")[0])
+    return re.sub(r" (\*\*≠\*\*|\?)$", "", cell.split(":", maxsplit=1)[0])
 
 
 @pytest.mark.parametrize("threat", ATTACKS, ids=lambda one: one.id)
@@ -56,7 +56,7 @@ def test_no_other_attack_has_a_row() -> None:
 
 
 def test_every_difference_is_better_than_expected_but_for_those_that_the_page_names() -> None:
-    """From worst to best: a wrong range without an alarm, no verdict, an alarm with a wrong range, an alarm, true ranges."""
+    """The order is from worst to best: a wrong range without an alarm first, true ranges in use last."""
     order = ["missed", "no verdict", "no alarm, no harm", "detected, missed", "detected", "mitigated late", "mitigated"]
     expected = {"miss": "missed", "deny": "no verdict", "partial": "detected, missed", "detect": "detected"}
     worse = []

@@ -162,7 +162,7 @@ def test_most_detections_are_nearer_to_the_spoofer_at_first(fidelity: str) -> No
 @pytest.mark.judged(
     by="the paper",
     what="lift-off (Section VI-B): early detector",
-    figure="on the true signal again at 1050 s ± 30 s; delay and powers of the attack are chosen, not those of the paper",
+    figure="on the true signal again at 1050 s ± 30 s; delay and powers of the attack are our choice, not the paper's",
 )
 @pytest.mark.parametrize("fidelity", FIDELITIES)
 def test_the_early_detector_goes_back_to_the_baseline(fidelity: str) -> None:
