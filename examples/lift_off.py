@@ -81,7 +81,7 @@ def main(folder: Path) -> None:
         assert found is not None
         after_s = found.time_to_mitigate_s
         ends = (
-            "it did not return to the true signal to stay"
+            "it did not return to the true signal for the rest of the attack"
             if np.isnan(after_s)
             else f"it returned to the true signal {after_s:.0f} s after the attack began, and stayed"
         )

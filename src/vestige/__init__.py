@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     run = run_scenario
 
-# Public names in the order of use, and their modules; after a colon the name in the module, if it differs.
+# Public names in the order of use, each with its module. If the name in the module differs, it follows after a colon.
 _HOME = {
     "open_recording": "recording.recording",
     "read_assistance": "recording.assistance.folder",

@@ -1,4 +1,4 @@
-"""Errors about input: each names the file, the position in it, the found value and the expected value."""
+"""Errors about input. Each message names the file, the position in the file, the found and the expected value."""
 
 from __future__ import annotations
 
@@ -56,15 +56,15 @@ class InputFileError(VestigeError):
 
 
 class AuthenticationError(VestigeError):
-    """A signature, hash, chain or tag does not verify; nothing that depends on it may be used."""
+    """A signature, hash, chain or tag does not verify; data that depends on it must not be used."""
 
 
 class UnsupportedError(VestigeError):
-    """The input is valid, but vestige does not support a part of the standard, which the message names."""
+    """The input is valid, but vestige does not support a part of the standard; the message names this part."""
 
 
 class SettingError(ValueError):
-    """A value of a setting is outside its range, or does not fit to other settings.
+    """A value of a setting is outside its range, or does not fit other settings.
 
     Parameters
     ----------
@@ -87,8 +87,8 @@ def satellite_names(svids: Iterable[int]) -> str:
 def printable(text: str) -> str:
     """Return `text` with unprintable characters escaped: control and C1 characters, line breaks, bidirectional marks.
 
-    Names and contents of files are untrusted. Such text can clear a terminal's screen, or show a line that differs from
-    its characters.
+    Names and contents of files are untrusted. Such text can clear a terminal's screen, or make the terminal show other
+    characters than the text has.
     """
     if text.isprintable():
         return text
@@ -96,7 +96,7 @@ def printable(text: str) -> str:
 
 
 def _whole(value: object) -> str:
-    """Return the expected value as printable text of any length: it says what to do, and is never cut here."""
+    """Return the expected value as printable text; the text says what to do, so it is not cut here."""
     return printable(value if isinstance(value, str) else repr(value))
 
 

@@ -16,7 +16,7 @@ _NO_LOCKS_HERE = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)  # network file sys
 
 @contextmanager
 def only_writer(folder: Path) -> Iterator[int]:
-    """Hold the lock of a folder, and yield its file descriptor; a missing folder is created.
+    """Hold the lock of a folder, and yield the file descriptor of the folder; a missing folder is created.
 
     The lock belongs to the process, so the kernel always releases it at the end of the process. Nothing is written into
     the folder. If the file system has no locks, the folder is used without a lock.

@@ -1,9 +1,9 @@
-"""The decorator of all kernels, whose machine code is recompiled after a change of any kernel.
+"""The decorator of all kernels: machine code is recompiled after a change of any kernel.
 
 numba stores the machine code of a function on disk, and recompiles it if the function's own module has changed. numba
 ignores changes in modules whose functions are inlined. After an update of vestige such a function would silently use
-old code for tables of a new layout. E1 tracking once lost its satellites for this reason. So the mark by which numba
-recognises old code is computed here from all kernels: the time of the newest change, and the total size.
+old code for tables of a new layout. E1 tracking once lost its satellites for this reason. numba recognises old code by
+a mark. So this module computes the mark from all kernels: the time of the newest change, and the total size.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import numba
 
 from vestige.source_version import PACKAGE
 
-# Modules whose functions or layout other modules inline; kernels elsewhere are used only in their own module.
+# Modules whose functions or table layouts other modules inline. Kernels of any other module are used only in that
+# module.
 KERNELS = ("packed_chips.py", "*_kernel.py", "*_vectors.py", "vector_ir.py", "vector_code.py")
 
 
@@ -41,7 +42,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     def compiled(function: Callable[..., Any]) -> Any:
         kernel = numba.njit(**options)(function)
         kept = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
-        if kept is not None:  # no cache was requested, or numba is disabled
+        if kept is not None:  # None if no cache was requested, or if numba is disabled
             kept._source_stamp = source_mark(PACKAGE, function.__code__.co_filename)
         return kernel
 
@@ -50,12 +51,12 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 @cache
 def source_mark(package: Path, module: str) -> tuple[int, int]:
-    """Return newest change in ns and total size in bytes of all kernels of a package and one module."""
+    """Return time of the newest change in ns, and total size in bytes, of one module and all kernels of a package."""
     stats = [path.stat() for path in _kernels(package) | {Path(module)}]
     return max(one.st_mtime_ns for one in stats), sum(one.st_size for one in stats)
 
 
 @cache
 def _kernels(package: Path) -> frozenset[Path]:
-    """Return the modules of a package whose functions other modules inline; the folders are listed only once."""
+    """Return the modules of a package with functions that other modules inline; the folders are listed only once."""
     return frozenset(path for pattern in KERNELS for path in package.rglob(pattern))

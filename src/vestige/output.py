@@ -2,9 +2,9 @@
 
 A command whose output could be an input calls `check_output` before it computes. Every command writes through
 `replacement` or `new_folder`. Both functions write into a private folder beside the output, `.output.…`, and rename at
-the end. No other user can have prepared this folder. After an error or Ctrl-C the private folder is removed. A killed
-process leaves this hidden folder, which is harmless. `vestige simulate` can resume an unfinished recording
-(`simulated.unfinished_recording`).
+the end. The private folder is new, so no other user can have prepared it. After an error or Ctrl-C the private folder
+is removed. A killed process leaves this hidden folder, which is harmless. `vestige simulate` can resume an unfinished
+recording (`simulated.unfinished_recording`).
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: 
     Raises
     ------
     InputFileError
-        If the output is an input or lies in the store of a campaign. If the output is a file and lies in an input
-        folder, or its name is not that of a file.
+        If the output is an input or lies in the store of a campaign. If an output file lies in an input folder, or
+        `output` is a folder, a symbolic link or a device.
     OSError
         If the folder of an output file does not exist.
     """
@@ -65,7 +65,7 @@ def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: 
 def replacement(output: Path) -> Iterator[Path]:
     """Yield a path at which to write a file or a folder, which replaces `output` at the end.
 
-    A file is on the disk before it gets its name. The path ends in the name of `output` with its suffix.
+    A file is written to the disk before it gets its final name. The path ends in the name of `output` with its suffix.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def replacement(output: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(output: Path) -> Iterator[Path]:
-    """Yield a folder to write into, which becomes `output` at the end; only the first of several programs succeeds.
+    """Yield a folder to write into, which becomes `output` at the end; of several writers only the first succeeds.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def check_new_folder(output: Path) -> None:
 
 @contextmanager
 def naming(output: Path, private: str | None = None) -> Iterator[None]:
-    """Set the name of the output in errors that name the folder `private` or, on a full disk, no file."""
+    """Name the output in errors that name the folder `private`, or that name no file because the disk is full."""
     try:
         yield
     except OSError as error:
@@ -136,14 +136,14 @@ def naming(output: Path, private: str | None = None) -> Iterator[None]:
 
 @contextmanager
 def _beside(output: Path) -> Iterator[Path]:
-    """Yield a path with the name of `output` in a private folder beside it, which is removed at the end."""
+    """Yield a path with the name of `output` in a private folder beside `output`; the folder is removed at the end."""
     try:
         folder = TemporaryDirectory(prefix=f".{output.name[:NAME_KEPT]}.", dir=output.parent)
     except OSError as error:
         error.filename = str(output)  # the name that the user knows
         raise
     with folder as private, naming(output, private):
-        yield Path(private) / output.name  # only its owner can read the private folder itself
+        yield Path(private) / output.name  # not the private folder, which only its owner can read
 
 
 def _sync(path: Path) -> None:

@@ -5,7 +5,7 @@ FOLDER`, `own_parts_from`). So another person's scenario or stored results canno
 error of a part is an `OwnPartError` of one line.
 
 The folder comes last in `sys.path`, so that a module in it never replaces a module that vestige or a library imports.
-Worker processes have the same `sys.path`, and get the classes by name from the objects that they receive.
+Worker processes have the same `sys.path`, and import the classes of received objects by name.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def own_parts_from(folder: Path | str) -> None:
     """
     path = Path(folder).resolve()
     if not path.is_dir():
-        raise VestigeError(f"{folder}: parts: found no such folder, expected the one with the modules of your parts")
+        raise VestigeError(f"{folder}: parts: found no such folder, expected the folder with the modules of your parts")
     if path not in _folders:
         _folders.append(path)
         sys.path.append(str(path))
@@ -102,7 +102,7 @@ def part(kind: str, base: type) -> Any:
     if not isinstance(found, type):
         raise OwnPartError(kind, f"{name} in {module.__file__}, which is no class", "a class")
     if kind_of(found) != kind:
-        raise OwnPartError(kind, f"a class that {found.__module__} defines", "one that the module itself defines")
+        raise OwnPartError(kind, f"a class that {found.__module__} defines", "a class that the module itself defines")
     if not getattr(base, "_is_protocol", False):
         if not issubclass(found, base):
             raise OwnPartError(
@@ -170,7 +170,7 @@ def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]
     """
     if type(part).__module__.startswith("vestige."):
         return
-    import numpy as np  # noqa: PLC0415  (`vestige --help` needs none)
+    import numpy as np  # noqa: PLC0415  (`vestige --help` needs no numpy)
 
     kind, found = kind_of(type(part)), np.asarray(values)
     if found.shape != shape or not np.issubdtype(found.dtype, np.number):
@@ -182,7 +182,7 @@ def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]
 
 
 def digest(kind: str) -> str:
-    """Return the first digits of the SHA-256 of the file of a part's module at its import."""
+    """Return the first 12 digits of the SHA-256 of the file of a part's module, as the file was at the import."""
     module = kind.partition(":")[0]
     if module not in _digests:
         _digests[module] = _digest(Path(str(sys.modules[module].__file__)))
@@ -228,7 +228,7 @@ def _module(kind: str, name: str) -> Any:
         what = f"{where} raises {type(error).__name__}: {error}"
         raise OwnPartError(kind, what, "a module that can be imported") from error
     if Path(str(getattr(module, "__file__", None))).resolve() != path.resolve():
-        raise OwnPartError(kind, f"another module {name} that is already there", "a name that no other module has")
+        raise OwnPartError(kind, f"another module {name} that is already imported", "a name that no other module has")
     return module
 
 

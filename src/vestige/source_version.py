@@ -31,7 +31,8 @@ def source_digest(package: Path) -> str:
 def processor_name() -> str:
     """Return LLVM's name of this processor, such as `znver3`.
 
-    The kernels are compiled for this processor. The vector instructions of the processor set the order of the terms of
-    a sum. So sums over samples differ between kinds of processor in the last digits of single precision.
+    The kernels are compiled for this processor. The vector instructions of the processor set the order in which the
+    terms of a sum are added. So sums over samples differ between kinds of processor in the last digits of single
+    precision.
     """
     return str(get_host_cpu_name())

@@ -3,8 +3,8 @@
 A float64 time of week has steps of 0.1 ns, that is 3.5 cm of range. So an absolute time is never a single float here,
 but a week, a whole second of the week and a fraction. Differences of two times are floats.
 
-GST started on 1999-08-22 00:00:00 GST = 1999-08-21 23:59:47 UTC [OS-ICD, 5.1.2]. Receivers report UTC, so a table has
-the leap seconds since then.
+GST started on 1999-08-22 00:00:00 GST = 1999-08-21 23:59:47 UTC [OS-ICD, 5.1.2]. Receivers report UTC, so this module
+has a table of the leap seconds since 1999.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from datetime import UTC, datetime, timedelta
 from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
 
 GST_EPOCH = datetime(1999, 8, 22, tzinfo=UTC)  # read as GST, not UTC [OS-ICD, 5.1.2]
-LAST_YEAR = 9000  # calendars end with 9999, and later times are computed
+LAST_YEAR = 9000  # latest year of an input; calendars end with 9999, and results may be later than the input
 MAX_WEEK = 400_000  # year 9665
 
 # (first UTC day of validity, GST - UTC in seconds) [IERS Bulletin C]
@@ -43,16 +43,16 @@ class GalileoTime:
     Parameters
     ----------
     week
-        Full Galileo week, not reduced modulo 4096, 0 … `MAX_WEEK`.
+        Full Galileo week, not reduced modulo 4096, 0 to `MAX_WEEK`.
     second
-        Whole second of the week, 0 … 604799.
+        Whole second of the week, 0 to 604799.
     fraction
         Fraction of the second, [0, 1), in s.
 
     Raises
     ------
     ValueError
-        If a number is out of its range; `normalized` carries such numbers over.
+        If a number is out of its range; `normalized` accepts such numbers.
 
     Examples
     --------
@@ -106,7 +106,7 @@ class GalileoTime:
 
     @classmethod
     def from_gst_seconds(cls, seconds: int, fraction: float = 0.0) -> GalileoTime:
-        """Return the time of `seconds` whole seconds since the GST epoch, and a fraction of a second."""
+        """Return the time that is `seconds` whole seconds and a fraction of a second after the GST epoch."""
         return cls(*divmod(seconds, SECONDS_PER_WEEK), fraction)
 
     @classmethod

@@ -8,7 +8,7 @@ from vestige.errors import VestigeError
 
 
 def require_finite(owner: str, **values: float) -> None:
-    """Check that all values are finite; the names are those of the fields.
+    """Check that all values are finite; each value is given under the name of its field.
 
     Raises
     ------
@@ -21,7 +21,7 @@ def require_finite(owner: str, **values: float) -> None:
 
 
 def require_finite_if_known(owner: str, **values: float) -> None:
-    """Check that no value is infinite; NaN means "not measured". The errors are those of `require_finite`."""
+    """Check that no value is infinite; NaN means "not measured". Raises `VestigeError` if a value is infinite."""
     for name, value in values.items():
         if math.isinf(value):
             raise _not_finite(owner, name, value)
@@ -32,7 +32,7 @@ def _not_finite(owner: str, name: str, value: float) -> VestigeError:
 
 
 def require_time_uncertainty(seconds: float) -> None:
-    """Check an upper limit of a clock's error: 0 s or more, infinite if unknown.
+    """Check an upper limit of a clock's error in s: 0 or more, infinite if the limit is unknown.
 
     Raises
     ------

@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 from vestige.time import GalileoTime
 
 _ROOM = "vestige.crypto.osnma.messages.tesla"
-_KINDS: list[type] = []  # the single kind of validated key, once its class exists
+_KINDS: list[type] = []  # the only class of validated keys, once the class exists
 
 
 class ValidatedKey:
@@ -25,7 +25,7 @@ class ValidatedKey:
         raise TypeError(f"only {_ROOM}.validate makes a ValidatedKey")
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Refuse every subclass except that of `vestige.crypto.osnma.messages.tesla`."""
+        """Refuse every subclass except the one in `vestige.crypto.osnma.messages.tesla`."""
         if cls.__module__ != _ROOM or _KINDS:
             raise TypeError(f"only {_ROOM} may derive from ValidatedKey")
         super().__init_subclass__(**options)

@@ -22,11 +22,11 @@ class Lanes:
         return self.builder.bitcast(self.builder.gep(self.data, [index]), vector.as_pointer())
 
     def load(self, index, vector, align):
-        """Return a vector; `align` in bytes."""
+        """Return the vector at an element; `align` is its alignment in bytes."""
         return self.builder.load(self.at(index, vector), align=align)
 
     def store(self, value, index, align):
-        """Store a vector; `align` in bytes."""
+        """Store a vector at an element; `align` is its alignment in bytes."""
         self.builder.store(value, self.at(index, value.type), align=align)
 
     def number(self, index):

@@ -32,7 +32,7 @@ def test_lift_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytes
     assert offsets_m["maximum"][4] > 30.0
     assert offsets_m["maximum"][-1] > 60.0
     assert re.search(r"early +detector: it returned to the true signal \d+ s after the attack began, and stayed", text)
-    assert re.search(r"maximum +detector: it did not return to the true signal to stay", text)
+    assert re.search(r"maximum +detector: it did not return to the true signal for the rest of the attack", text)
     with Image.open(tmp_path / "lift_off.png") as image:
         assert image.size[0] > 1000
 

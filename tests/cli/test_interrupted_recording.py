@@ -146,8 +146,8 @@ def test_another_command_does_not_go_on(left: Path, tmp_path: Path, change: tupl
     result = invoked(tmp_path / "a", *ONE, *change)
     assert isinstance(result.exception, InputFileError)
     assert str(result.exception) == (
-        f"{left}: unfinished recording: found one with another {found}, expected the command that began it; "
-        "remove the folder to begin again"
+        f"{left}: unfinished recording: found a recording with another {found}, expected the command that began "
+        "this recording; remove the folder to begin again"
     )
     assert files(left) == before
 
@@ -155,7 +155,7 @@ def test_another_command_does_not_go_on(left: Path, tmp_path: Path, change: tupl
 @pytest.mark.parametrize("name", ["vestige_version", "processor_name"])
 def test_another_build_does_not_go_on(left: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setattr(simulated_recording, name, lambda: "another")
-    assert "found one with another" in str(invoked(tmp_path / "a", *ONE).exception)
+    assert "found a recording with another" in str(invoked(tmp_path / "a", *ONE).exception)
 
 
 def test_samples_that_are_missing_or_changed_are_no_beginning(left: Path, tmp_path: Path) -> None:

@@ -124,7 +124,7 @@ def test_a_start_time_can_be_given(folder: Path) -> None:
     wrong = run(folder, "pages.csv", "--public-key", "key.pem", "--start", "1400:604681")
     assert right.exit_code == 0
     assert isinstance(wrong.exception, AuthenticationError)
-    assert "sends a time that differs from that of the recording" in wrong.stdout
+    assert "sends a time that differs from the time of the recording" in wrong.stdout
 
 
 def test_keys_are_not_written_over_what_they_come_from(folder: Path) -> None:

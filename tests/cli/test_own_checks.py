@@ -161,7 +161,7 @@ def refused(*arguments: object) -> str:
     ("words", "said"),
     [
         (("--check", "nothing:Here"), "nothing:Here: found no nothing.py in "),
-        (("--check", "fives:Fives", "--check", "again:Fives"), "--check: two checks have one name"),
+        (("--check", "fives:Fives", "--check", "again:Fives"), "--check: two checks have the same name"),
         (("--check", "touch:Fives"), "touch:Fives: found evidence.measured.snapshots.e6.samples"),
         (("--detector", "latest"), "found 'latest', expected early, maximum or module:Name"),
         (("--detector", "fives:Fives"), "fives:Fives: found TypeError"),

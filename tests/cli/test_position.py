@@ -155,7 +155,7 @@ def test_orbits_of_the_day_before_are_named(night: Path) -> None:
     expected = (
         f"warning: {night.parent / 'old.rnx'}: no satellites have an ephemeris within 4 h of "
         "2026-11-21T12:00:16.000 GST, "
-        "and a position needs 4; those found are of 2026-11-20T12:00:00.000 GST "
+        "and a position needs 4; the given ephemerides are of 2026-11-20T12:00:00.000 GST "
         "to 2026-11-20T13:00:00.000 GST"
     )
     for more in ((), ("--follow", "--idle-s", 0.2, "--poll-s", 0.02, "--time-uncertainty", 0.02)):

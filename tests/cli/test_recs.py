@@ -173,7 +173,7 @@ def test_decrypt_without_any_of_its_keys(file: Path, tmp_path: Path) -> None:
     path = recs_file.write_recs_file(recs_file.from_segments(segments), tmp_path)
     result = run("decrypt", path, *keys_of(file), "-o", tmp_path / "ecs.bin")
     assert isinstance(result.exception, VestigeError)
-    assert "has none of the keys that it needs" in str(result.exception)
+    assert "has none of the keys that the RECS need" in str(result.exception)
     assert not (tmp_path / "ecs.bin").exists()
 
 

@@ -98,7 +98,7 @@ def test_bad_input_is_one_line_with_the_file(store: Path, tmp_path: Path) -> Non
         (text, f"found another file, {expected}"),
         (good / "threats.zarr", "found the store of a threat table, expected the folder that contains this store"),
         (other, "found no results of a campaign, expected the results of a campaign"),
-        (stored(campaign_results(3), tmp_path / "foreign"), "found no status, expected those of `vestige run`"),
+        (stored(campaign_results(3), tmp_path / "foreign"), "found no status, expected results of `vestige run`"),
         (sweep, "found a sweep, expected one of the stores in this folder"),
     ):
         line = refused(path, "-o", out)

@@ -70,7 +70,7 @@ def test_what_came_of_an_attack(tmp_path: Path) -> None:
     )
     assert f"attack on E11: 1000 epochs from 500 s on, first alarm after {early['time_to_detect_s']:g} s" in text
     assert f"it returned to the true signal after {early['time_to_mitigate_s']:g} s and stayed" in text
-    assert "it did not return to the true signal to stay" in text.splitlines()[-1]
+    assert "it did not return to the true signal for the rest of the attack" in text.splitlines()[-1]
 
 
 @pytest.mark.parametrize(("level", "after_s", "worst_m", "within_m"), [(1, None, 599.6, 0.5), (2, 0.0, 0.0, 26.5)])

@@ -150,7 +150,7 @@ def test_gnss_sdr_corrects_what_the_signals_have(
         f"PVT.iono_model={ionosphere}",
     ]
     assert ("; the signals have no troposphere" in lines) == (troposphere == "OFF")
-    assert ("; the signals have no ionosphere but the errors of the scenario" in lines) == (ionosphere == "OFF")
+    assert ("; the signals have no ionosphere except the errors of the scenario" in lines) == (ionosphere == "OFF")
 
 
 @pytest.mark.slow

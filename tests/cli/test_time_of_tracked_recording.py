@@ -85,7 +85,7 @@ def test_a_wrong_time_tag_is_told_and_all_times_are_of_the_signal(
     files = {name: tmp_path / name for name in ("right.csv", "wrong.csv", "right.geojson", "wrong.geojson")}
     right = processed("--json", "-o", files["right.csv"], "--positions", files["right.geojson"])
     wrong = processed("--json", "-o", files["wrong.csv"], "--positions", files["wrong.geojson"], tag_s=TAG_S)
-    line = "the time tag of the samples is 10.00 s early according to the message, ± 10 ms"
+    line = "the time tag of the samples is 10.00 s behind the time in the navigation message, ± 10 ms"
     assert line not in right.stderr
     assert wrong.stderr.count(line) == 1
     expected, found = json.loads(right.stdout), json.loads(wrong.stdout)

@@ -49,7 +49,7 @@ def test_a_wrong_label_is_found_out(clear: Path, late_s: float) -> None:
     assert verdict["status"] == "AUTHENTIC"
     assert abs(verdict["range_offset_m"]) < 6
     size = r"(9\d|10\d) ms" if abs(late_s) < 1 else f"{abs(late_s):.2f} s"  # to the travel time, 10 ms
-    assert re.search(f"the time tag is {size} {'late' if late_s > 0 else 'early'}", result.stderr)
+    assert re.search(f"the time tag is {size} {'ahead of' if late_s > 0 else 'behind'}", result.stderr)
 
 
 def test_a_right_label_is_left_alone(clear: Path) -> None:

@@ -66,7 +66,7 @@ def test_what_is_own() -> None:
 
 
 def test_no_such_folder(tmp_path: Path) -> None:
-    with pytest.raises(VestigeError, match="nowhere: parts: found no such folder, expected the one with the modules"):
+    with pytest.raises(VestigeError, match="nowhere: parts: found no such folder, expected the folder with"):
         own_parts_from(tmp_path / "nowhere")
 
 
@@ -85,12 +85,12 @@ def test_nothing_is_imported_without_a_folder(folder: Path, monkeypatch: pytest.
         ("own_a:../C", "", "found another form, expected module:Name"),
         ("own_a:C", "", r"found no C in .*own_a.py, expected a class of that name"),
         ("own_a:C", "C = 3", r"found C in .*own_a.py, which is no class, expected a class"),
-        ("own_a:C", "from pathlib import Path as C", "found a class that pathlib defines, expected one that the modul"),
+        ("own_a:C", "from pathlib import Path as C", "found a class that pathlib defines, expected a class that the"),
         ("own_a:C", "class C: pass", "found a class that is not derived from Attack, expected vestige.spoofer.attack:"),
         ("own_a:C", "1 / 0", r"found line 1 of .*own_a.py raises ZeroDivisionError: division by zero, expected a modu"),
         ("own_a:C", "\n\nclass C(:", r"own_a.py raises SyntaxError: .*line 3\), expected a module that can be importe"),
         ("own_a:C", "import sys; sys.exit(3)", r"own_a.py raises SystemExit: 3, expected a module that can be importe"),
-        ("json:C", "class C: pass", "found another module json that is already there, expected a name that no other"),
+        ("json:C", "class C: pass", "found another module json that is already imported, expected a name that no"),
     ],
 )  # fmt: skip
 def test_a_part_that_cannot_be_had_is_one_line(folder: Path, kind: str, source: str | None, text: str) -> None:

@@ -51,7 +51,7 @@ class LevelVerdicts(VerdictBlock):
     processor: AcasProcessor
     budget: Mapping[CheckName | str, AlarmShare]
     seen: Bool[np.ndarray, "n m"]  # whether the satellite is in view
-    # largest error of the range in use by the attack since the previous RECS; NaN if no range is in use
+    # largest error of the range in use that the attack caused since the previous RECS; NaN if no range is in use
     range_error_m: Float[np.ndarray, "n m"]
 
     @cached_property
@@ -89,7 +89,7 @@ class LevelVerdicts(VerdictBlock):
         return alarm_begins(self.state)
 
     def of_recs(self) -> Int8[np.ndarray, "n m"]:
-        """Return the gravest status since the previous RECS at epochs with RECS, else NOT_AVAILABLE."""
+        """Return, for epochs with RECS, the gravest verdict since the previous RECS; NOT_AVAILABLE for other epochs."""
         by_gravity = np.array([POSITION[one] for one in GRAVITY], np.int8)
         gravity = np.argsort(by_gravity)[self.status]
         verdict = np.full(self.status.shape, POSITION[Status.NOT_AVAILABLE], np.int8)
@@ -157,15 +157,15 @@ def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasPro
 
 
 def failures(check: CheckSeries) -> Proportion:
-    """Return how many of the tests of a check failed, before confirmation."""
+    """Return the proportion of failed tests of a check, before confirmation."""
     return proportion(int(np.count_nonzero(check.failed)), int(np.count_nonzero(check.run)))
 
 
 def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdicts | None]:
-    """Return a run with one verdict for each RECS instead of each epoch, and the verdicts of its level.
+    """Return the results of a run with one verdict for each RECS, and the verdicts of all epochs.
 
-    A run at level 1 without user's checks has no verdicts between RECS: it is returned unchanged, with None. A run that
-    has not ended (coordinate `epoch`) is returned unchanged, too.
+    A run at level 1 without user's checks has no verdicts between RECS. Its results are returned unchanged, with None.
+    The results of a run that has not ended (coordinate `epoch`) are returned in the same way.
     """
     if not judged_between_recs(results) or "epoch" in results.coords:
         return results, None
@@ -189,7 +189,7 @@ def highest_level(results: xarray.Dataset) -> int:
 
 
 def measured_of(results: xarray.Dataset) -> tuple[AcasProcessor, MeasurementBlock]:
-    """Return the processor of a campaign's receiver, and its measurements in all epochs."""
+    """Return the processor of a campaign's receiver, and the receiver's measurements in all epochs."""
     scenario = scenario_of(results)
     _check_own_parts(scenario, attributes_of(results).own_parts)
     processor = processor_of_results(results)
@@ -214,7 +214,7 @@ def _check_own_parts(scenario: StoredScenario, recorded: str) -> None:
         found = f"{kind}@{digest(kind)}"
         if found not in recorded.split():
             raise VestigeError(
-                f"results of a campaign: own_parts: found {found} now, expected {recorded}, with which they were made"
+                f"results of a campaign: own_parts: found {found} now, expected {recorded}, as in the run"
             )
 
 

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-A detection gives the delay of a signal after its prediction. The truth has the same delay for the line of sight and for
+A detection gives the delay of a signal after its prediction. The truth gives this delay for the line of sight and for
 each spoofing signal. A detection belongs to the signal with the nearest delay. Two signals closer than the *resolution*
 make one common peak, and a detection of this peak belongs to both: MIXED.
 
@@ -16,7 +16,7 @@ detection by less than 1 m on average. A spoofing signal with invented chips mak
 The report gives two times and an error:
 
     time to detect      from the attack's first epoch to the first alarm (SUSPECT, SPOOFED, NOT_DETECTED) under attack
-    time to mitigate    from the attack's first epoch to the first from which on `SHARE` of the detections are TRUE
+    time to mitigate    from the attack's first epoch to the epoch from which on `SHARE` of the detections are TRUE
     worst range         largest error of a range in use (`range_errors.py`)
 
 All functions are pure and take results as the campaign stores them. Without an attack every detection is TRUE.
@@ -61,7 +61,7 @@ def classify(
     """Return the `DetectedSignal` of every epoch.
 
     `range_offset_m` is NaN where nothing was detected. `prediction_error_m` is the delay of the line of sight after its
-    prediction. Two signals closer than `resolution_m` make one peak; a spoofing signal up to `FLOOR_DB` does not count.
+    prediction. Two signals closer than `resolution_m` make one peak; a signal of at most `FLOOR_DB` does not count.
     """
     found_m = range_offset_m - prediction_error_m
     counts = spoofer_power_db > FLOOR_DB
@@ -113,13 +113,12 @@ class AttackReport:
     """Report on an attack on one satellite: shares of the outcomes, times to detect and mitigate, worst error."""
 
     detector: str  # detector that made the outcomes; the status always comes from the detector of the scenario
-    # time of the attack's first epoch, and number of attacked epochs with a due verdict
-    first_s: float
-    epochs: int
+    first_s: float  # time of the attack's first epoch, after the start of the campaign
+    epochs: int  # number of attacked epochs with a due verdict
     shares: dict[DetectedSignal, float]  # share of each outcome in attacked epochs with a due verdict
-    time_to_detect_s: float  # from the attack's first epoch to the first alarm under attack; NaN without alarm
-    # from the attack's first epoch to the epoch from which on the detector finds the true signal; NaN if there is no
-    # such epoch, 0 if the detector always found the true signal
+    time_to_detect_s: float  # time from the attack's first epoch to the first alarm under attack; NaN without alarm
+    # time from the attack's first epoch to the epoch from which on the detector finds the true signal; NaN if there is
+    # no such epoch, 0 if the detector always found the true signal
     time_to_mitigate_s: float
     # error of a range in use that is largest in magnitude, with its sign; NaN if no range was in use
     worst_range_m: float
@@ -129,8 +128,8 @@ class AttackReport:
 def report(results: xarray.Dataset, detector: str = "early", *, satellite: int = 0) -> AttackReport | None:
     """Return the outcome of the attack on a satellite; None if no verdict was due under attack.
 
-    `satellite` is the index on the axis of satellites. From the time of mitigation on, at least the part `SHARE` of the
-    detections belongs to the true signal. The first such time counts.
+    `satellite` is the index on the axis of satellites. The time of mitigation is the first epoch from which on at least
+    the share `SHARE` of the detections belongs to the true signal.
     """
     if "truth_spoofed" not in results:
         return None

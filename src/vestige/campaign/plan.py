@@ -30,7 +30,7 @@ Resuming a campaign and running it in parallel rely on these rules:
    Data that can be derived from the plan (replicas, tables) are derived and cached in the worker.
 6. Two plans with equal `attrs` give equal results. A store compares `attrs` to decide whether it may be resumed.
    `attrs` contain the scenario, its digest and the seed; the store adds version and source of vestige. If the bits
-   depend on the kind of processor, `attrs` name it as `processor`.
+   depend on the kind of CPU, `attrs` contain this kind as `processor`.
 
     @dataclass(frozen=True, kw_only=True)
     class Coins:
@@ -63,7 +63,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 EPOCH = "epoch"  # the dimension along which a campaign is cut
-CHUNK_EPOCHS = 2000  # many, since a chunk costs about 40 small files; few compared with a run
+CHUNK_EPOCHS = 2000  # many, because each chunk makes about 40 small files; but few compared with a run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +105,7 @@ class Preparation(Protocol):
     """Sequential part of a plan: the state of the simulation, epoch after epoch."""
 
     def advance(self, first: int, count: int) -> Mapping[str, Any]:
-        """Return the inputs of the next epochs, first … first + count − 1, as arrays by name."""
+        """Return the inputs of the next epochs, from `first` to `first + count − 1`, as arrays by name."""
 
 
 @runtime_checkable
@@ -126,13 +126,13 @@ class Plan(Protocol):
 
     @property
     def attrs(self) -> Mapping[str, Any]:
-        """Identity of the work: text, whole and finite numbers, and lists of text and numbers."""
+        """Attributes that identify the work; values are text, finite numbers, or lists of text and numbers."""
 
     def prepare(self) -> Preparation:
         """Return the sequential part of the plan before its first epoch."""
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
-        """Return the columns of the epochs of `inputs`, which begin with `first`, without the columns of `judge`."""
+        """Return all columns except those of `judge` for the epochs of `inputs`; `first` is the first of them."""
 
 
 @runtime_checkable
@@ -140,13 +140,13 @@ class JudgedPlan(Plan, Protocol):
     """A plan with verdicts that depend on earlier epochs."""
 
     def judge(self, state: Any, first: int, columns: Mapping[str, np.ndarray]) -> tuple[Any, Mapping[str, np.ndarray]]:
-        """Return the state after the epochs from `first` on, and all their columns."""
+        """Return the state after the epochs of `columns`, which begin at `first`, and all columns of these epochs."""
 
 
 def judged(
     plan: Plan, state: Any, first: int, columns: Mapping[str, np.ndarray]
 ) -> tuple[Any, Mapping[str, np.ndarray]]:
-    """Return the state after some epochs, and all their columns; a plan without `judge` adds no columns."""
+    """Return the state after the epochs of `columns`, and all their columns; a plan without `judge` adds no columns."""
     return plan.judge(state, first, columns) if isinstance(plan, JudgedPlan) else (None, columns)
 
 

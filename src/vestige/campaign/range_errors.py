@@ -8,7 +8,7 @@ therefore the largest error that the attack caused in that time. If the range of
 use instead, the error of this range counts.
 
 **RECS that count.** These are the RECS from the first start of an attack to the last stop, and the first RECS after the
-stop, because it judges the last part of the attack. Without an attack every RECS counts.
+stop. The RECS after the stop judges the last part of the attack. Without an attack every RECS counts.
 
 `vestige run`, the page of a run, sweeps and the threat table give the largest of these errors as `worst_range_m`.
 """
@@ -38,8 +38,10 @@ def range_errors_m(
     ----------
     results
         Results with the truth.
-    in_use_m, earlier
-        Ranges in use, and whether each is the range of the earliest of several signals.
+    in_use_m
+        Ranges in use; NaN if no range is in use.
+    earlier
+        Whether the range in use is the range of the earliest of several signals.
     """
     names = ("truth_e1_noise_m", "truth_e1_multipath_m", "truth_e1_error_m")
     errors_m = [values(results, name, "epoch", "satellite") for name in names if name in results]
@@ -60,7 +62,7 @@ def worst_range_m(results: xarray.Dataset) -> float:
 
 
 def recs_that_count(results: xarray.Dataset) -> Bool[np.ndarray, " n"]:
-    """Return the epochs with RECS whose ranges in use count, from the attacks of the scenario."""
+    """Return the epochs with RECS that count; the scenario gives the times of its attacks."""
     time_s = results["time_s"].values
     first_s, end_s = window_of(scenario_of(results))
     return recs_since(results["recs"].values.astype(np.bool_), (time_s >= first_s) & (time_s < end_s))
@@ -89,7 +91,7 @@ def worst_of(values_m: Float[np.ndarray, "..."]) -> float:
 
 
 def _e1_error_m(results: xarray.Dataset, shape: tuple[int, ...]) -> Float[np.ndarray, "n m"]:
-    """Return the largest E1 error by the attack since the previous RECS, in epochs with RECS; 0 in other epochs."""
+    """Return the largest E1 error that the attack caused since the previous RECS; 0 in epochs without RECS."""
     worst_m = np.zeros(shape)
     places = np.flatnonzero(results["recs"].values)
     if "truth_e1_worst_error_m" not in results or not places.size:

@@ -1,10 +1,10 @@
 """RINEX files of the simulated receiver's E1 observations, which other receiver software can read.
 
-The files have pseudorange, Doppler and C/N0 of E1-C at every epoch, on the receiver's clock. The observations are those
-of the tracked signal, which may be a spoofing signal. The files have no carrier phase, because the results contain
-none. The navigation file has the orbits and clocks of the run. A new issue every 2 h gives each epoch ephemerides.
+The files have pseudorange, Doppler and C/N0 of E1-C at every epoch, on the receiver's clock. The observations belong
+to the tracked signal; under attack this may be a spoofing signal. The files have no carrier phase, because the results
+contain none. The navigation file has the orbits and clocks of the run, with a new issue of the ephemerides every 2 h.
 
-Pseudoranges contain the residual of the ionosphere and no troposphere. The settings of `rnx2rtkp` [RTKLIB] therefore
+Pseudoranges contain the residual of the ionosphere, but no troposphere. The settings of `rnx2rtkp` [RTKLIB] therefore
 apply no corrections, and use RAIM with exclusion of one satellite. If the scenario has the table `[atmosphere]`, the
 pseudoranges contain its delays.
 """
@@ -43,7 +43,7 @@ pos1-posopt5       =on
 out-solformat      =xyz
 out-timesys        =gpst
 """
-_TENTHS = 10  # tenths in a second; epochs lie on whole tenths
+_TENTHS = 10  # tenths in a second; epochs are at whole tenths
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,13 +59,13 @@ class RinexExport:
 def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
     """Write the results of a sky into a new folder.
 
-    The results must be those of a whole campaign. The folder must not exist.
+    The results must contain all epochs of a campaign. The folder must not exist.
 
-    Raises `VestigeError` if the results are not those of a sky, no satellite was tracked, or `folder` exists.
+    Raises `VestigeError` if the results do not belong to a sky, no satellite was tracked, or `folder` exists.
     """
     navigation = attributes_of(results).navigation
     if navigation is None:
-        raise VestigeError("results: found a single line of sight, expected those of a sky, with [constellation]")
+        raise VestigeError("results: found a single line of sight, expected a sky, with [constellation]")
     scenario, start = scenario_of(results), scenario_of(results).start_time
     lines = enumerate(navigation.splitlines(), 1)
     end = start + scenario.epochs * scenario.interval_s
@@ -74,7 +74,7 @@ def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
     cn0_dbhz = values(results, "e1_cn0_dbhz", "epoch", "satellite")
     tracked = np.isfinite(values(results, "e1_pseudorange_m", "epoch", "satellite"))
     if not tracked.any():
-        raise VestigeError("results: found no satellite that E1 tracked, expected one at least")
+        raise VestigeError("results: found no satellite that E1 tracked, expected at least one")
     svids = results["svid"].values
     with new_folder(folder) as place:
         write_rinex_observations(place / OBSERVATIONS, _epochs(results, start, tracked, cn0_dbhz))

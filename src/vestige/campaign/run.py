@@ -28,7 +28,7 @@ from vestige.campaign.store.store import Store, make_store, open_store
 from vestige.errors import VestigeError
 from vestige.folder_lock import only_writer
 
-IN_FLIGHT = 3  # chunks for each worker: one runs, one waits to run, one may wait for an earlier chunk
+IN_FLIGHT = 3  # chunks for each worker: one runs, one waits to run, one result may wait for an earlier chunk
 
 ExecutorChoice = Literal["threads", "processes"] | Executor
 
@@ -40,7 +40,7 @@ class RunProgress:
     epochs_done: int  # epochs in the store
     epochs_total: int
     epochs_resumed: int  # epochs that were in the store when this run began
-    elapsed_s: float  # since this run began
+    elapsed_s: float  # time since this run began
 
     @property
     def rate_epochs_per_s(self) -> float:
@@ -93,7 +93,7 @@ def run(
         If `store` is no store, belongs to another scenario, seed or source of vestige, or is written by another
         process.
     VestigeError
-        If workers are lost, have another source of vestige, or have another processor where the bits depend on it.
+        If workers are lost, have another source of vestige, or have another kind of CPU and the bits depend on the CPU.
     KeyboardInterrupt
         If the user presses Ctrl-C. This exception, like every other, has a note (`__notes__`) with the number of
         stored epochs. The same call continues the run.
@@ -192,7 +192,10 @@ def measure_chunks(
 def _submitted(
     plan: Plan, pool: Executor, chunk_epochs: int, chunks: Sequence[int]
 ) -> Iterator[tuple[int, Future[Columns]]]:
-    """Submit each chunk of `chunks` and yield it with its future, after the preparation of all earlier epochs."""
+    """Submit each chunk of `chunks`, and yield the number of the chunk and its future.
+
+    The epochs of other chunks are prepared, too, because the preparation must run through all earlier epochs.
+    """
     preparation = plan.prepare()
     wanted = frozenset(chunks)
     expected = build_id(plan)

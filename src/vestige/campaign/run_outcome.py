@@ -3,10 +3,10 @@
 Theory of operation
 -------------------
 A run is one campaign with one attack. The epochs of a run from the attack's start to its stop are *attacked*.
-`levels.py` has the processor's statuses, and for every RECS the ranges in use with their largest error by the attack
-since the previous RECS. The first RECS after the stop counts as well, because it judges the last part of the attack. An
-error is *harmful* if it exceeds twice the limit of the range test, 2κσ. The noise of E6 can hide a smaller error from
-this test. More than one of these outcomes may be true for a run:
+`levels.py` gives the verdicts. For every RECS it also gives the ranges in use, and the largest error of each range that
+the attack caused since the previous RECS. The first RECS after the stop counts as well, because it judges the last part
+of the attack. An error is *harmful* if it exceeds twice the limit of the range test, 2κσ. The noise of E6 can hide a
+smaller error from this test. More than one of these outcomes may be true for a run:
 
     detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite in attacked epochs or with the next RECS
     missed       a harmful range was in use at any time
@@ -50,28 +50,24 @@ if TYPE_CHECKING:
 
 HALF = 0.5
 HARMLESS = "no alarm, no harm"
-_LAST = 0.25  # last part of the attack's RECS, as a share
-_HARMFUL = 2.0  # times κσ
+_LAST = 0.25  # share of the attack's RECS that is the last part
+_HARMFUL = 2.0  # an error above this number of κσ is harmful
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutcomeCounts:
-    """Counts of alarms and failed tests of a run beside their budgets; the counts of many runs are summed."""
+    """Counts of alarms and failed tests of a run, and the numbers that the budgets allow; sums for many runs."""
 
     duration_s: float  # duration of the attacked epochs, or of all epochs without an attack
-    # alarms that began in these epochs, and the number that the budget allows
-    alarms: int
-    budget_alarms: float
+    alarms: int  # alarms that began in these epochs
+    budget_alarms: float  # number of alarms that the budget allows
     budget_range_alarms: float  # the range check's part of `budget_alarms`
-    # failed tests of the checks whose p_fa can be chosen, and the number that the budget allows
-    failures: int
-    budget_failures: float
-    # failed tests of the checks among these whose p_fa is exact, and the number that the budget allows
-    exact_failures: int
-    budget_exact_failures: float
-    # failed tests of the range check, whose p_fa is an upper limit, and the number that the budget allows
-    range_failures: int
-    budget_range_failures: float
+    failures: int  # failed tests of the checks whose p_fa can be chosen
+    budget_failures: float  # number of `failures` that the budget allows
+    exact_failures: int  # failed tests of those checks whose p_fa can be chosen and is exact
+    budget_exact_failures: float  # number of `exact_failures` that the budget allows
+    range_failures: int  # failed tests of the range check, whose p_fa is an upper limit
+    budget_range_failures: float  # number of `range_failures` that the budget allows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,16 +80,15 @@ class RunOutcome(OutcomeCounts):
     protected: bool
     missed: bool
     denied: bool
-    time_to_detect_s: float  # from the first attacked epoch to the first alarm; NaN without alarm
+    time_to_detect_s: float  # time from the first attacked epoch to the first alarm; NaN without alarm
     # each failed check with the time of its first failure in s after the first attacked epoch, in order of time:
     # `C/N0 0; RAIM 31`
     checks: str
     # each check with its failed tests after confirmation, and the number that its own budget allows:
     # `E6 power 3 2.9; RAIM 0 0.01`
     budgets: str
-    # largest errors of a range and of a position in use, by magnitude; NaN if no range or position was in use
-    worst_range_m: float
-    worst_position_m: float
+    worst_range_m: float  # error of a range in use with the largest magnitude, with its sign; NaN if none was in use
+    worst_position_m: float  # largest error of a position in use; NaN if none was in use
 
     @property
     def word(self) -> str:
@@ -106,7 +101,7 @@ class JudgedRun(Protocol):
 
     @property
     def status(self) -> Int8[np.ndarray, "n m"]:
-        """The verdict of each epoch as the position in `Status`."""
+        """The verdict of each epoch and satellite as the position in `Status`."""
 
     @property
     def recs(self) -> Bool[np.ndarray, " n"]:
@@ -118,7 +113,7 @@ class JudgedRun(Protocol):
 
     @property
     def range_error_m(self) -> Float[np.ndarray, "n m"]:
-        """Largest error of the range in use by the attack since the previous RECS; NaN if no range is in use."""
+        """Largest error of the range in use that the attack caused since the last RECS; NaN if no range is in use."""
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
@@ -228,8 +223,8 @@ def outcomes_of(
 ) -> tuple[RunOutcome, ...]:
     """Return the outcome of one campaign in a time window at each level.
 
-    Level 1 takes any scenario. Levels above 1 need a sky, or a processor of level 2 or 3. `window_s` is in s after the
-    start, without its end.
+    Level 1 takes any scenario. Levels above 1 need a sky, or a processor of level 2 or 3. `window_s` is the begin
+    and the end of the window in s after the start; the end is excluded.
     """
     time_s = results["time_s"].values
     counted = (time_s >= window_s[0]) & (time_s < window_s[1])

@@ -34,7 +34,7 @@ def run_scenario(
     store
         Folder of the results (zarr); `run` makes it if it does not exist.
     settings
-        Values that replace those of the scenario file, each as `table.key=value`. Settings need a scenario file.
+        Values that replace values of the scenario file, each as `table.key=value`. Settings need a scenario file.
     workers
         Number of threads or processes.
     executor
@@ -78,7 +78,7 @@ def run_scenario(
             raise VestigeError(f'{scenario}: found kind = "{loaded.kind}", expected "campaign"')
         scenario = loaded
     elif settings:
-        raise ValueError("settings replace values of a file, but the campaign is not read from one")
+        raise ValueError("settings replace values of a file, but the campaign was not read from a file")
     plan = ScenarioPlan(scenario=scenario)
     run(plan, store, workers=workers, executor=executor, chunk_epochs=plan.chunk_epochs, progress=progress)
     return open_results(store, verify=False)

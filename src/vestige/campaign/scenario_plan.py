@@ -62,13 +62,13 @@ SCENARIO_COLUMNS = column_table(
     ("magnitude_sigma", _FOUND, "float32", "1", "magnitude of the detecting correlator in standard deviations"),
     ("phase_rad", _FOUND, "float32", "rad", "phase of the detecting correlator"),
     ("range_offset_m", _FOUND, "float32", "m", "measured minus predicted E6 range"),
-    ("e6_total_power_db", _EPOCH, "float32", "dB", "power of the E6 samples over that of noise alone"),
-    ("e6_agc_gain_db", _EPOCH, "float32", "dB", "gain of the E6 front end over that for noise alone"),
+    ("e6_total_power_db", _EPOCH, "float32", "dB", "power of the E6 samples over the power of noise alone"),
+    ("e6_agc_gain_db", _EPOCH, "float32", "dB", "gain of the E6 front end over the gain for noise alone"),
     ("e6_saturated", _EPOCH, "int8", "1", "whether the E6 quantiser clips"),
     ("truth_range_m", _SATELLITE, "float64", "m", "geometric range"),
-    ("truth_clock_m", _EPOCH, "float64", "m", "receiver clock"),
-    ("truth_clock_drift_mps", _EPOCH, "float64", "m s-1", "receiver clock drift"),
-    ("truth_iono_diff_m", _SATELLITE, "float64", "m", "ionospheric delay of E6 minus that of E1"),
+    ("truth_clock_m", _EPOCH, "float64", "m", "error of the receiver clock"),
+    ("truth_clock_drift_mps", _EPOCH, "float64", "m s-1", "rate of the error of the receiver clock"),
+    ("truth_iono_diff_m", _SATELLITE, "float64", "m", "ionospheric delay of E6 minus ionospheric delay of E1"),
     ("truth_e1_noise_m", _SATELLITE, "float64", "m", "noise of the E1 pseudorange"),
     ("truth_e1_phase_noise_m", _SATELLITE, "float64", "m", "noise of the E1 carrier phase times the wavelength"),
     ("truth_e1_rate_noise_mps", _SATELLITE, "float64", "m s-1", "noise of the range rate from the E1 Doppler"),
@@ -76,7 +76,7 @@ SCENARIO_COLUMNS = column_table(
     ("truth_bias_m", _SATELLITE, "float64", "m", "residual group delay and hardware bias, E6 minus E1"),
     ("truth_ray_delay_m", _RAYS, "float64", "m", "excess delay of a reflection"),
     ("truth_ray_amplitude", _RAYS, "complex64", "1", "amplitude of a reflection relative to the line of sight, on E6"),
-    ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a reflection minus that of the line of sight, on E6"),
+    ("truth_ray_doppler_hz", _RAYS, "float64", "Hz", "Doppler of a reflection minus line-of-sight Doppler, on E6"),
     attrs=_FLAGS,
 )
 
@@ -86,7 +86,7 @@ class ScenarioPlan:
     """A campaign scenario, ready to run."""
 
     scenario: CampaignScenario
-    # whether `truth_phase_rad` is measured under attack; this needs the arrival of E6 at all epochs, not only RECS
+    # whether `truth_phase_rad` is measured under attack; this needs the arrival of E6 at all epochs, not only at RECS
     with_phases: bool = True
 
     @property
@@ -231,7 +231,7 @@ class ScenarioPlan:
     def judge(
         self, state: ReceiverState | None, first: int, columns: Mapping[str, np.ndarray]
     ) -> tuple[ReceiverState, Mapping[str, np.ndarray]]:
-        """Return the state after some epochs, and all their columns; `columns` has the columns of `measure`, or all."""
+        """Return the state after the epochs, and all columns; `columns` has the columns of `measure`, or all."""
         n = columns["time_s"].size
         measured = measured_block(self._judged, first + np.arange(n, dtype=np.int64), columns)
         block, after = self._judged.processor.assess(state, measured, self._receiver.assistance)

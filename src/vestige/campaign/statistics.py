@@ -1,8 +1,8 @@
 """Counts of a campaign and their confidence intervals.
 
 Every probability is estimated from k successes in n independent trials. The interval of a probability is the exact
-interval of Clopper and Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects p at level α exactly if p
-lies outside the interval of confidence 1 − α. The campaign must make trials independent. Epochs that share a slow
+interval of Clopper and Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects p at level α if and only
+if p is outside the interval of confidence 1 − α. The campaign must make trials independent. Epochs that share a slow
 error, such as an ionosphere with a time constant of hours, are not independent trials. The true interval is then wider.
 """
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import xarray
 
 CONFIDENCE = 0.95
-CLUSTER_M = (-27.0, -18.0)  # ± 0.3 taps of 15 m around the early detector's cluster at −22.5 m [WFO, Sec. VI-A]
+CLUSTER_M = (-27.0, -18.0)  # cluster of the early detector at −22.5 m [WFO, Sec. VI-A], ± 0.3 spacings of 15 m
 PERCENTILES = (0.01, 0.1, 1.0, 50.0, 99.0, 99.9, 99.99)  # values of [WFO, Sec. VI-A], and 100 minus these values
 E6_CHIP_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
 READ_EPOCHS = 10_000  # epochs that are read at once, so that memory does not grow with the campaign
@@ -33,7 +33,7 @@ READ_EPOCHS = 10_000  # epochs that are read at once, so that memory does not gr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proportion:
-    """`successes` in `trials`, and the interval from `low` to `high` of their probability at `confidence`."""
+    """`successes` in `trials`, with the interval of the probability of a success from `low` to `high`."""
 
     successes: int
     trials: int
@@ -128,9 +128,8 @@ class Summary:
     misses: int  # decisions without a detection
     cluster: Proportion  # detections with a range offset in `cluster_m`, among all detections
     cluster_m: tuple[float, float]  # limits of the cluster in m, included
-    # range offsets of the detections; NaN without detections
-    range_offset_mean_m: float
-    range_offset_std_m: float
+    range_offset_mean_m: float  # mean range offset of the detections; NaN without detections
+    range_offset_std_m: float  # standard deviation of the range offsets; NaN without detections
     percentiles_m: dict[float, float]  # range offset in m by percentage, linear between detections
 
 
@@ -173,12 +172,12 @@ def summarise(results: xarray.Dataset, detector: str = "early") -> Summary:
 
 
 def false_alarms(results: xarray.Dataset, processor: AcasProcessor) -> Proportion:
-    """Return the proportion of single taps with noise only that exceed the threshold of the campaign's processor.
+    """Return the proportion of single correlators with noise only that exceed the threshold of the processor.
 
-    Only taps more than a chip apart are counted, so that the trials are independent. The correlation of their noise is
-    a triangle that ends at one chip. A narrow filter makes the triangle slightly wider. If there is a signal, only taps
-    more than a chip before the line of sight and before any spoofing signal are counted. Reflections arrive later, so
-    these taps contain noise only.
+    Only correlators more than a chip apart are counted, so that the trials are independent. The correlation of the
+    noise of two correlators is a triangle that ends at one chip. A narrow filter makes the triangle slightly wider. If
+    there is a signal, only correlators more than a chip before the line of sight and before any spoofing signal are
+    counted. Reflections arrive later, so these correlators contain noise only.
     """
     apart = E6_CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))
@@ -201,7 +200,7 @@ _LATE = (("iono_diff", 1), ("bias", 1), ("e1_noise", -1), ("e1_multipath", -1))
 
 
 def _first_arrival_m(block: xarray.Dataset) -> Float[np.ndarray, "epochs satellites"]:
-    """Return the delay in m of the first signal after its prediction; a spoofing signal may be the first."""
+    """Return the delay of the earliest signal on E6 after the prediction, in m; this may be a spoofing signal."""
     if "truth_spoofer_offset_m" not in block:
         return np.sum([sign * block[f"truth_{name}_m"].values for name, sign in _LATE], axis=0)
     forged = block["forged"].values[:, None, None]

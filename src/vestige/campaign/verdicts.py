@@ -27,7 +27,7 @@ class VerdictCounts:
     """Number of verdicts of each status in a campaign, and the proportion of false alarms."""
 
     due: int  # verdicts that were due
-    of: dict[Status, int]
+    of: dict[Status, int]  # number of due verdicts of each status
     attacked: int  # verdicts that were due under attack
     false_alarms: Proportion  # alarms without an attack, among the available verdicts without an attack
     recs_a_day: float  # RECS of one satellite in a day, for `false_alarms_a_day`
@@ -56,7 +56,7 @@ def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
 
 
 def range_limit_m(results: xarray.Dataset) -> float:
-    """Return the threshold of the range check that the processor stored, in m.
+    """Return the threshold of the range check in m, from the stored results.
 
     Raises `VestigeError` if the results have no range check.
     """

@@ -26,10 +26,10 @@ LOOP_NAMES = (
 )
 
 loop_options = options_together(
-    number_option("--pll-bandwidth-hz", (0.1, 100), default=15.0, help="One-sided noise bandwidth of the PLL."),
+    number_option("--pll-bandwidth-hz", (0.1, 100), default=15.0, help="One-sided noise bandwidth of the PLL in Hz."),
     choice_option("--pll-order", ["2", "3"], default="3", help="Order of the PLL."),
-    number_option("--fll-bandwidth-hz", (0.1, 60), default=10.0, help="One-sided noise bandwidth of the FLL."),
-    number_option("--dll-bandwidth-hz", (0.01, 20), default=1.0, help="One-sided noise bandwidth of the DLL."),
+    number_option("--fll-bandwidth-hz", (0.1, 60), default=10.0, help="One-sided noise bandwidth of the FLL in Hz."),
+    number_option("--dll-bandwidth-hz", (0.01, 20), default=1.0, help="One-sided noise bandwidth of the DLL in Hz."),
     choice_option(
         "--pll-discriminator", ["normalized quadrature", "arctan2", "arctan"], help="Discriminator of the PLL."
     ),
@@ -42,7 +42,7 @@ loop_options = options_together(
 
 
 def loop_settings(options: dict[str, Any]) -> TrackingSettings:
-    """Return the settings of tracking that the options of the loops name."""
+    """Return the tracking settings that the loop options state."""
     from vestige.constants import E1_CODE_PERIOD_S
     from vestige.sample_processor.tracking.settings import TrackingSettings
 

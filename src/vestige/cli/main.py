@@ -1,4 +1,4 @@
-"""`vestige`: finds and runs the verb, and turns errors into exit codes. No large module is imported before a verb runs.
+"""Run the verb of a command line, and turn errors into exit codes. No large module is imported before a verb runs.
 
 The help of `vestige` lists the exit statuses.
 """
@@ -21,7 +21,7 @@ from vestige.cli.terminal import echo, usual_amount, warn, with_common_options
 from vestige.errors import VestigeError, VestigeWarning
 from vestige.own_parts import blamed_on_own_parts
 
-# verb: module of `command` within this package, one line of help
+# for each verb: module of its `command` within this package, and one line of help
 VERBS = {
     "demo": ("start.demo", "Show in a minute what vestige does, with every command as you would type it."),
     "init": ("start.init", "Write the scenario files that come with vestige into a folder."),
@@ -50,7 +50,7 @@ VERBS = {
 
 
 class _LazyVerbs(click.Group):
-    """A group that imports a verb only when it is used; the help lines of the verbs are stored here."""
+    """A group that imports the module of a verb only when the verb is used; the help lines come from `VERBS`."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(VERBS)
@@ -80,8 +80,9 @@ def _version(ctx: click.Context, _parameter: click.Parameter, value: bool) -> No
 def vestige() -> None:
     """Galileo ACAS / SAS signal authentication: simulate it, attack it, process it.
 
-    Every command has --quiet, which prints results and errors only, and -v, which
-    also prints what helps to find a cause. Neither option changes results or exit status.
+    Every command has the options --quiet and -v. --quiet prints results and errors only.
+    -v also prints details that help to find the cause of a problem. Neither option
+    changes results or exit status.
 
     \b
     Exit status:
@@ -89,7 +90,7 @@ def vestige() -> None:
       1    Bad input, a failed verification or lost samples. One line on
            standard error says what was expected, and where.
       2    Options that do not exist or do not go together.
-      3    process and live: the verdicts are what --fail-on names.
+      3    process and live: the verdicts match the value of --fail-on.
       130  Ctrl-C or SIGTERM. A line says what is kept.
 
     If several apply: 130 before 1, and 1 before 3. 2 ends a command before it begins.
@@ -109,7 +110,7 @@ def main(arguments: list[str] | None = None) -> None:
         echo(*text.getvalue().rstrip("\n").split("\n"), err=True)
         sys.exit(error.exit_code)
     except click.Abort as abort:
-        # asyncio logs a write that was cut off, which the notes report
+        # the notes report a write that was cut off, so asyncio need not log it, too
         logging.getLogger("asyncio").setLevel(logging.CRITICAL)
         echo(f"interrupted{_notes(abort.__cause__)}", err=True)
         sys.exit(130)
@@ -120,12 +121,12 @@ def main(arguments: list[str] | None = None) -> None:
         place = f"{error.filename}: " if error.filename else ""
         echo(f"vestige: {place}{error.strerror or error}{_notes(error)}", err=True)
         sys.exit(1)
-    sys.exit(status or 0)  # the status that a command set with `exit`, as `--fail-on` does; None if it set none
+    sys.exit(status or 0)  # status that the command set, as with `--fail-on`; None if it set no status
 
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """Treat SIGTERM, with which services and batch systems stop a program, like Ctrl-C."""
+    """Treat SIGTERM like Ctrl-C. Services and batch systems stop a program with SIGTERM."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -143,14 +144,14 @@ def _terminable() -> Iterator[None]:
 def _one_line(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     """Print a warning of vestige as a line on stderr.
 
-    Warnings of libraries, on which a user cannot act, are not printed.
+    Warnings of libraries are not printed, because a user cannot act on them.
     """
     if category is VestigeWarning:
         warn(message)
 
 
 def _notes(error: BaseException | None) -> str:
-    """Return the notes of an interrupted or failed run about the work that is kept."""
+    """Return the notes of an error as text. The notes say which work of an interrupted or failed run is kept."""
     return "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
 
 

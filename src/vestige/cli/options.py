@@ -49,7 +49,7 @@ PATH = click.Path(path_type=Path)
 
 
 def number_option(name: str, limits: tuple[float, float | None], **attributes: Any) -> Callable[..., Any]:
-    """Return an option whose value is a number within two limits; the upper limit may be None."""
+    """Return an option whose value is a number within `limits`; an upper limit of None means no upper limit."""
     return click.option(name, type=FiniteRange(*limits), **attributes)
 
 
@@ -59,7 +59,10 @@ def choice_option(name: str, choices: Sequence[str], **attributes: Any) -> Calla
 
 
 class WidthType(click.ParamType[tuple[float, bool]]):
-    """The width of an interval: `0.01`, or `20%` of the estimate; gives (width, whether it is relative)."""
+    """The width of an interval: `0.01`, or `20%` of the estimate.
+
+    The value is (width, whether the width is relative to the estimate).
+    """
 
     name = "width"
 
@@ -121,7 +124,7 @@ set_option = click.option(
     "settings",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Replace a value of the scenario, as in `receiver.cn0_dbhz=37`; `none` removes it.",
+    help="Replace a value of the scenario, as in `receiver.cn0_dbhz=37`; `none` removes the value.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 recording_argument = click.argument("recording_path", metavar="RECORDING", type=PATH)
@@ -176,7 +179,7 @@ start_option = click.option(
 
 
 def assistance_folder(recording: Path, given: Path | None) -> Path:
-    """Return the default assistance folder of a recording."""
+    """Return the assistance folder `given`, or the default assistance folder of a recording."""
     return given or (recording if recording.is_dir() else recording.parent) / "assistance"
 
 
@@ -196,12 +199,12 @@ def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
     return GroupDelayConvention(scale=scale, sign=-1 if text.startswith("minus-") else 1)
 
 
-# The two unpublished points of the service's interface: the AES mode, and the meaning of a BGD value
 def threads_option(what: str) -> Callable[..., Any]:
-    """Return the option `-j` of a verb that works on the samples of a recording; `what` is its help."""
+    """Return the option `-j` of a verb that works on the samples of a recording; `what` is the help text."""
     return click.option("-j", "--workers", type=click.IntRange(1, 1024), default=2, help=what)
 
 
+# The service has not published the AES mode and the meaning of a BGD value, so these two options state them
 cipher_mode_option = click.option(
     "--cipher-mode",
     type=click.Choice(["cbc", "ctr"]),
@@ -212,7 +215,8 @@ group_delay_option = click.option(
     "--bgd",
     type=click.Choice(["os-icd", "file-value", "minus-os-icd", "minus-file-value"]),
     default="os-icd",
-    help="Meaning of a BGD value: E6 is later than E1 by (γ − 1)·BGD (os-icd) or by BGD (file-value); minus: earlier.",
+    help="Meaning of a BGD value: E6 is later than E1 by (γ − 1)·BGD (os-icd) or by BGD (file-value). With minus-, "
+    "E6 is earlier by the same delay.",
 )
 
 

@@ -22,14 +22,14 @@ def pool(
 ) -> Iterator[tuple[Executor, int]]:
     """Yield an executor and the number of calls that it runs at the same time.
 
-    On this machine the number is `workers`, by default 1. `threads` chooses threads or processes; None chooses by the
-    number of workers. `scheduler` is the address of a cluster's scheduler, in place of this machine. `preload` names
-    modules that worker processes need, as in `local_executor`.
+    On this machine the number is `workers`, by default 1. `threads` is True for threads and False for processes; with
+    None the number of workers decides. `scheduler` is the address of a cluster's scheduler; the cluster is then used in
+    place of this machine. `preload` names modules that worker processes need, as in `local_executor`.
     """
     if scheduler is not None:
         from vestige.campaign.execution.cluster import connect
 
-        for name in _OF_DASK:  # vestige reports errors in one line
+        for name in _OF_DASK:  # vestige reports these errors in one line of its own
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         with connect(scheduler, warn=warn) as cluster:
             detail(f"number of workers on the cluster {scheduler}: {cluster.workers}")

@@ -1,6 +1,6 @@
 """Progress of long work on stderr: a bar at a terminal, otherwise a line for each step and each half minute.
 
-With `--quiet` there is no progress. With `-v` the time that each step took is printed.
+With `--quiet` no progress is printed. With `-v` the time that each step took is printed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vestige.errors import printable
 if TYPE_CHECKING:
     from vestige.campaign.run import RunProgress
 
-LINE_EVERY_S = 30.0  # interval of lines without a terminal
+LINE_EVERY_S = 30.0  # time between two progress lines if stderr is no terminal
 REDRAWS_PER_S = 4.0
 
 ProgressReport = Callable[[str, int, int], None]
@@ -93,7 +93,7 @@ def _bar() -> Iterator[ProgressReport]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    # Results that are printed meanwhile appear above the bar on a terminal, and never on stderr if stdout is a file.
+    # On a terminal, results that are printed meanwhile appear above the bar. Results for a file must not go to stderr.
     console, above = Console(stderr=True), sys.stdout.isatty()
     with Progress(*columns, console=console, transient=True, redirect_stdout=above) as bar:
         tasks: dict[str, TaskID] = {}
@@ -108,7 +108,7 @@ def _bar() -> Iterator[ProgressReport]:
 
 @contextmanager
 def campaign_progress() -> Iterator[Callable[[str, RunProgress], None]]:
-    """Yield `report(name, progress)` for consecutive campaigns: rate and remaining time of the present campaign."""
+    """Yield `report(name, progress)`, which shows rate and remaining time of the campaign that runs now."""
     with _step_times() as begin, _shown_campaign() as show:
 
         def report(name: str, now: RunProgress) -> None:
@@ -158,7 +158,7 @@ def _campaign_bar() -> Iterator[Callable[[str, RunProgress], None]]:
 
 
 def _pace(now: RunProgress) -> str:
-    """Return rate and remaining time in words; at the beginning neither is known."""
+    """Return rate and remaining time as text; "starting" as long as the rate is not known."""
     if now.rate_epochs_per_s != now.rate_epochs_per_s:
         return "starting"
     return f"{now.rate_epochs_per_s:.0f} epochs/s, {_duration(now.remaining_s)} left"

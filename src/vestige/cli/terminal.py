@@ -1,4 +1,4 @@
-"""The only output to the terminal: text from files and their names cannot move the cursor, nor change a printed line.
+"""Print all text of vestige, so that text from files and file names cannot move the cursor or change a printed line.
 
 Every command has the options `--quiet` and `-v`. These options change only the text on standard error: results on
 standard output, files and exit status stay the same.
@@ -18,7 +18,7 @@ from vestige.errors import printable
 
 
 class Amount(Enum):
-    """Amount of text on standard error beside errors."""
+    """Amount of text on standard error in addition to errors."""
 
     QUIET = auto()  # at most one line about warnings
     USUAL = auto()  # warnings, notes and progress
@@ -31,7 +31,7 @@ class _Terminal(logging.Handler):
     def __init__(self) -> None:
         super().__init__(logging.INFO)
         self.amount, self.began_s = Amount.USUAL, 0.0
-        self.n_unsaid, self.first_unsaid = 0, ""  # number of warnings that `--quiet` suppressed, and the first of them
+        self.n_unsaid, self.first_unsaid = 0, ""  # warnings that `--quiet` suppressed: their number, the first
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a log message of a module of vestige."""
@@ -63,7 +63,7 @@ def note(*lines: object) -> None:
 
 
 def detail(line: object) -> None:
-    """Print a line on standard error, after the time since the command began, if `-v` is given."""
+    """With `-v`, print the time since the command began and a line on standard error."""
     if is_detailed():
         echo(f"{time.monotonic() - _terminal.began_s:8.2f} s  {line}", err=True)
 
@@ -80,7 +80,7 @@ def is_detailed() -> bool:
 
 @contextmanager
 def usual_amount() -> Iterator[None]:
-    """Set the usual amount of text for a command, whose options may change it, and restore it at the end."""
+    """Set the usual amount of text for a command. Its options may change the amount, which is restored at the end."""
     _choose(Amount.USUAL)
     _terminal.began_s = time.monotonic()
     try:
@@ -124,7 +124,7 @@ _OPTIONS = (
 
 
 def with_common_options(command: click.Command) -> click.Command:
-    """Add the options that every command has, to a command or to each command of a group; return it."""
+    """Add `--quiet` and `-v` to a command, or to each command of a group, and return `command`."""
     if isinstance(command, click.Group):
         for below in command.commands.values():
             with_common_options(below)

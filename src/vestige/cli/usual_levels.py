@@ -1,6 +1,6 @@
 """Options for the expectations of a receiver: usual power and C/N0, errors of E1 ranges, and false alarms a day.
 
-The receiver learns a power or a C/N0 that is not stated from the first RECS without an alarm.
+If a power or a C/N0 is not stated, the receiver learns the value from RECS without an alarm.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vestige.navigation.ephemeris import Ephemeris
 
 
-# Reference values of the checks, and their rate of false alarms
+# Reference values of the checks, and the accepted rate of false alarms
 usual_level_options = options_together(
     *(
         number_option(
@@ -41,14 +41,14 @@ usual_level_options = options_together(
     number_option(
         "--e6-over-e1-db",
         (-40, 40),
-        help="Expected C/N0 of E6-C minus that of E1-C in dB. It decides whether E6 should have been detected. "
+        help="Expected C/N0 of E6-C minus C/N0 of E1-C in dB. This value decides whether E6 should have been detected. "
         f"[default: difference of the two options above, or {NOMINAL_E6_OVER_E1_DB:g}]",
     ),
     number_option(
         "--cn0-fall-db",
         (0, 40),
         default=0.0,
-        help="How much lower the usual C/N0 is at the horizon than at the zenith, in dB.",
+        help="Usual C/N0 at the zenith minus usual C/N0 at the horizon, in dB.",
     ),
     number_option(
         "--floor-sigma-m",
@@ -71,13 +71,14 @@ usual_level_options = options_together(
     click.option(
         "--near",
         metavar="LAT,LON,KM",
-        help="Approximate position: the receiver is within KM of this latitude and longitude in degrees. Signals "
-        "that a search finds are not used if their range contradicts it. Needs orbits (--navigation, --track).",
+        help="Approximate position: the receiver is at most KM km from this latitude and longitude in degrees. Signals "
+        "that a search finds are not used if their range contradicts this position. Needs orbits (--navigation, "
+        "--track).",
     ),
     number_option(
         "--alarms-per-day",
         (1e-6, 1000),
-        help="Accepted number of false alarms a day with ten satellites and a RECS each 30 s. It sets --kappa.",
+        help="Accepted number of false alarms a day with ten satellites and a RECS each 30 s. The number sets --kappa.",
     ),
 )
 
@@ -102,7 +103,7 @@ def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
 
 
 def expected_e6_over_e1_db(options: dict[str, Any]) -> float:
-    """Return the C/N0 of E6-C over that of E1-C in dB that the options state, by default the ratio at minimum power."""
+    """Return the stated C/N0 of E6-C minus C/N0 of E1-C, in dB; by default the difference at minimum received power."""
     if options["e6_over_e1_db"] is not None:
         return float(options["e6_over_e1_db"])
     e1_dbhz, e6_dbhz = (options[f"usual_{band}_cn0_dbhz"] for band in ("e1", "e6"))
@@ -112,7 +113,7 @@ def expected_e6_over_e1_db(options: dict[str, Any]) -> float:
 def fix_settings(
     options: dict[str, Any], ephemerides: tuple[Ephemeris, ...], authenticated: frozenset[int] | None
 ) -> FixSettings:
-    """Return orbits with the errors of E1 ranges and the receiver's approximate position that the options state."""
+    """Return the settings of a position fix: orbits, and E1 range errors and approximate position from the options."""
     from vestige.acas_processor.position.fix_measurement import FixSettings
 
     return FixSettings(

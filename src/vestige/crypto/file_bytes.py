@@ -37,7 +37,7 @@ def read_text(path: Path, *, at_most: int, expected: str = "a text file") -> str
 
     `expected` names the expected content, for the error message.
 
-    Raises `InputFileError` as `read_bytes`; also if the content is not UTF-8.
+    Raises `InputFileError` in the cases of `read_bytes`, and if the content is not UTF-8.
     """
     try:
         return read_bytes(path, at_most=at_most).decode("utf-8-sig")

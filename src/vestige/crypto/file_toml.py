@@ -51,7 +51,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def read_toml_file(path: Path, *, at_most: int) -> dict[str, Any]:
-    """Return the tables of a file of at most `at_most` bytes; raises `InputFileError`."""
+    """Return the tables of a TOML file; raises `InputFileError` if it is not TOML, or longer than `at_most` bytes."""
     try:
         return parse_toml(read_bytes(path, at_most=at_most).decode())
     except ValueError as error:

@@ -1,8 +1,8 @@
 """The rotating Earth: Earth-centred, Earth-fixed (ECEF), geodetic and local coordinates.
 
 Positions are ECEF in the Galileo Terrestrial Reference Frame (GTRF), in m. Latitude and height refer to the WGS 84
-ellipsoid, which differs from that of GTRF by 0.1 mm. Local axes are east, north, up; azimuth counts from north over
-east.
+ellipsoid, which differs from the GTRF ellipsoid by 0.1 mm. Local axes are east, north, up; azimuth is counted from
+north towards east.
 """
 
 from __future__ import annotations
@@ -101,10 +101,10 @@ def azimuth_elevation(
 def turned_with_earth(
     vector: Float[np.ndarray, "*n 3"], elapsed_s: Float[np.ndarray, "*n"]
 ) -> Float[np.ndarray, "*n 3"]:
-    """Return the ECEF coordinates after `elapsed_s` of a vector that is fixed in space, while the Earth rotates.
+    """Return the ECEF coordinates, `elapsed_s` later, of a vector that is fixed in space while the Earth rotates.
 
-    The rotation is the Sagnac correction if the vector is a satellite's position at transmission, and the time is the
-    travel time.
+    The rotation is the Sagnac correction if the vector is a satellite's position at transmission, and `elapsed_s` is
+    the travel time.
     """
     x, y = vector[..., 0], vector[..., 1]
     cosine, sine = np.cos(ROTATION_RADPS * elapsed_s), np.sin(ROTATION_RADPS * elapsed_s)

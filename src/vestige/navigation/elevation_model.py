@@ -1,6 +1,6 @@
 """Elevation model: multipath power, and obliquity of the path through the ionosphere.
 
-multipath    −14 dB at 5° to −18 dB at 30° in a straight line, −22 dB above; the paper's −15.8 dB stands at 16.25°
+multipath    −14 dB at 5° to −18 dB at 30° in a straight line, −22 dB above; −15.8 dB, as in the paper, at 16.25°
 ionosphere   M(e) = 1/√(1 − (R cos e/(R + h))²) of a thin shell at h = 350 km
 """
 
@@ -12,7 +12,7 @@ from jaxtyping import Float
 _EARTH_M, _SHELL_M = 6_371_000.0, 350_000.0
 REFERENCE_OBLIQUITY_DEG = 17.5  # middle elevation of the ionosphere presets
 LOWEST_DEG, HIGH_DEG = 5.0, 30.0
-MULTIPATH_DB = (-14.0, -18.0)  # at the two
+MULTIPATH_DB = (-14.0, -18.0)  # at LOWEST_DEG and HIGH_DEG
 OPEN_SKY_DB = -22.0
 REFERENCE_MULTIPATH_DB = -15.8  # [WFO, Sec. VI-A]
 _GRID_DEG = np.arange(0.0, 90.5, 0.5)
@@ -25,7 +25,7 @@ def multipath_power_db(elevation_deg: Float[np.ndarray, "*n"]) -> Float[np.ndarr
 
 
 def relative_ray_amplitude(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return the amplitude of reflections over that at the paper's elevation; 1 where the elevation is unknown."""
+    """Return the amplitude of reflections over the amplitude at −15.8 dB; 1 where the elevation is unknown."""
     degrees = np.degrees(np.where(np.isfinite(elevation_rad), elevation_rad, 0.0))
     power_db = multipath_power_db(np.maximum(_GRID_DEG, LOWEST_DEG))
     place = np.clip(np.round(degrees * 2), 0, power_db.size - 1).astype(np.int64)

@@ -26,9 +26,9 @@ class Ephemeris:
     toe, toc
         Times to which orbit and clock refer.
     sqrt_a
-        √A in √m.
+        √A, the root of the semi-major axis, in √m.
     eccentricity
-        e.
+        Eccentricity e.
     m0_rad, delta_n_radps
         Mean anomaly at toe and correction of the mean motion.
     omega0_rad, omega_dot_radps
@@ -42,7 +42,7 @@ class Ephemeris:
     af0_s, af1, af2_per_s
         Clock polynomial about toc, of the pair (E1, E5b).
     bgd_e1_e5a_s, bgd_e1_e5b_s
-        Broadcast group delays.
+        Broadcast group delays of the pairs (E1, E5a) and (E1, E5b).
     sisa_m
         Predicted signal-in-space accuracy, NaN if none is predicted.
     e1b_health
@@ -122,5 +122,5 @@ def why_no_orbits(ephemerides: Iterable[Ephemeris], time: GalileoTime, needed: i
     toes = sorted(one.toe for one in known)
     return (
         f"{len(usable) or 'no'} satellites have an ephemeris within {FIT_INTERVAL_S / 3600:g} h of {time}, and a "
-        f"position needs {needed}; those found are of {toes[0]} to {toes[-1]}"
+        f"position needs {needed}; the given ephemerides are of {toes[0]} to {toes[-1]}"
     )

@@ -107,7 +107,7 @@ def line_of_sight(
 def range_less_clock_m(
     ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], receiver: ReceiverMotion
 ) -> Float[np.ndarray, " n"]:
-    """Return only `range_m` minus `satellite_clock_m` of the same line of sight, in half the time."""
+    """Return `range_m` minus `satellite_clock_m` of `line_of_sight`, in half the computing time."""
     flight_s = _flight_s(ephemeris, start, elapsed_s, receiver)
     position_m, clock_s = satellite_position(ephemeris, start, elapsed_s - flight_s)
     return _length(receiver.position_m - turned_with_earth(position_m, flight_s)) - SPEED_OF_LIGHT_MPS * clock_s

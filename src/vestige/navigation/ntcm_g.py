@@ -41,9 +41,9 @@ def ntcm_slant_tecu(
     ionosphere
         The coefficients of word 5; all zero stand for 63.7 sfu. The disturbance flags are not used.
     day_of_year
-        1 … 366.
+        Day of the year, 1 to 366.
     ut_hours
-        Universal time in hours; whole days do not matter.
+        Universal time in hours; whole days may be added.
     latitude_rad, longitude_rad
         Position of the receiver.
     azimuth_rad, elevation_rad

@@ -59,9 +59,9 @@ def eccentric_anomaly(mean_rad: Float[np.ndarray, " n"], eccentricity: float) ->
     Parameters
     ----------
     mean_rad
-        M.
+        Mean anomaly M.
     eccentricity
-        e, 0 … 0.9.
+        Eccentricity e, 0 to 0.9.
     """
     anomaly = mean_rad + eccentricity * np.sin(mean_rad)
     for _ in range(_NEWTON_STEPS):
@@ -80,9 +80,9 @@ def satellite_state(ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[n
     ephemeris
         Broadcast ephemeris of the satellite.
     start
-        Any time.
+        Any time from which `elapsed_s` counts.
     elapsed_s
-        Seconds after `start`, of any sign.
+        Time after `start` in s, positive or negative.
     """
     (position, velocity, acceleration), (sine, cosine, anomaly_1) = _orbit(
         ephemeris, start, elapsed_s, derivatives=True

@@ -3,8 +3,8 @@
 Theory of operation
 -------------------
 A signal with pseudorange P at the receiver's clock time t left the satellite at t − P/c on the satellite's own clock.
-So the satellite's state at transmission needs no iteration. With s that position rotated with the Earth during the
-travel time,
+So the satellite's state at transmission needs no iteration. With s the satellite's position at transmission, rotated
+with the Earth during the travel time,
 
     P + c Δt_sat − corrections = |s − r| + b + error
 
@@ -39,7 +39,7 @@ from vestige.navigation.orbit import satellite_position, satellite_state
 from vestige.time import GalileoTime
 
 UNKNOWNS = 4  # position and clock of one system
-_STEPS = 12  # 6 from the Earth's centre
+_STEPS = 12  # 6 are enough from the Earth's centre
 _SETTLED_M = 1e-4
 _SINGULAR = 1e-10  # smallest over largest eigenvalue of HᵀH; a geometry with a DOP of 10⁴ has 1e-8
 
@@ -69,7 +69,7 @@ class Fix:
     Attributes
     ----------
     position_m, clock_m
-        ECEF position, and c times the receiver clock's error.
+        ECEF position, and c times the receiver clock's error, positive if the clock is ahead.
     covariance_m2
         P of (x, y, z, clock), ECEF, if the errors have the σ of the weights and are independent apart from the common
         part.
@@ -112,12 +112,12 @@ def transmission(
     start, elapsed_s
         Times of reception `start` + `elapsed_s` on the receiver's clock.
     pseudorange_m
-        c · (time of reception on the receiver's clock − time of transmission on the satellite's).
+        c · (time of reception on the receiver's clock − time of transmission on the satellite's clock).
     """
     columns = []
     for ephemeris, pseudorange in zip(ephemerides, pseudorange_m.T, strict=True):
         sent_s = elapsed_s - pseudorange / SPEED_OF_LIGHT_MPS
-        # the time tag on E1 is ahead by the clock's error at almost the same time; its drift over 1 ms is negligible
+        # sent_s is on the satellite's clock, whose error is computed at sent_s; the drift over 1 ms is negligible
         _, clock_s = satellite_position(ephemeris, start, sent_s)
         columns.append(satellite_state(ephemeris, start, sent_s - clock_s))
     return Transmission(
@@ -256,7 +256,7 @@ def _static_rates(sent: Transmission, fix: Fix) -> tuple[Float[np.ndarray, "n m"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dilution:
-    """Dilutions of precision: standard deviations of the fix over that of a pseudorange, equal for all satellites."""
+    """Dilutions of precision: standard deviations of the fix over the σ of a pseudorange, equal for all satellites."""
 
     geometric: Float[np.ndarray, " n"]
     position: Float[np.ndarray, " n"]
@@ -294,7 +294,7 @@ def in_local_axes(
 def inverse_normal(
     geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n 4 4"]:
-    """Return (HᵀWH)⁻¹, NaN where it is singular."""
+    """Return (HᵀWH)⁻¹, NaN where HᵀWH is singular."""
     sighted = np.matmul(np.where(weight[..., None] > 0, geometry, 0.0).transpose(0, 2, 1), geometry)
     solvable = _solvable(np.where(np.isfinite(sighted), sighted, 0.0))
     columns = np.ascontiguousarray(np.moveaxis(geometry, 0, -1))  # epochs last: sums over satellites are of long rows
@@ -314,7 +314,7 @@ def _solvable(sighted: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
     """
     trace = np.trace(sighted, axis1=1, axis2=2)
     least = np.linalg.det(sighted) * (3 / np.maximum(trace, 1e-9)) ** 3
-    solvable = least > 1e4 * _SINGULAR * np.maximum(trace, 1.0)  # rounding of the determinant is 1e-4 of that
+    solvable = least > 1e4 * _SINGULAR * np.maximum(trace, 1.0)  # rounding of the determinant is 1e-4 of this limit
     rest = np.flatnonzero(~solvable)
     if rest.size:
         eigenvalues = np.linalg.eigvalsh(sighted[rest])

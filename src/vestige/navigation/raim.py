@@ -14,8 +14,8 @@ P = I − HS, whose diagonal is the share of each measurement that no position c
 
 For single faults both tests use rᵢ√wᵢ/√Pᵢᵢ, so they differ only in the division of the budget.
 
-RAIM does not detect errors that a position and a clock explain. A bias common to all satellites changes the clock, and
-no residual. A consistent push of all satellites changes the position.
+RAIM does not detect errors that a position and a clock explain. A bias common to all satellites changes the clock, but
+no residual. Errors of all satellites that agree with a wrong position change the position, but no residual.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Redundancy:
     gain
         Matrix S from measurements to (three coordinates, clock).
     unexplained
-        Pᵢᵢ, 0 … 1; 0 where not used.
+        Pᵢᵢ, 0 to 1; 0 where not used.
     inverse
         (HᵀWH)⁻¹, a factor of S.
     """
@@ -134,7 +134,7 @@ def exclude_one(
     Parameters
     ----------
     parts, residual_m, weight
-        Parts, residuals in m and weights of the fixes.
+        Redundancy, residuals in m and weights of the fixes.
     p_fa
         False-alarm probability of a test.
     """

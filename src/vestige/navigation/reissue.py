@@ -32,7 +32,7 @@ def referred_to(ephemeris: Ephemeris, toe: GalileoTime) -> Ephemeris:
     ephemeris
         Any ephemeris.
     toe
-        The new time of ephemeris; the time of clock moves by the same step.
+        The new toe; toc moves by the same step.
     """
     t = toe - ephemeris.toe
     motion = math.sqrt(GRAVITATION_M3PS2 / ephemeris.sqrt_a**6) + ephemeris.delta_n_radps

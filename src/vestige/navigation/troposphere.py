@@ -32,7 +32,7 @@ class SaastamoinenTroposphere:
     Parameters
     ----------
     relative_humidity
-        Relative humidity at the receiver, 0 … 1.
+        Relative humidity at the receiver, 0 to 1.
 
     Raises
     ------
@@ -65,9 +65,9 @@ class SaastamoinenTroposphere:
         Parameters
         ----------
         elevation_rad
-            Elevation of the satellite; below the horizon the delay is that at the horizon.
+            Elevation of the satellite; below the horizon the delay equals the delay at the horizon.
         latitude_rad, height_m
-            Position of the receiver; the height is limited to −1 … 11 km.
+            Position of the receiver; the height is limited to −1 to 11 km.
         """
         height_m = np.clip(height_m, _LOWEST_M, _TROPOPAUSE_M)
         temperature_k = _SEA_LEVEL_K - _LAPSE_K_PER_M * height_m

@@ -1,4 +1,6 @@
-"""Figures of the results of a campaign: functions that take results and return axes, and compute only bins and counts.
+"""Figures of the results of a campaign.
+
+Each function takes results and returns axes. A figure computes only bins and counts.
 
 `results` are the results of a campaign. `detector` and `svid` choose a detector and a satellite; None means the only
 satellite. A figure is drawn on the axes `ax`, by default on new axes.

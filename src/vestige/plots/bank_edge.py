@@ -1,4 +1,4 @@
-"""Mark of the edge of the correlator bank: a detector measures no range offset beyond it."""
+"""Mark of the edge of the correlator bank: a detector measures no range offset beyond this edge."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from vestige.plots.figure import GREY
 EDGE_LABEL = "edge of the bank"
 LIMIT_LINE: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 0.7}  # limits of the range check
 _EDGE_LINE: dict[str, Any] = {"color": GREY, "linestyle": (0, (7, 3)), "linewidth": 0.9, "zorder": 1.5}
-# An offset is at most half of the detector's spacing from a tap that is a spacing inside the edge: half a tap from the
-# edge for a spacing of 1, a tap for a spacing of 2
+# A range offset belongs to a tap that is at least one detector spacing inside the edge, and lies at most half a spacing
+# from this tap. So offsets end half a tap inside the edge for a spacing of 1, and one tap for a spacing of 2.
 _NEAR_TAPS = 1.0
 
 
 def mark_bank_edge(
     ax: Axes, selected: xarray.Dataset, *shown_m: Float[np.ndarray, "..."], upright: bool = False
 ) -> Float[np.ndarray, " n_edges"]:
-    """Draw a dashed line at each edge of the bank that the range offsets `shown_m` in m come near, within a tap.
+    """Draw a dashed line at each edge of the bank that lies within a tap of a range offset in `shown_m`, in m.
 
-    The axis of the range offset is the ordinate, or the abscissa if `upright`. The limits of the axes grow with the
-    line. Return the range offsets of the lines in m.
+    The axis of the range offset is the ordinate, or the abscissa if `upright`. The line may widen the limits of the
+    axes. Return the range offsets of the lines in m.
     """
     taps_m = column(selected, "tap_offset_m")
     values_m = np.concatenate([one[np.isfinite(one)] for one in shown_m] or [np.zeros(0)])

@@ -39,7 +39,7 @@ def detecting_correlator(
     The phase is relative to the carrier phase of E1, which the receiver knows except for a constant. Results of older
     versions contain only the absolute phase. If nothing is detected, magnitude and phase are not defined and the curves
     have a gap. Flags and magnitude share the left axis. A magnitude lies above the threshold, so the flags lie below
-    the magnitudes and do not cover them.
+    the magnitudes and do not cover any magnitude.
 
     Raises `VestigeError` if the results lack the detector or the satellite.
     """
@@ -71,7 +71,7 @@ def detecting_correlator(
 def _draw_phase(
     ax: Axes, time_s: Float[np.ndarray, " n"], phase: Float[np.ndarray, " n"], against: str, above: float
 ) -> None:
-    """Draw the phase in the part of the height above the share `above`, with an axis on the right."""
+    """Draw the phase above the share `above` of the height, with an axis on the right."""
     right = ax.twinx()
     size = dot_size_pt(time_s.size)
     right.plot(time_s, phase, linestyle="none", color=BLUE, markersize=size, **_DOTS)

@@ -94,9 +94,10 @@ def magnitudes_sigma(selected: xarray.Dataset) -> Float[np.ndarray, "n_epochs n_
 
 
 def phase_rad(selected: xarray.Dataset) -> tuple[Float[np.ndarray, " n_epochs"], str]:
-    """Return the phase of the detecting correlator with its label, if possible relative to the prediction of E1.
+    """Return the phase of the detecting correlator, and a label if the phase is relative to the prediction of E1.
 
-    From each epoch to the next the carrier itself makes thousands of turns, which a receiver knows from E1.
+    From each epoch to the next the carrier itself makes thousands of cycles. The prediction of E1 contains these
+    cycles.
     """
     phase = column(selected, "phase_rad")
     if "predicted_phase_rad" not in selected.variables:
@@ -106,7 +107,7 @@ def phase_rad(selected: xarray.Dataset) -> tuple[Float[np.ndarray, " n_epochs"],
 
 
 def is_attacked(results: xarray.Dataset) -> bool:
-    """Return whether the campaign has an attack, and so the truth of spoofing signals."""
+    """Return whether the campaign has an attack, so that the results have the truth of spoofing signals."""
     return {"truth_spoofer_offset_m", "truth_spoofer_power_db", "truth_prediction_error_m"} <= set(results.variables)
 
 

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from vestige.output import replacement
 
-WIDTH_CM = 8.0  # [WFO], all figures
+WIDTH_CM = 8.0  # width of all figures in [WFO]
 HEIGHT_CM = 5.6
 CM_PER_INCH = 2.54
 DPI = 300
@@ -59,7 +59,7 @@ def new_panels(n: int) -> list[Axes]:
 
 
 def figure_of(ax: Axes) -> Figure:
-    """Return the figure that contains the axes, also through subfigures."""
+    """Return the figure that contains the axes, also if the axes lie in a subfigure."""
     figure: Figure | SubFigure | None = ax.figure
     while isinstance(figure, SubFigure):
         figure = figure.figure
@@ -109,14 +109,14 @@ def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
 
 
 def write(ax: Axes, path: Path | str, *, width_cm: float | None = None) -> None:
-    """Write the figure of `ax` to a file in the format of its suffix (`FORMATS`).
+    """Write the figure of `ax` to a file in the format of its suffix (`FIGURE_FORMATS`).
 
     The figure is first scaled to `width_cm`. The proportions of the figure and the size of its letters stay the same.
 
     Raises
     ------
     ValueError
-        If the suffix is not one of `FORMATS`.
+        If the suffix is not one of `FIGURE_FORMATS`.
     OSError
         If the file cannot be written.
     """

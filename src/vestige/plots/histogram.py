@@ -13,7 +13,7 @@ _MOST_BINS = 600  # largest number of bins; at 8 cm a bin is then a pixel and a 
 
 
 def bin_edges(values: Float[np.ndarray, " n"], *, border: float, width: float) -> Float[np.ndarray, " n_edges"]:
-    """Return equidistant borders of bins, of which `border` is one, with a free bin on either side of the values.
+    """Return equidistant borders of bins, with an empty bin on either side of the values; `border` is a border.
 
     The width is doubled until at most 600 bins are needed.
     """

@@ -35,7 +35,8 @@ def magnitude_histogram(
     Parameters
     ----------
     bin_sigma
-        Width of a bin in standard deviations of the noise per dimension; wider if there were more than 600 bins.
+        Width of a bin in standard deviations of the noise per dimension; the width is doubled until at most 600 bins
+        are needed.
     log
         Whether counts are in log scale; in linear scale some tens of misses in 100,000 are invisible.
 

@@ -15,8 +15,9 @@ from vestige.plots.figure import BLACK, BLUE, ORANGE, dress, legend, new_axes
 from vestige.plots.histogram import bin_edges, log_counts, width_of
 
 BIN_M = 0.5
-# Detections on the early flank cluster at this offset: the second tap before the prediction, and the root of the
-# s-curve at its limit of half a tap. With taps of 15 m the offset is −22.5 m, within 4.5 m [WFO, Sec. VI-A]
+# Detections on the early flank cluster at this offset: the offset of the second tap before the prediction, plus the
+# largest correction of the s-curve, which is half a tap. With taps of 15 m the offset is −22.5 m, within 4.5 m [WFO,
+# Sec. VI-A]
 CLUSTER_TAPS = -1.5
 CLUSTER_REACH_TAPS = 0.3
 _LEAST_M = 30.0  # least range on both sides, so that the position of the cluster is visible
@@ -28,7 +29,7 @@ class RightFlank:
 
     start_m: float  # offset in m beyond which the law is valid
     scale_m: float  # mean distance beyond `start_m` in m
-    events: int
+    events: int  # number of offsets beyond `start_m`
 
     def __post_init__(self) -> None:
         if not (self.scale_m > 0 and self.events > 0):
@@ -36,7 +37,7 @@ class RightFlank:
 
     @classmethod
     def fitted(cls, offsets_m: Float[np.ndarray, " n"], start_m: float) -> RightFlank | None:
-        """Return the most likely law beyond `start_m`, whose scale is the mean excess, or None without offsets."""
+        """Return the most likely law beyond `start_m`, with the mean excess as scale; None without offsets."""
         excess_m = offsets_m[offsets_m > start_m] - start_m
         if not excess_m.size:
             return None
@@ -64,12 +65,12 @@ def range_histogram(
 ) -> Axes:
     """Return axes with the histogram of the range offset in log scale.
 
-    A dashed line marks the edge of the bank of correlators if offsets come near it.
+    A dashed line marks the edge of the bank of correlators if offsets come near this edge.
 
     Parameters
     ----------
     bin_m
-        Width of a bin in m; the width is doubled if there were more than 600 bins. 0 m is the middle of a bin.
+        Width of a bin in m; the width is doubled until at most 600 bins are needed. 0 m is the middle of a bin.
     mark_cluster
         Whether to mark the cluster of detections on the early flank for a detector's spacing of 1 tap. The cluster is
         at −22.5 m for taps of 15 m. The mark gives the number of epochs within 4.5 m.

@@ -27,7 +27,7 @@ from vestige.plots.figure import (
     time_label,
 )
 
-# corners of a name to the right of its dot and above, seen from the dot, in degrees of the map
+# corners of a name to the upper right of its dot, relative to the dot, in degrees of the map
 _NAME_DEG = np.array([(3.0, 2.0), (17.0, 2.0), (3.0, 9.0), (17.0, 9.0)]).T
 _AXES, _DOTS = ("east", "north", "up"), "authenticated"
 
@@ -82,7 +82,7 @@ def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def position_error(results: xarray.Dataset) -> Axes:
-    """Return the lowest axes of the fix's error against time, with a panel each for east, north, up and clock.
+    """Draw the error of the fix against time in panels for east, north, up and clock, and return the lowest axes.
 
     Lines show the fixes of all satellites, and dots show the fixes of the authenticated satellites.
 

@@ -18,10 +18,9 @@ _ROOM = 1.25  # room above the strongest signal for the legend, as a factor
 class SearchTrace:
     """Magnitudes and result of a search in E6."""
 
-    # Arrival times after the transmission of the RECS, and the magnitude at each arrival time of a hand-over search, or
-    # the strongest in each block of an exhaustive search. Magnitudes are in standard deviations of the noise per
-    # dimension.
-    time_s: Sequence[float]
+    time_s: Sequence[float]  # arrival times, in s after the transmission of the RECS
+    # Magnitude at each arrival time of a hand-over search, or the largest magnitude in each block of an exhaustive
+    # search, in standard deviations of the noise per dimension.
     magnitude: Sequence[float]
     threshold: float  # threshold in the same unit
     peaks: Sequence[tuple[float, float]]  # signals that were found: time and magnitude, the earliest first
@@ -50,7 +49,7 @@ def code_phases(
     *,
     title: str,
 ) -> Axes:
-    """Return axes with the power of the strongest Doppler bin over the threshold against code phase.
+    """Return axes with the power of the strongest Doppler bin, divided by the threshold, against code phase.
 
     The axes also show the signals in `found`, given as code phase and power, the strongest first.
     """

@@ -1,4 +1,4 @@
-"""Draws in blocks of epochs, so that the random numbers of an epoch do not depend on the cut into stretches."""
+"""Draws in blocks of epochs, so that the random numbers of an epoch do not depend on the cut into chunks."""
 
 from __future__ import annotations
 

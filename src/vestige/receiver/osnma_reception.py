@@ -35,8 +35,8 @@ from vestige.navigation.inav.page import FIRST_PAGE_OFFSET_S, PAGE_S
 from vestige.receiver.errors.error_process import TrackingModel
 from vestige.streams import stream
 
-KEY_PAGES = range(10, 15)  # with the bits of a key of 128 bits [OSNMA-ICD]
-TAG_PAGES = range(2)  # with the tag of a satellite's own data, 40 bits at the start of MACK [OSNMA-ICD]
+KEY_PAGES = range(10, 15)  # pages of a subframe with the bits of a key of 128 bits [OSNMA-ICD]
+TAG_PAGES = range(2)  # pages with the tag of a satellite's own data, 40 bits at the start of MACK [OSNMA-ICD]
 
 _ES_N0_DB = np.arange(-4.0, 1.6, 0.5)
 _HALF_LOST = np.array([0.956, 0.861, 0.716, 0.516, 0.313, 0.156, 0.0663, 0.0235, 0.00712, 0.00174, 3.9e-4, 9.0e-5])
@@ -67,7 +67,7 @@ def page_end_s(page: Int64[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 
 
 def pages_due(week_s: Float[np.ndarray, " n"], interval_s: float) -> Int64[np.ndarray, "n 15"]:
-    """Return the page since the previous epoch for each of the 15 positions in a subframe, −1 for no page.
+    """Return the page that ended since the previous epoch for each of the 15 positions in a subframe; −1 for none.
 
     If epochs are 30 s apart or more, the pages are those of the last subframe that has ended.
     """
@@ -89,7 +89,7 @@ def key_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarr
 
 
 def data_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarray, "n 17"]:
-    """Return the pages of the data that the key of a RECS authenticates: words, and the tag over them a subframe later.
+    """Return the pages that the key of a RECS authenticates: the words, and their tag in the next subframe.
 
     The key of subframe k belongs to the tags of subframe k − 1, which cover the data of k − 2 [OSNMA-ICD].
     """
@@ -125,5 +125,5 @@ def as_mask(places: Bool[np.ndarray, "*n 15"]) -> Int16[np.ndarray, "*n"]:
 
 
 def of_mask(mask: Int16[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n 15"]:
-    """Return the positions in a subframe from `mask`, the bits of the positions."""
+    """Return which positions in a subframe are set in `mask`; bit 0 is the first page."""
     return (mask[..., None].astype(np.int64) >> np.arange(PAGES_A_SUBFRAME) & 1).astype(bool)

@@ -1,6 +1,6 @@
 """One satellite of the simulated receiver: its truth, its keys, and E6 of its RECS at either fidelity [WFO, Sec. V].
 
-With P the pseudorange that geometry and receiver clock make, common to both bands,
+P is the pseudorange from geometry and receiver clock, common to both bands:
 
     P1 = P + e1_noise + e1_multipath                 range that E1 tracking measures
     P6 = P + iono_diff + bias                        range of the line of sight in E6
@@ -52,11 +52,11 @@ from vestige.validated_key import ValidatedKey
 
 Fidelity = Literal["samples", "correlators"]
 
-SVID = 11  # the paper's single line of sight needs a name
+SVID = 11  # SVID of the paper's single line of sight, which has no number in the paper
 KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # alpha does not change the time at which a key is sent
-CLOCK_FOLLOWS_S = 0.1  # a travel time grows by less, so a larger delay is an error of the clock
+CLOCK_FOLLOWS_S = 0.1  # a travel time changes by less, so a larger delay is an error of the clock
 _STREAMS_A_SATELLITE = 1 << 16
-_AFTER_LAST_EPOCH_S = 2.0  # longer than the samples and the message go on after the last epoch, without a delay
+_AFTER_LAST_EPOCH_S = 2.0  # more than the samples and the message need after the last epoch, without a delay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +66,7 @@ class Simulation:
     seed: int  # seed from which all random numbers follow
     start: GalileoTime  # time of epoch 0, a whole second; epochs are times of transmission
     n_epochs: int  # number of RECS
-    interval_s: float  # between RECS, a multiple of 0.1 s
+    interval_s: float  # time between RECS in s, a multiple of 0.1 s
     line_of_sight: RangeHistory
     models: ErrorModels
     cn0_dbhz: float  # C/N0 of E6-C alone; −∞ means no line of sight and no reflections
@@ -77,15 +77,16 @@ class Simulation:
     key_delay: int  # KDI
     cipher_mode: CipherMode = CipherMode.CBC  # mode in which the service encrypts the RECS
     spoofer: Spoofer = NO_SPOOFER
-    # constant error of the receiver's clock in addition to the oscillator's, unknown to the receiver; only drawn banks
+    # constant error of the receiver's clock in addition to the oscillator's error, positive if ahead; unknown to the
+    # receiver, and possible only with drawn banks
     clock_offset_s: float = 0.0
     svid: int = SVID
     osnma: OsnmaService = SERVICE_WITHOUT_EVENTS  # events of the OSNMA operator and its keys
     # effects of the elevation, for a satellite of a sky; the random numbers then depend on the SVID
     elevation: ElevationEffects | None = None
-    # time between the epochs of `truth` if it has epochs between the RECS; None if it has only those of the RECS
+    # time between the epochs of `truth` if there are epochs between the RECS; None if every epoch has a RECS
     truth_interval_s: float | None = None
-    # time that a receiver takes to acquire after it lost E1 or was restarted, until it has measurements again
+    # time from the loss of E1, or a restart of the receiver, to the next measurements
     reacquisition_s: float = REACQUISITION_S
     longest_delay_s: float = 0.0  # upper limit of the delays of spoofing signals under a sky
 
@@ -119,7 +120,7 @@ class Simulation:
 
     @property
     def _subframes(self) -> int:
-        """Number of subframes of the OSNMA operator from the start on: one for each key, and each sample's message."""
+        """Number of subframes of the OSNMA operator from the start on, enough for all keys and for all messages."""
         duration_s = self.n_epochs * self.interval_s
         message_s = self.start - self.start.subframe + duration_s + self.longest_delay_s + _AFTER_LAST_EPOCH_S
         return max(int(duration_s / SUBFRAME_S) + 3, int(message_s / SUBFRAME_S) + 1)
@@ -137,7 +138,7 @@ class Simulation:
 
     @property
     def spoofer_as_received(self) -> Spoofer:
-        """The attacker at E1 and at the drawn correlators; samples contain the geometry of a replay by themselves."""
+        """The attacker for E1 and for drawn correlators, with the geometry of a replay; samples contain it already."""
         if self.elevation is None or not self.spoofer.attacks:
             return self.spoofer
         return SpooferUnderSky(
@@ -176,8 +177,8 @@ class Simulation:
     def received_s(self, truth: TruthBlock, arrived: Arrival) -> Float[np.ndarray, " n"]:
         """Return the time of the last sample of each RECS, in s after the start, on a clock that no attacker moves.
 
-        The clock may have the error `clock_offset_s`. The time is never before the time tag of the RECS, which may be
-        ahead.
+        The clock may have the error `clock_offset_s`. If the time tag of the RECS is later than this time, the time tag
+        is returned.
         """
         expected_s = arrived.dt_s + (self.repeated_later_m(truth) + self.clock_offset_m) / SPEED_OF_LIGHT_MPS
         received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
@@ -256,5 +257,5 @@ def e1_error_m(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"]) -> Float
 
 @lru_cache(maxsize=16)
 def _chips_sent(seed: int, svid: int, sent: GalileoTime, n_chips: int) -> ChipSequence:
-    """Return the chips that a satellite sends from a time on; the server encrypts the chips that reach the receiver."""
+    """Return the chips that a satellite sends from a time on; the server encrypts the same chips."""
     return encrypted_chips(encryption_key(seed), svid, sent, n_chips)

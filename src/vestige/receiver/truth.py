@@ -23,7 +23,7 @@ from vestige.spoofer.spoofer import NO_SPOOFER, BandEffects
 if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
-_WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over that of an undisturbed loop
+_WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over the noise of an undisturbed loop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,17 +34,17 @@ class TruthBlock:
     range_m: Float[np.ndarray, " n"]  # geometric range, with the troposphere if there is one
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
-    clock_m: Float[np.ndarray, " n"]  # receiver clock times c
+    clock_m: Float[np.ndarray, " n"]  # error of the receiver clock times c, positive if the clock is ahead
     clock_drift_mps: Float[np.ndarray, " n"]
     iono_diff_m: Float[np.ndarray, " n"]  # delay of E6 relative to E1 that the prediction does not contain
     ionosphere_e1_m: Float[np.ndarray, " n"]  # the ionosphere's residual on E1; 0 on a single line of sight
-    # ionosphere on E1 that the message describes; both bands have it
+    # ionospheric delay on E1 that the message describes; E6 has γ times this delay
     broadcast_ionosphere_e1_m: Float[np.ndarray, " n"]
     iono_on_carrier: Float[np.ndarray, " n"]  # 1 if the ionosphere advances the carriers, 0 if it delays the code only
-    bias_m: Float[np.ndarray, " n"]  # delay of the code of E6 relative to that of E1, in addition to iono_diff_m
-    e1_noise_m: Float[np.ndarray, " n"]  # error of the pseudorange that E1 delivers
-    e1_phase_noise_m: Float[np.ndarray, " n"]  # error of the carrier phase, times the wavelength
-    e1_rate_noise_mps: Float[np.ndarray, " n"]  # error of the range rate
+    bias_m: Float[np.ndarray, " n"]  # delay of the E6 code relative to the E1 code, in addition to iono_diff_m
+    e1_noise_m: Float[np.ndarray, " n"]  # noise of the pseudorange on E1
+    e1_phase_noise_m: Float[np.ndarray, " n"]  # noise of the carrier phase on E1, times the wavelength
+    e1_rate_noise_mps: Float[np.ndarray, " n"]  # noise of the range rate from the E1 Doppler
     e1: E1Tracking  # effect of an attack on E1 tracking
     e1_attack: BandEffects  # spoofing signals, noise and jamming that an attack adds to E1
     e6: BandEffects  # the same for E6
@@ -85,7 +85,7 @@ class TruthProcess:
         )
 
     def advance(self, first: int, count: int) -> TruthBlock:
-        """Return the truth of the next epochs, first … first + count − 1."""
+        """Return the truth of the next epochs, `first` to `first + count − 1`."""
         free = self._without_attack(first, count)
         times_s, geometry, rays = free.time_s, free.motion.geometry, free.rays
         models, elevation = self._of.models, self._of.elevation
@@ -119,8 +119,7 @@ class TruthProcess:
     def _without_attack(self, first: int, count: int) -> UndisturbedTruth:
         """Return the part of the truth that no attack changes.
 
-        Scenes of a threat table differ only in their attack, so a short run that begins with this block stays in
-        memory.
+        Scenes of a threat table differ only in their attack, so this part of a short run is kept in memory.
         """
         if first == 0 and count <= KEPT_EPOCHS:
             return kept_truth(self._undisturbed, count)

@@ -1,9 +1,9 @@
 """The truth of a block of epochs together with the epochs around them, which also affect the block's samples.
 
-Between two epochs the receiver's samples change from the truth of the first epoch to that of the second (`continuous`).
-A spoofing signal brings the chips of an epoch later than the line of sight does. So the samples of a block depend on
-epochs before its first and after its last epoch. A delayed signal in these samples has the errors of its own time,
-which is earlier by the delay.
+Between two epochs the receiver's samples change from the truth of the first epoch to the truth of the second
+(`continuous`). A spoofing signal brings the chips of an epoch later than the line of sight does. So the samples of a
+block depend on epochs before its first and after its last epoch. A delayed signal in these samples has the errors of
+its own time, which is earlier by the delay.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _T = TypeVar("_T")
 
 
 def epochs_around(interval_s: float, tail_s: float) -> tuple[int, int]:
-    """Return how many epochs before and after some epochs affect their samples.
+    """Return how many epochs before and after a block of epochs affect the samples of the block.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class TruthAround:
         self._first = self._end = 0  # first and end of the known epochs
 
     def advance(self, first: int, count: int) -> TruthWithin:
-        """Return the truth of the next epochs, first … first + count − 1."""
+        """Return the truth of the next epochs, `first` to `first + count − 1`."""
         begin, end = max(first - self._before, 0), first + count + self._after
         fresh = self._process.advance(self._end, end - self._end) if end > self._end else None
         if self._known is None:

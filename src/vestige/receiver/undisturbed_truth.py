@@ -30,8 +30,8 @@ from vestige.receiver.sky.elevation import SatelliteGeometry, SatelliteMotion, s
 if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
-KEPT_EPOCHS = 1000  # 200 kB with three reflections
-_KEPT_BLOCKS = 128  # eight satellites, six seeds and two kinds of receiver
+KEPT_EPOCHS = 1000  # largest number of epochs of a block in the cache, 200 kB with three reflections
+_KEPT_BLOCKS = 128  # blocks in the cache, enough for eight satellites, six seeds and two kinds of receiver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +43,7 @@ class ErrorModels:
     multipath: MultipathModel | None = None
     e1_tracking: TrackingModel | None = None
     bias: BiasModel | None = None
-    # Whether the reflections disturb E1 too. [WFO, Sec. V] applies multipath to the E6 samples only.
+    # Whether the reflections also disturb E1. [WFO, Sec. V] applies multipath to the E6 samples only.
     e1_multipath: bool = False
 
     @property
@@ -56,7 +56,7 @@ class ErrorModels:
 class UndisturbedTruth:
     """The truth of n epochs of one satellite as far as no attack changes it."""
 
-    time_s: Float[np.ndarray, " n"]  # after the scenario's start
+    time_s: Float[np.ndarray, " n"]  # in s after the scenario's start
     motion: SatelliteMotion
     clock_m: Float[np.ndarray, " n"]  # receiver clock times c
     clock_drift_mps: Float[np.ndarray, " n"]

@@ -38,7 +38,7 @@ class BandFile:
 
     band: Band
     path: Path
-    described_in: Path  # the file with this description, which errors about the description name
+    described_in: Path  # the file that contains this description; error messages name this file
     form: SampleFormat
     sample_rate_hz: float
     center_frequency_hz: float  # radio frequency that appears at 0 Hz in the stored samples
@@ -48,8 +48,8 @@ class BandFile:
     bandwidth_hz: float | None = None  # bandwidth of the front end, two-sided; None if not stated
     header_bytes: int = 0  # bytes before the first sample
     trailing_bytes: int = 0  # bytes after the last sample
-    stated_samples: int | None = None  # number of samples that the description states, or None
-    sha512: str | None = None  # hash of the file that the description states, as lower-case hex, or None
+    stated_samples: int | None = None  # number of samples as the description states it; None if not stated
+    sha512: str | None = None  # hash of the file as the description states it, lower-case hex; None if not stated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +75,7 @@ class RecordingDescription:
 
 
 def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
-    """Return the band whose carrier lies in the sampled spectrum, the nearest if both do, or None."""
+    """Return the band whose carrier lies in the sampled spectrum, the nearer of two; None if no carrier lies there."""
     band = min(CARRIER_HZ, key=lambda band: abs(center_frequency_hz - CARRIER_HZ[band]))
     return band if abs(center_frequency_hz - CARRIER_HZ[band]) <= sample_rate_hz / 2 else None
 

@@ -1,7 +1,7 @@
 """Times of samples, and times as text, without loss.
 
-A counter of 10¹¹ samples divided by its rate is a float with a resolution of a nanosecond, which is 30 cm. So the whole
-seconds are split off in exact arithmetic first. Only the fraction is rounded, and only once.
+A float that contains the time of 5·10¹³ samples at 10 MHz in s has a resolution of a nanosecond, which is 30 cm. So the
+whole seconds are split off in exact arithmetic first. Only the fraction is rounded, and only once.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from vestige.time import GalileoTime
 
 
 def later(start: GalileoTime, seconds: Fraction) -> GalileoTime:
-    """Return the time exactly `seconds` after `start` (before it, if negative), its fraction rounded once."""
+    """Return the time exactly `seconds` after `start` (before it, if negative); the fraction is rounded once."""
     if not seconds:
         return start
     whole, rest = divmod(seconds + Fraction(start.fraction), 1)
@@ -22,7 +22,7 @@ def later(start: GalileoTime, seconds: Fraction) -> GalileoTime:
 
 
 def samples_later(start: GalileoTime, count: int, sample_rate_hz: float) -> GalileoTime:
-    """Return the time `count` samples after `start` at a rate in Hz that is read as the exact value of the float."""
+    """Return the time `count` samples after `start`; the rate in Hz counts as the exact value of the float."""
     return later(start, Fraction(count) / Fraction(sample_rate_hz))
 
 

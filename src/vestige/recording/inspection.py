@@ -2,8 +2,8 @@
 
 For each verdict ACAS needs E6 samples that contain a RECS, the RECS itself and the OSNMA key that decrypts the RECS. E1
 (samples or observations) predicts the position of the RECS in E6. The group delay of the satellite corrects that
-prediction. The error of the receiver clock must be provably smaller than the time between reception and disclosure of
-the key. This time is 30 s for a key delay of one subframe [WFO, Sec. III-D].
+prediction. The error of the receiver clock must be provably smaller than the time from the reception of the RECS to the
+disclosure of its key. This time is 30 s for a key delay of one subframe [WFO, Sec. III-D].
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ CENTER_TOLERANCE = 0.25  # largest distance of the pass band's centre from the c
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandInspection:
-    """The samples of a band and the statistics of the first samples; `hash_agrees` is None if not checked or stated."""
+    """The samples of a band and the statistics of the first samples.
+
+    `hash_agrees` is whether the file has the hash that its description states; None if no hash is stated or compared.
+    """
 
     reader: SampleReader
     adc_statistics: AdcStatistics
@@ -91,11 +94,11 @@ def inspect_recording(
     start
         Receiver-clock time of the earliest sample, in place of the recording's time tags.
     time_uncertainty_s
-        Upper limit of the receiver clock's error, in place of the recording's own.
+        Upper limit of the receiver clock's error in s, in place of the limit that the recording states.
     assistance
         Folder with RECS, keys and so on; by default the folder of the recording with its subfolders.
     public_key, merkle_tree
-        Trust anchors of OSNMA, used in place of those in the assistance folder.
+        Trust anchors of OSNMA, used in place of the trust anchors in the assistance folder.
     check_hash
         Compare sample files with the hashes in their descriptions, which reads all of them.
     signals

@@ -1,4 +1,4 @@
-"""Tables of numbers as CSV: a header with the column names, then one row per line, which begins with a rising time."""
+"""Tables of numbers as CSV: a header with the column names, then rows that are sorted by time, the first column."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from vestige.records.snapshot_block import OBSERVED, E1Block, FrontEndBlock, Sna
 from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 
-OSNMA_SUBFRAMES = 20  # 10 minutes, searched for keys before the first block
+OSNMA_SUBFRAMES = 20  # number of subframes before the first block whose keys are compared: 10 minutes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class OtherChannels:
         return self.joined(block_of(snapshot, since=since, accelerations=self.accelerations), assistance, since)
 
     def joined(self, block: SnapshotBlock, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
-        """Return a block of one epoch with the OSNMA data of both the message and the second channel."""
+        """Return a block of one epoch with its OSNMA data from the message compared with the second channel."""
         now = block.time.at(0)
         if self.second_channel is None or not block.svids:
             return block

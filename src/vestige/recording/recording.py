@@ -64,15 +64,15 @@ class Recording:
     def batch(self, band: Band, start_time: GalileoTime, duration_s: float) -> SampleBatch | None:
         """Return the samples of a band in a window of receiver-clock time, or None if there are none in the window.
 
-        The batch begins with the first sample at or after `start_time`. A sample that is early by a thousandth of a
-        sampling interval also counts. The batch has ⌈duration · rate⌉ samples, the same number for every position of
-        the window. Samples outside the recording are left out: `start`, `first_sample` and the length of the batch
-        describe the rest.
+        The batch begins with the first sample at or after `start_time`. A sample up to a thousandth of a sampling
+        interval before `start_time` also counts. The batch has ⌈duration · rate⌉ samples, the same number for every
+        position of the window. Samples outside the recording are left out: `start`, `first_sample` and the length of
+        the batch describe the rest.
 
         Raises `InputFileError` if the samples cannot be read.
         """
         if not duration_s > 0 or math.isinf(duration_s):
-            raise ValueError(f"a window of {duration_s} s")
+            raise ValueError(f"found a window of {duration_s} s, expected a positive, finite duration")
         reader = self.reader(band)
         if reader is None:
             return None
@@ -155,7 +155,7 @@ def named_observations(description: RecordingDescription) -> bool:
 
 
 def observation_names(description: RecordingDescription) -> list[Path]:
-    """Return the files that may contain a recording's observations, by their names."""
+    """Return the files that may contain a recording's observations, because they have names of observation files."""
     if named_observations(description):
         return []
     folder = description.path if description.path.is_dir() else description.path.parent
@@ -163,7 +163,7 @@ def observation_names(description: RecordingDescription) -> list[Path]:
 
 
 def unread_observations(description: RecordingDescription) -> tuple[InputFileError, ...]:
-    """Return the faults of the files of a recording whose names, but not contents, are those of observations."""
+    """Return the faults of the files of a recording that have names of observation files, but other contents."""
     wrong = []
     for path in observation_names(description):
         if "obs" in path.name.lower():

@@ -170,7 +170,7 @@ def _band_file(path: Path, band: Band, entry: _BandTable, sample_rate_hz: float,
     name = band.name.lower()
     rate = sample_rate_hz if entry.sample_rate_hz is None else entry.sample_rate_hz
     if band_of(entry.center_frequency_hz, rate) is not band:
-        expected = f"the {band.name} carrier within half a sample rate ({rate / 2:g} Hz) of it"
+        expected = f"the {band.name} carrier within half a sample rate ({rate / 2:g} Hz) of this frequency"
         raise InputFileError(path, f"{name}.center_frequency_hz", entry.center_frequency_hz, expected)
     file = BandFile(
         band=band,

@@ -1,7 +1,7 @@
-"""A recording as a source of snapshots: a snapshot for each RECS epoch that its E6 samples contain.
+"""A recording as a source of snapshots: a snapshot for each time of transmission of RECS in its E6 samples.
 
-A snapshot is made for every time of transmission of the RECS that can have reached the receiver during the recording.
-The E6 samples are cut from just before the earliest to just after the latest satellite. The observations come from the
+A snapshot is made for every time of transmission whose RECS can have reached the receiver during the recording. The E6
+samples are cut from just before the earliest to just after the latest arrival. The observations come from the
 observation file, or from 100 ms of E1 samples around the same moment. Only these windows are read, so a recording may
 be far larger than memory.
 """
@@ -30,7 +30,7 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_time_uncertainty
 
-MARGIN_S = 1e-3  # margin of E6 samples on both sides for hardware bias, taps and errors of the observation
+MARGIN_S = 1e-3  # margin of E6 samples on both sides for hardware bias, correlators and errors of the observation
 ALL_SVIDS = range(1, MAX_SVID + 1)
 
 
@@ -53,12 +53,14 @@ class RecordingSource:
         Observations that the receiver has tracked in the E1 samples, in place of an observation file; None without
         tracking.
     time_uncertainty_s
-        Upper limit of the receiver clock's error, in place of the recording's own.
+        Upper limit of the receiver clock's error in s, in place of the limit that the recording states.
     time_tag_error_s
-        Error of the samples' time tag in s, positive if it is late, from the message or `time_tag_search`. This error
-        gives the position of a RECS in the recording, and resolves the ambiguity of 100 ms of E1.
+        Error of the samples' time tag in s, positive if ahead of Galileo System Time, from the message or
+        `time_tag_search`. This error gives the position of a RECS in the recording, and resolves the ambiguity of
+        100 ms of E1.
     searchable
-        Whether snapshots contain the E1 samples, and the whole of E6 for searches, that mitigation levels 2 and 3 need.
+        Whether snapshots contain the E1 samples and give access to all E6 samples. Mitigation levels 2 and 3 need them
+        for searches.
     cn0_estimator
         Estimator of the C/N0 of E1 as for `measure_e1`, if E1 is measured in the samples.
     channels
@@ -132,7 +134,7 @@ class RecordingSource:
         return self.recording.description.time_uncertainty_s if stated is None else stated
 
     def snapshots(self) -> Iterator[Snapshot]:
-        """Yield one snapshot for each epoch of `epochs`."""
+        """Yield one snapshot for each time of transmission in `epochs`."""
         observations = self.recording.observations if self.tracked is None else self.tracked
         track = ObservationTrack(observations) if observations is not None else None
         for index, (transmit_time, segments) in enumerate(self.epochs().items()):
@@ -156,7 +158,7 @@ class RecordingSource:
         segments: tuple[EncryptedSegment, ...],
         track: ObservationTrack | None,
     ) -> Snapshot:
-        """Return the snapshot of one epoch.
+        """Return the snapshot of one time of transmission.
 
         Without `track` the observations are measured in the E1 samples.
         """
@@ -227,7 +229,7 @@ def time_span(
 ) -> tuple[GalileoTime, GalileoTime] | None:
     """Return the first and last time of transmission that can be in the E6 samples, or None without E6 samples.
 
-    The time tag of the samples is late by `time_tag_error_s` ± `uncertainty_s`.
+    The time tag of the samples is ahead of Galileo System Time by `time_tag_error_s` ± `uncertainty_s`, in s.
     """
     reader = recording.e6
     if reader is None:

@@ -17,8 +17,8 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield (number from 1, line without its end); each byte becomes a character, so columns count bytes.
 
-    Raises `InputFileError` if the file cannot be read, a line is too long for text, or the last line has no end. A file
-    without a last line end was cut off, and its last number may lack digits.
+    Raises `InputFileError` if the file cannot be read, a line is longer than `LONGEST_LINE`, or the last line has no
+    end. A file without a last line end was cut off, and its last number may lack digits.
     """
     with open_file(path) as stream:
         try:
@@ -47,9 +47,9 @@ class GrowingLines:
         self._lines: deque[bytes] = deque()
 
     def take(self) -> tuple[int, str] | None:
-        """Return the next number from 1 and line, as `numbered_lines`, or None if no line is complete yet.
+        """Return the number and the text of the next line, as `numbered_lines`; None if no line is complete yet.
 
-        Raises `InputFileError` if the file cannot be read, became shorter, or a line is too long for text.
+        Raises `InputFileError` if the file cannot be read, became shorter, or a line is longer than `LONGEST_LINE`.
         """
         if not self._lines and self._path.exists():
             self._read()

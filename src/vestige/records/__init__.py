@@ -25,7 +25,7 @@ from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite, require_finite_if_known, require_time_uncertainty
 from vestige.validated_key import ValidatedKey
 
-_ROUNDING_S = 1e-6  # difference between two computations of the end of samples
+_ROUNDING_S = 1e-6  # largest rounding difference between two computations of the end of samples
 
 if TYPE_CHECKING:
     from vestige.records.recs_block import RecsLookup
@@ -189,9 +189,9 @@ class CorrelatorBank:
     offsets_m
         float64[n_taps], offset of each tap from the hand-over's prediction in m; positive is later.
     taps
-        complex128[n_taps].
+        complex128[n_taps], the correlators at these offsets.
     noise_power
-        Mean of |tap|² when the replica is a code that is not in the signal (both dimensions together).
+        Mean of |tap|², in phase and in quadrature together, when the replica is a code that is not in the signal.
     integration_s
         Coherent integration time in s.
     """
@@ -213,7 +213,7 @@ class SampleSource(Protocol):
 
     @property
     def end_sample(self) -> int:
-        """Number after the last sample."""
+        """Number of the last sample plus 1."""
         ...
 
     def read(self, first: int, count: int) -> SampleBatch:
@@ -223,7 +223,7 @@ class SampleSource(Protocol):
 
 @runtime_checkable
 class Correlatable(Protocol):
-    """E6 for the processor: samples, or a model of samples, that can be correlated."""
+    """E6 for the processor: samples, or a model of samples; either can be correlated."""
 
     @property
     def received_from(self) -> GalileoTime:
@@ -234,7 +234,7 @@ class Correlatable(Protocol):
         """Time tag of the end of the samples."""
 
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
-        """Return the bank of correlators at `offsets_m` around the hand-over; None if the hand-over is outside E6."""
+        """Return the bank of correlators at `offsets_m` around the hand-over; None if E6 does not contain the RECS."""
 
     @property
     def searched(self) -> SampleSource | None:
@@ -243,7 +243,7 @@ class Correlatable(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """Data from a receiver to the processor for one RECS epoch.
+    """Data that a receiver gives the processor for the RECS of one time.
 
     Attributes
     ----------
@@ -252,14 +252,15 @@ class Snapshot:
     time
         Receiver-clock time to which the observations refer.
     received_at
-        Receiver-clock time at which the last E6 sample of the snapshot ends, never before its time tag. The
+        Receiver-clock time at which the last E6 sample of the snapshot ends, never before the time tag of this end. The
         delayed-disclosure rule uses this time and the correlated window.
     time_uncertainty_s
         Upper limit of the error of the receiver's clock against Galileo System Time, in s; infinite if unknown.
     observations
         E1 observations by SVID, with Doppler and its rate.
     recs
-        Satellites whose RECS are in the snapshot, whether E1 shows them or not; empty if the source does not name them.
+        Satellites whose RECS are in the snapshot, tracked on E1 or not; empty if the source does not name these
+        satellites.
     """
 
     index: int
@@ -318,10 +319,10 @@ class EncryptedSegment:
 class ReceivedOsnma:
     """Demodulated OSNMA of one satellite and subframe, not validated, for comparison only."""
 
-    svid: int | None  # None if a file of keys does not name it
+    svid: int | None  # None for a file of keys, which names no satellite
     time: GalileoTime  # start of the subframe (GST_SF)
-    fields: tuple[bytes | None, ...] = ()  # 15 of 5 bytes; None if the page is lost, a dummy, or has no OSNMA
-    key: bytes | None = None  # None if no chain gives its position
+    fields: tuple[bytes | None, ...] = ()  # 15 fields of 5 bytes; None if the page is lost, is a dummy, or has no OSNMA
+    key: bytes | None = None  # key of the subframe; None if no chain gives the position of the key
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -354,6 +355,6 @@ class Assistance:
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
         """Return the RECS from the satellites of a block, with their keys."""
-        from vestige.records.recs_block import find_recs  # noqa: PLC0415  (it needs this module)
+        from vestige.records.recs_block import find_recs  # noqa: PLC0415  (`recs_block` needs this module)
 
         return find_recs(snapshots, self)

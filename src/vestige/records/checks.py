@@ -55,9 +55,10 @@ class CheckSeries:
 
     Attributes
     ----------
-    name, unit
-        Name of the check, a `CheckName` or the name of a check that a user wrote, and the unit of statistic and
-        threshold.
+    name
+        Name of the check: a `CheckName`, or the name of a check that a user wrote.
+    unit
+        Unit of statistic and threshold.
     p_fa
         False-alarm probability of one test.
     statistic, threshold
@@ -116,10 +117,10 @@ class AlarmShare:
     p_fa: float  # false-alarm probability of one test, before confirmation
     confirm: int = 1  # number of tests in a row that must fail
     alarms_a_day: float  # upper limit, after confirmation
-    chosen: bool  # whether p_fa is a share of the level's budget, or the check's own
+    chosen: bool  # True if p_fa is a share of the level's budget, False if the check sets its own p_fa
     exact: bool = False  # whether p_fa is exact; otherwise it is an upper limit
 
     @property
     def confirmed_p_fa(self) -> float:
-        """Probability that a test fails without an attack and confirms the previous failures."""
+        """Probability that `confirm` tests in a row fail without an attack."""
         return self.p_fa**self.confirm

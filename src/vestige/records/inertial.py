@@ -17,12 +17,12 @@ LONGEST_STEP_S = 1.5  # longest step between two samples over which linear inter
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Accelerations:
-    """Samples of inertial sensors: kinematic acceleration of the antenna against the Earth."""
+    """Samples of inertial sensors: kinematic acceleration of the antenna relative to the Earth."""
 
     # ascending times of the samples, `start` + `elapsed_s` on the receiver's clock
     start: GalileoTime
     elapsed_s: Float[np.ndarray, " n"]
-    # East, north, up at the receiver's position at that time, without gravity
+    # acceleration to the east, north and up at the receiver's position, without gravity
     acceleration_mps2: Float[np.ndarray, "n 3"]
 
     def __post_init__(self) -> None:
@@ -30,9 +30,9 @@ class Accelerations:
             require_finite("accelerations", **{name: float(np.abs(values).sum())})
 
     def increments(self, first: GalileoTime | None, last: GalileoTime) -> VelocityIncrements:
-        """Return ∫ a dt from one epoch to the next, sample by sample, with a linear acceleration between samples.
+        """Return the velocity increments ∫ a dt between two epochs, one for each step between samples.
 
-        If `first` is None, there are no increments.
+        The acceleration is linear between samples. If `first` is None, there are no increments.
         """
         found = None if first is None or not last - first > 0 else self._between(first, last)
         if found is None:

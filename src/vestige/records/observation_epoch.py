@@ -1,4 +1,4 @@
-"""E1 observations of one time, from a file or a receiver."""
+"""E1 observations at one time, from a file or a receiver."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationEpoch:
-    """E1 observations of one time.
+    """E1 observations at one time.
 
     Attributes
     ----------
@@ -25,8 +25,8 @@ class ObservationEpoch:
     slipped
         Satellites whose carrier phase is not continuous with the previous epoch.
     taps
-        E1-C correlators over the last 100 ms by SVID, complex64[k], in standard deviations per dimension of samples of
-        noise alone. Empty if the source has no correlators.
+        E1-C correlators over the last 100 ms by SVID, complex64[k]. The unit is the standard deviation per dimension
+        that a correlator would have if the samples were noise alone. Empty if the source has no correlators.
     tap_chips
         Offsets of the correlators from the prompt in chips; positive is later.
     power_db

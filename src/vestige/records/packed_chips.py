@@ -18,7 +18,7 @@ def packed_chips(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_words"
 
 
 def packed_bits(bits: bytes, n_chips: int, skip: int = 0) -> UInt32[np.ndarray, " n_words"]:
-    """Return `n_chips` of some bits as packed chips, without the first `skip` bits.
+    """Return `n_chips` packed chips from the bits that follow the first `skip` bits.
 
     The most significant bit of each byte comes first.
 

@@ -17,7 +17,7 @@ from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
-SEGMENT_WINDOW_S = 0.5  # a snapshot belongs to the RECS that reaches it within this time
+SEGMENT_WINDOW_S = 0.5  # largest difference between the time of a snapshot and the arrival of its RECS
 _NEVER = GalileoTime(0, 0)
 
 
@@ -25,13 +25,11 @@ _NEVER = GalileoTime(0, 0)
 class RecsBlock:
     """The RECS of n epochs and m satellites, and the times of their keys."""
 
-    # whether there is a RECS, and whether it has a validated key
-    found: Bool[np.ndarray, "n m"]
-    with_key: Bool[np.ndarray, "n m"]
-    # start of the subframe of the key, and times of its first and last bit on air; undefined without a RECS
-    key_time: GalileoTimes
-    disclosed: GalileoTimes
-    complete: GalileoTimes
+    found: Bool[np.ndarray, "n m"]  # whether there is a RECS
+    with_key: Bool[np.ndarray, "n m"]  # whether there is a RECS with a validated key
+    key_time: GalileoTimes  # start of the subframe of the key; undefined without a RECS
+    disclosed: GalileoTimes  # time of the first bit of the key on air; undefined without a validated key
+    complete: GalileoTimes  # end of the last bit of the key on air; undefined without a validated key
 
 
 @runtime_checkable
@@ -48,7 +46,7 @@ class RecsLookup(Protocol):
 
 @runtime_checkable
 class Corrections(Protocol):
-    """Corrections of the delay of E6 behind E1, from `Assistance` or another object that states them."""
+    """Corrections of the delay of E6 behind E1, from `Assistance` or from another object that contains them."""
 
     @property
     def group_delays(self) -> tuple[GroupDelay, ...]:
@@ -109,7 +107,7 @@ def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
 
 
 def segments_between(assistance: Assistance, first: GalileoTime, last: GalileoTime) -> tuple[EncryptedSegment, ...]:
-    """Return the RECS that are sent from the first to the last time, within `SEGMENT_WINDOW_S`."""
+    """Return the RECS that are sent between two times, or at most `SEGMENT_WINDOW_S` before or after."""
     segments = assistance.segments
     low = bisect_left(segments, first + -SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
     high = bisect_right(segments, last + SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
@@ -117,6 +115,6 @@ def segments_between(assistance: Assistance, first: GalileoTime, last: GalileoTi
 
 
 def segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) -> EncryptedSegment | None:
-    """Return the satellite's RECS that is sent nearest to a time, within `SEGMENT_WINDOW_S`."""
+    """Return the satellite's RECS that is sent nearest to a time; None if none is sent within `SEGMENT_WINDOW_S`."""
     own = [one for one in segments_between(assistance, transmit_time, transmit_time) if one.svid == svid]
     return min(own, key=lambda segment: abs(segment.transmit_time - transmit_time), default=None)

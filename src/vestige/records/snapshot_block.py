@@ -26,14 +26,14 @@ class E1Block:
     doppler_hz: Float[np.ndarray, "n m"]
     doppler_rate_hz_per_s: Float[np.ndarray, "n m"]
     cn0_dbhz: Float[np.ndarray, "n m"]
-    # E1 correlators around the prompt behind the gain control, in standard deviations per dimension of the noise
-    # without interference; None if E1 is not tracked between two RECS
+    # E1 correlators around the prompt, measured behind the gain control. The unit is the standard deviation per
+    # dimension of the noise without interference. None if E1 is not tracked between two RECS
     taps: Complex128[np.ndarray, "n m k"] | None = None
     tap_chips: tuple[float, ...] = ()  # offsets of the correlators from the prompt in chips
 
     @property
     def seen(self) -> Bool[np.ndarray, "n m"]:
-        """Whether E1 shows a satellite."""
+        """Whether a satellite is tracked on E1."""
         return np.isfinite(self.pseudorange_m)
 
     def observation(self, svid: int, epoch: int, satellite: int) -> E1Observation:
@@ -52,24 +52,24 @@ class FrontEndBlock:
 
     @property
     def power_db(self) -> Float[np.ndarray, " n"]:
-        """Power of the band, or the negative gain where only the gain is known."""
+        """Power of the band in dB, or the negative gain where only the gain is known."""
         return np.where(np.isfinite(self.total_power_db), self.total_power_db, -self.agc_gain_db)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OsnmaBlock:
-    """Received OSNMA compared with a second channel, in k pieces of subframes that ended up to an epoch.
+    """Received OSNMA compared with a second channel, in k pieces of subframes.
 
-    A subframe may come in several pieces, epoch by epoch. Each piece has a bit for every page of the subframe (bit 0 is
-    the first page). The bit `KEY_BIT` is for a key that is compared as a whole because its pages are unknown.
+    A subframe may come in several pieces, epoch by epoch. A piece ends at its epoch or before. Each piece has a bit for
+    every page of the subframe (bit 0 is the first page). The bit `KEY_BIT` is for a key that is compared as a whole
+    because its pages are unknown.
     """
 
-    epoch: Int64[np.ndarray, " k"]  # row of the block in which the piece is known
+    epoch: Int64[np.ndarray, " k"]  # row of the block at which the piece is known
     subframe: Int64[np.ndarray, " k"]  # start of the subframe in s since the GST epoch
     due: Int64[np.ndarray, "k m"]  # pages that were sent, according to the second channel
-    # demodulated pages, and pages that differ from those of the second channel
-    received: Int64[np.ndarray, "k m"]
-    differs: Int64[np.ndarray, "k m"]
+    received: Int64[np.ndarray, "k m"]  # demodulated pages
+    differs: Int64[np.ndarray, "k m"]  # demodulated pages that differ from the same page of the second channel
     last: Bool[np.ndarray, " k"]  # whether the piece ends its subframe, and all of the subframe was compared
 
 
@@ -77,9 +77,9 @@ class OsnmaBlock:
 class VelocityIncrements:
     """Kinematic velocity increments of inertial sensors, relative to the Earth and without gravity."""
 
-    epoch: Int64[np.ndarray, " k"]  # row of the block up to which the increment counts
+    epoch: Int64[np.ndarray, " k"]  # row of the block whose time is the end of the interval of the increment
     time: GalileoTimes  # end of each increment on the receiver's clock
-    # east, north, up at the receiver's position at that time, since the previous increment
+    # change of the velocity to the east, north and up since the previous increment
     delta_velocity_mps: Float[np.ndarray, "k 3"]
     covered: Bool[np.ndarray, " n"]  # whether the increments up to an epoch have no gap since the previous epoch
 
@@ -100,7 +100,7 @@ class Handovers(Protocol):
     """The hand-overs of a block, made individually, because each decrypts its chips on request."""
 
     def at(self, epoch: int, satellite: int) -> Handover | None:
-        """Return the hand-over of one satellite at one epoch; None if its window is too late for a proof."""
+        """Return the hand-over of one satellite at one epoch; None if the RECS ends too late for a proof."""
 
 
 @runtime_checkable
@@ -110,7 +110,7 @@ class E6(Protocol):
     def correlate(
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
-        """Return the banks at `offsets_m` around the requested hand-overs; NaN where E6 does not contain them."""
+        """Return the banks at `offsets_m` around the requested hand-overs; NaN where E6 does not contain the RECS."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -119,8 +119,8 @@ class SearchBlock:
 
     signals: Float[np.ndarray, "k m"]  # number of signals of a satellite; NaN where the search was not run
     carrying: Float[np.ndarray, "k m"]  # number of signals that carry the encrypted chips
-    # Offset of the earliest of several signals from the E1 prediction in m, positive if later; NaN for a single signal,
-    # or if its chips may have been known at its arrival.
+    # Offset of the earliest of several signals from the E1 prediction in m, positive if later. NaN for a single signal,
+    # or if the chips may have been known when the earliest signal arrived.
     earliest_m: Float[np.ndarray, "k m"]
     not_run: Int8[np.ndarray, "k m"]  # 0 where the search was run, else 1 + the index in `SEARCH_NOT_RUN`
 
@@ -190,7 +190,7 @@ class SnapshotBlock:
     svids
         Satellites of the second axis, in ascending order.
     asked
-        bool[n, m]: satellites whose verdict is due, whether E1 shows them or not.
+        bool[n, m]: satellites whose verdict is due, tracked on E1 or not.
     recs
         bool[n]: epochs with RECS.
     e1
@@ -198,9 +198,9 @@ class SnapshotBlock:
     front_end
         Power and gain of the front ends, by band.
     e6
-        Object that answers `correlate`; None without E6.
+        Object with the method `correlate`; None without E6.
     searches
-        Object that answers both searches; None where no search is possible.
+        Object that makes both searches; None if no search is possible.
     osnma
         OSNMA compared with a second channel; None without a second channel.
     increments

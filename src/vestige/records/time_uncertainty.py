@@ -1,4 +1,4 @@
-"""Upper limit of the receiver's clock error, which sets the range of searches and enters the disclosure rule."""
+"""Upper limit of the receiver's clock error, for the range of searches and for the disclosure rule."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ class TimeUncertainty:
     initial_s: float = 15.0  # limit before the first authentic fix
     # upper limit of the relative frequency error of the oscillator
     frequency_error: float = 2e-6  # temperature-compensated crystal oscillator, over temperature and age
-    # time of the last authentic fix, and its upper limit of the clock error
-    fixed_at: GalileoTime | None = None
-    fixed_s: float = FIXED_S
+    fixed_at: GalileoTime | None = None  # time of the last authentic fix
+    fixed_s: float = FIXED_S  # upper limit of the clock error at that time
 
     def __post_init__(self) -> None:
         require_time_uncertainty(self.initial_s)

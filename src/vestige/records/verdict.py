@@ -48,8 +48,8 @@ class CheckResult:
 class Status(Enum):
     """Conclusion of the receiver about a satellite.
 
-    Columns of stored results contain the index of a status in this order. The order of gravity is another one, from the
-    gravest: SPOOFED, NOT_DETECTED, SUSPECT, AUTHENTIC, NOT_AVAILABLE. The first three of these are alarms.
+    Columns of stored results contain the index of a status in this order. The order of gravity is different. From the
+    gravest on it is: SPOOFED, NOT_DETECTED, SUSPECT, AUTHENTIC, NOT_AVAILABLE. The first three of these are alarms.
 
     Attributes
     ----------
@@ -87,10 +87,11 @@ class Verdict:
     index
         Number of the snapshot, from 0.
     time
-        Time of reception of the RECS on the receiver's clock. `vestige process` and `vestige live` write the time of
-        the signal in its place, if the message on E1 or the RECS in the samples gave the error of the time tag.
+        Time of reception of the RECS on the receiver's clock. If the message on E1 or the RECS in the samples gave the
+        error of the time tag, `vestige process` and `vestige live` write the time of the signal instead.
     available_at
-        Earliest time at which a receiver can know the verdict, after it received the key. None if no key was involved.
+        Earliest time at which a receiver can know the verdict, after it received the key. None if the verdict needed no
+        key.
     svid
         Satellite, 1 to 36.
     level
@@ -104,7 +105,7 @@ class Verdict:
     reason
         Reason for the status in one line of text. For AUTHENTIC the reason names the checks that could not be run.
     true_offset_m
-        Range of the earliest signal minus that of E1 in m, if a search found more than one signal. NaN otherwise.
+        Range of the earliest signal minus the E1 range in m, if a search found more than one signal; NaN otherwise.
 
     Examples
     --------

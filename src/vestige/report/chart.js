@@ -1,4 +1,4 @@
-// What all drawings share: arrays out of base64, a canvas in the sharpness of the screen, axes, colours of the theme.
+// Common parts of all drawings: arrays from base64, a canvas as sharp as the screen, axes, colours of the theme.
 
 const DATA = JSON.parse(document.getElementById('data').textContent);
 
@@ -47,7 +47,7 @@ function drawing(canvas, height, draw) {
   return one;
 }
 
-// Round numbers between two ends, some `count` of them.
+// About `count` round numbers between two limits.
 function ticks(low, high, count) {
   const raw = (high - low) / Math.max(1, count);
   const power = 10 ** Math.floor(Math.log10(raw));
@@ -66,7 +66,7 @@ function plain(value) {
   return String(value).replace('-', '−');
 }
 
-// A frame with axes: `x` and `y` are {low, high, label, ticks?, text?}; gives functions from values to pixels.
+// Draw a frame with axes: `x` and `y` are {low, high, label, ticks?, text?}. Return functions from values to pixels.
 function frame(context, width, height, x, y, left = 46) {
   const box = { left, right: width - 8, top: 10, bottom: height - 34 };
   const toX = (value) => box.left + ((value - x.low) / (x.high - x.low || 1)) * (box.right - box.left);
@@ -116,7 +116,7 @@ function timeAxis() {
   return { low, high, label: 'time (s)' };
 }
 
-// Perceptually even and the same for every kind of colour vision: nine colours of cividis.
+// Ten colours of cividis: even steps of brightness, which look the same with every kind of colour vision.
 const CIVIDIS = [
   [0, 34, 78], [18, 53, 112], [59, 73, 108], [87, 93, 109], [112, 113, 115], [138, 134, 120], [165, 156, 116], [195, 179, 105],
   [225, 204, 85], [254, 232, 56],

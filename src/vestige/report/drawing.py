@@ -1,9 +1,9 @@
 """Reduction of many epochs to a drawing of some kilobytes.
 
-There are two methods, and the page states the method that was used. *Stretches* are runs of epochs with a common value
-(a mean, a largest value, or the statuses that occurred), to which every epoch contributes. *Chosen rows* are single
-epochs: every k-th epoch, and also epochs of interest. Each kind of epoch is thinned only if it has more than its share.
-Counts and statistics do not use these reductions, but all epochs.
+There are two methods, and the page states the method that was used. *Stretches* are runs of epochs that are drawn with
+a common value: a mean, a largest value, or the statuses that occurred. Every epoch contributes to this value. *Chosen
+rows* are single epochs: every k-th epoch, and also epochs of interest. Each kind of epoch is thinned only if it has
+more than its share. Counts and statistics use all epochs.
 """
 
 from __future__ import annotations
@@ -38,9 +38,8 @@ class Stretches:
     """Epochs cut into runs of `length` epochs; the last run may be shorter."""
 
     starts: Int[np.ndarray, " n_stretches"]  # first epoch of each stretch
-    # begin and end of each stretch; the end is one interval after its last epoch
-    begin_s: Float[np.ndarray, " n_stretches"]
-    end_s: Float[np.ndarray, " n_stretches"]
+    begin_s: Float[np.ndarray, " n_stretches"]  # time of the first epoch of each stretch
+    end_s: Float[np.ndarray, " n_stretches"]  # time of the last epoch of each stretch, plus one interval
     length: int
 
     def mean(self, values: Float[np.ndarray, "n_epochs ..."]) -> Float[np.ndarray, "n_stretches ..."]:
@@ -85,7 +84,7 @@ class Rows:
     """Single epochs chosen for a drawing."""
 
     places: Int[np.ndarray, " n_rows"]
-    every: dict[str, int]  # kind of epoch to k, if every k-th epoch of the kind is drawn; 1 means all
+    every: dict[str, int]  # k by kind of epoch: every k-th epoch of this kind is drawn; 1 means all
 
 
 def chosen_rows(
@@ -108,7 +107,7 @@ def chosen_rows(
 
 
 def outermost(values: Float[np.ndarray, " n"], count: int) -> Bool[np.ndarray, " n"]:
-    """Return the indices of the smallest and the largest value in each of `count` equal parts."""
+    """Return a mask of the smallest and the largest value in each of `count` equal parts."""
     found = np.zeros(values.size, dtype=bool)
     for part in np.array_split(np.arange(values.size), min(count, max(1, values.size))):
         known = part[np.isfinite(values[part])]

@@ -19,7 +19,7 @@ function redraw() {
 redraw();
 let width = document.documentElement.clientWidth;
 window.addEventListener('resize', () => {
-  if (width === document.documentElement.clientWidth) return; // only the bars of a phone's browser came or went
+  if (width === document.documentElement.clientWidth) return; // only the height changed, as when a phone hides the bars of its browser
   width = document.documentElement.clientWidth;
   redraw();
 });

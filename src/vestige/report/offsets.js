@@ -1,4 +1,4 @@
-// Range offsets of both detectors: against time, and how often; and the error of the position fixes.
+// Range offsets of both detectors, against time and as a histogram, and the error of the position fixes.
 
 const hidden = new Set();
 

@@ -1,6 +1,6 @@
 """A page as a single file with template, style, script and data; a browser fetches nothing else.
 
-The content security policy of the page allows only its own script, by its hash, and no address.
+The content security policy allows only the page's own script, which it knows by hash, and no network address.
 """
 
 from __future__ import annotations
@@ -29,12 +29,11 @@ _HEAD_BYTES = 1000  # number of first bytes that contain the mark of a report
 class Page:
     """Content of a page."""
 
-    # subject of the page, and the question that it answers
-    title: str
-    question: str
+    title: str  # subject of the page
+    question: str  # question that the page answers
     body: tuple[Html, ...]
     version: str
-    # data that its script draws: numbers, text, and arrays by `drawing.packed`
+    # data that the script of the page draws: numbers, text, and arrays by `drawing.packed`
     data: Mapping[str, Any] = field(default_factory=dict)
 
     def html(self) -> str:

@@ -72,7 +72,7 @@ def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Ht
             "during the "
             "attack. Two signals less than a chip (58.6 m) apart are one peak. Times count from the start of the "
             "attack. "
-            "Alarms and ranges in use are those of the verdicts.",
+            "Alarms and ranges in use come from the verdicts.",
         ),
         table("Outcome of the attack", head, rows),
     ]

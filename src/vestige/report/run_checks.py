@@ -64,7 +64,7 @@ def checks_section(
                 "Monitors",
                 "Statistic of each check over its threshold, against time; the table below has the numbers.",
                 "Height: |statistic| over threshold, the largest of all satellites in each stretch. The dashed line is "
-                "the threshold; what is above it is marked.",
+                "the threshold; values above the threshold are marked.",
             ),
             table(
                 "Thresholds of the monitors",

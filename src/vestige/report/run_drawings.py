@@ -19,11 +19,11 @@ from vestige.records.checks import CheckSeries
 from vestige.report.drawing import Rows, chosen_rows, outermost, packed, scaled, stretches
 
 ROWS = 24_000  # largest number of epochs drawn individually, of all satellites
-ROW_BYTES = 1_200_000  # largest size of these epochs: long banks and many attacks have fewer rows
+ROW_BYTES = 1_200_000  # largest size of these epochs in bytes; longer banks and more attacks leave room for fewer rows
 STRETCHES = 720  # number of stretches of a time-line: more than the columns of a screen
 STRETCH_BYTES = 400_000
 BINS = 80  # number of bins of a histogram
-_OF_NONE = 0.5  # threshold in the drawing of a count that must be 0
+_OF_NONE = 0.5  # threshold that is drawn for a count that must be 0
 _OUTERMOST = 250  # number of parts of a run whose smallest and largest offsets are drawn
 
 
@@ -32,7 +32,7 @@ def run_drawings(
 ) -> tuple[dict[str, Any], dict[str, dict[str, int]]]:
     """Return the data of a run's page, and the thinning of each satellite (see `Rows.every`).
 
-    The checks are those of a sky, and the user's own; a single line of sight without own checks has none.
+    `checks` are the checks of a sky and the user's own checks; empty for a single line of sight without own checks.
     """
     detectors = [str(name) for name in results["detector"].values]
     svids = [int(svid) for svid in results["svid"].values]

@@ -46,8 +46,7 @@ def level_content(found: LevelVerdicts | None, results: xarray.Dataset) -> list[
         element(
             "p",
             "A verdict on this page is the gravest status since the previous RECS. The receiver shows its user the "
-            "gravest of the "
-            "last 90 s. An alarm begins when there was none before.",
+            "gravest status of the last 90 s. An alarm begins if there was no alarm before.",
         ),
     ]
     if found.not_run:

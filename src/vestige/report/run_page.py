@@ -35,7 +35,8 @@ _NEEDED = (
 def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
     """Return the page of a run.
 
-    The coordinate `epoch` tells whether a run has ended. `question` replaces the usual question of such a run.
+    Results with a coordinate `epoch` are from a run that has not ended. `question` replaces the usual question of the
+    page.
 
     Raises `VestigeError` if the results are not from `vestige run`.
     """
@@ -74,12 +75,12 @@ def _scenario(results: xarray.Dataset) -> StoredScenario:
     """Return the scenario of the results if these are from `vestige run`."""
     for name in _NEEDED:
         if name not in results.variables:
-            raise VestigeError(f"results of a campaign: found no {name}, expected those of `vestige run`")
+            raise VestigeError(f"results of a campaign: found no {name}, expected results of `vestige run`")
     attributes_of(results)
     scenario = scenario_of(results)
     if not results.sizes["epoch"] or not due_verdicts(results).any():
         raise VestigeError("results of a campaign: found no epoch with a verdict, expected one at least")
-    select(results, svid=int(results["svid"].values[0]))  # raises if axes or times are not as in results
+    select(results, svid=int(results["svid"].values[0]))  # raises if axes or times are wrong
     return scenario
 
 
@@ -227,8 +228,8 @@ def _waterfall(data: Mapping[str, Any]) -> list[Html]:
     return [
         element(
             "p",
-            "Drag over the map, or move the slider (arrow keys step epoch by epoch), to see the correlators of one "
-            "epoch below it. Every correlator is one possible delay of the encrypted signal on E6 against the "
+            "Drag over the map, or move the slider (arrow keys step epoch by epoch). The correlators of the chosen "
+            "epoch are below the map. Every correlator is one possible delay of the encrypted signal on E6 against the "
             "prediction from E1.",
         ),
         figure(

@@ -76,7 +76,7 @@ def reproduce_section(
 
 
 def _drawn(thinned: Mapping[str, Mapping[str, int]], data: Mapping[str, Any]) -> list[str]:
-    """Return the choice of the individually drawn epochs in words."""
+    """Return in words which epochs are drawn individually."""
     lines: dict[str, list[str]] = {}
     for satellite, every in thinned.items():
         if every["epochs"] == 1:

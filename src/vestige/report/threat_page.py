@@ -85,9 +85,9 @@ def _matrix(found: ThreatTable) -> list[Html]:
     ]
     words = (
         "pass: no alarm without an attack. detect: an alarm while the attack acts. mitigate: in the end no wrong range "
-        "is in use, and most right ones are. miss: a wrong range is in use or no verdict is possible, and there is no "
-        "alarm. deny: no verdict is possible. partial: detected in about half of the runs. An outcome counts if the "
-        "95 % interval of its share of the runs lies above one half."
+        "is in use, and most right ranges are in use. miss: a wrong range is in use or no verdict is possible, and "
+        "there is no alarm. deny: no verdict is possible. partial: detected in about half of the runs. An outcome "
+        "counts if the 95 % interval of its share of the runs lies above one half."
     )
     head = ("scene", *(f"level {level}" for level in found.levels))
     rows: list[tuple[object, ...]] = []
@@ -155,7 +155,7 @@ def _numbers(found: ThreatTable) -> list[Html]:
     if parts:
         words = (
             "By chance: runs with an alarm in the same epochs without the attack. Alarm after: the median. "
-            "Largest range error: that of a range in use under attack, in all runs."
+            "Largest range error: of all ranges in use under attack, in all runs."
         )
         parts.append(element("p", words))
     return parts

@@ -2,8 +2,9 @@
 
 The name of a column gives its meaning, so the reader accepts further levels and columns. `expected_level_2` and
 `level_2` are expectation and agreement of level 2; `detected_level_2` is a count of level 2. A table with a column
-`level` has a row for each level. Names without a level then refer to that level. If only one level is measured, names
-without a level refer to it, too. Tables of release 0.2.0 and earlier have `worst_accepted_m` for `worst_range_m`.
+`level` has a row for each level. Names without a level then refer to the level of the row. If only one level is
+measured, names without a level refer to this level. Tables of release 0.2.0 and earlier have `worst_accepted_m` for
+`worst_range_m`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _LEVEL = re.compile(r"(?:expected_)?level_(\d+)")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableCell:
-    """An attack at a mitigation level."""
+    """The outcome of a scene at a mitigation level."""
 
     values: Mapping[str, str]
     level: int

@@ -1,4 +1,4 @@
-// Lanes against time: verdicts, and how near each check came to its threshold.
+// Lanes against time: verdicts, and the ratio of the statistic of each check to its threshold.
 
 function laneFrame(context, width, height, lanes, tall) {
   const x = timeAxis();
@@ -50,7 +50,7 @@ function drawTimeline(canvas) {
   });
 }
 
-const CAP = 1.5; // of a curve: what is higher is drawn as high as this
+const CAP = 1.5; // largest ratio of the axis; larger ratios are drawn at this height
 
 function drawChecks(canvas) {
   const begin = unpacked(DATA.checks.stretches.begin);

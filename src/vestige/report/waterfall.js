@@ -1,4 +1,5 @@
-// The correlators: all epochs as a map, and the chosen one as a curve; a slider, the pointer and the keys choose.
+// The correlators: all epochs as a map, and a chosen epoch as a curve.
+// The slider, the pointer or the keys choose the epoch.
 
 class Waterfall {
   constructor(map, curve) {

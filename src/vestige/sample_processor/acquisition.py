@@ -40,7 +40,7 @@ from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1C, SignalDefinition
 
 CROSS_CORRELATION_DB = 16.0  # dB below the strongest satellite; see above
-MAX_STRETCHES = 24  # 100 ms, one secondary-code period; of longer batches the first 100 ms are searched
+MAX_STRETCHES = 24  # 100 ms, one secondary-code period; in a longer batch only the first 100 ms are searched
 _TRANSFORMS_AT_ONCE = 4  # FFTs of one length that scipy computes in the lanes of a vector
 _SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), 86 % of its power; code phases 0.26 chip apart
 
@@ -251,7 +251,7 @@ def _add_with_code_doppler(
     starts_s: list[float],
     rate_hz: float,
 ) -> None:
-    """Add Σ|y|² with every stretch moved back to the code phase of the first."""
+    """Add Σ|y|² with every stretch moved back to the code phase of the first stretch."""
     for row, start_s in zip(y, starts_s, strict=True):
         squares = np.square(row.view(np.float32))
         power = squares[::2] + squares[1::2]

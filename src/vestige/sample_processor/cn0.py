@@ -1,4 +1,4 @@
-"""Estimators of C/N0 from prompt correlators that receivers use, with the weakness of each.
+"""Estimators of C/N0 from prompt correlators, as receivers use them, with the weakness of each.
 
 Theory of operation
 -------------------
@@ -8,10 +8,10 @@ are wiped off.
 
 | estimator | from | weakness |
 |---|---|---|
-| narrow to wide power ratio | M prompts together against M single prompts [VAN-DIERENDONCK96] | M equal signs |
+| narrow to wide power ratio | M prompts together against M single prompts [VAN-DIERENDONCK96] | needs M equal signs |
 | second and fourth moment | powers of P [PINI08] | spread below 30 dBHz |
-| signal to noise variance | size of I [PINI08] | reads too much where S < N |
-| Beaulieu | steps of the size of I [PINI08] | reads too much where S < 3 N |
+| signal to noise variance | size of I [PINI08] | too high where S < N |
+| Beaulieu | steps of the size of I [PINI08] | too high where S < 3 N |
 | real signal, complex noise | Q is noise alone [PINI08] | needs the phase locked |
 
 The narrow-to-wide ratio is the best of these estimators. The bias of this ratio is at most 0.2 dB from 25 to 45 dBHz,
@@ -47,7 +47,7 @@ def narrow_to_wide_dbhz(
 
 
 def moments_dbhz(prompts: Complex[np.ndarray, "n k"], integration_s: float) -> Float[np.ndarray, " n"]:
-    """Return S = √(2 M₂² − M₄), N = M₂ − S of each row."""
+    """Return C/N0 of each row from S = √(2 M₂² − M₄) and N = M₂ − S."""
     power = _power(prompts)
     second, fourth = np.mean(power, axis=1), np.mean(power**2, axis=1)
     inner = 2 * second**2 - fourth
@@ -56,13 +56,13 @@ def moments_dbhz(prompts: Complex[np.ndarray, "n k"], integration_s: float) -> F
 
 
 def signal_to_noise_variance_dbhz(prompts: Complex[np.ndarray, "n k"], integration_s: float) -> Float[np.ndarray, " n"]:
-    """Return S = (mean |I|)², N = mean |P|² − S of each row."""
+    """Return C/N0 of each row from S = (mean |I|)² and N = mean |P|² − S."""
     signal = np.mean(np.abs(prompts.real), axis=1) ** 2
     return _dbhz(signal, np.mean(_power(prompts), axis=1) - signal, integration_s)
 
 
 def beaulieu_dbhz(prompts: Complex[np.ndarray, "n k"], integration_s: float) -> Float[np.ndarray, " n"]:
-    """Return 1/mean[(|I_k| − |I_{k−1}|)² / ½(I_k² + I_{k−1}²)] of each row, as S/N."""
+    """Return C/N0 of each row from S/N = 1/mean[(|I_k| − |I_{k−1}|)² / ½(I_k² + I_{k−1}²)]."""
     size = np.abs(prompts.real)
     mean_power = (size[:, 1:] ** 2 + size[:, :-1] ** 2) / 2
     noise = np.mean((size[:, 1:] - size[:, :-1]) ** 2 / np.where(mean_power > 0, mean_power, np.nan), axis=1)
@@ -72,7 +72,7 @@ def beaulieu_dbhz(prompts: Complex[np.ndarray, "n k"], integration_s: float) -> 
 def real_signal_complex_noise_dbhz(
     prompts: Complex[np.ndarray, "n k"], integration_s: float
 ) -> Float[np.ndarray, " n"]:
-    """Return N = 2 mean Q², S = mean |P|² − N of each row."""
+    """Return C/N0 of each row from N = 2 mean Q² and S = mean |P|² − N."""
     noise = 2 * np.mean(prompts.imag**2, axis=1)
     return _dbhz(np.mean(_power(prompts), axis=1) - noise, noise, integration_s)
 
@@ -95,7 +95,7 @@ def _power(values: Complex[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 def _dbhz(
     signal: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"], integration_s: float
 ) -> Float[np.ndarray, " n"]:
-    """Return 10 log₁₀(S/(N T)), NaN unless both are positive."""
+    """Return 10 log₁₀(S/(N T)), NaN unless S and N are positive."""
     defined = (signal > 0) & (noise > 0)
     ratio = np.where(defined, signal, 1.0) / np.where(defined, noise, 1.0)
     return np.where(defined, 10 * np.log10(ratio / integration_s), np.nan)

@@ -6,8 +6,8 @@ A satellite's samples repeat after one code period, except for a sign and a phas
 themselves one lag later. Blocks of products are summed coherently, and the squared magnitudes of the blocks are added.
 At the lag of a code period, and at its multiples, the sum exceeds that of other lags. The centre frequency, the sense
 of the spectrum and the set of satellites do not matter. The score of a rate tells how far the sums at all multiples of
-its code period exceed the other sums. An acquisition has to confirm the rate, because divisors of the true rate fit,
-too.
+its code period exceed the other sums. An acquisition has to confirm the rate, because a divisor of the true rate fits
+as well.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ segment. M is the number of samples of the segment. So a path of amplitude a at 
 y_j. The mean power of this sum over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel. So one
 pass over the chips gives the result of infinitely many wrong codes, and no reference cell is drawn at random. The
 estimate is also right for coloured noise and interference. The true signal adds its own E_c/N_0 (−32 dB at 35 dBHz), as
-with any wrong code. A floor that is estimated from M chips has a relative error of 1/√M, which is 0.35 % for 16 ms. The
+with any wrong code. A floor that is estimated from J chips has a relative error of 1/√J, which is 0.35 % for 16 ms. The
 CFAR loss is 0.0005 dB.
 """
 
@@ -37,10 +37,10 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True)
 class CorrelatableSamples:
-    """Samples that answer `correlate`: the E6 of a snapshot, from a recording or a sample-level simulation."""
+    """Samples with the method `correlate`: the E6 of a snapshot, from a recording or a sample-level simulation."""
 
     batch: SampleBatch  # the samples in which the RECS is expected
-    surroundings: SampleSource | None = None  # samples in which a search may look for the RECS; None for no others
+    surroundings: SampleSource | None = None  # samples in which a search may look for the RECS; None: `batch` alone
 
     @property
     def received_from(self) -> GalileoTime:
@@ -58,7 +58,7 @@ class CorrelatableSamples:
         return self.batch.end
 
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
-        """Return the bank of correlators at `offsets_m`, or None if a tap's segment does not lie in the samples."""
+        """Return the bank of correlators at `offsets_m`, or None if the samples lack a part of a tap's segment."""
         return correlate(self.batch, handover, offsets_m)
 
 

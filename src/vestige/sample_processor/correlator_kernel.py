@@ -100,9 +100,10 @@ def _two_lag_sums(own, chip, y_re, y_im, chip_1, re_1, im_1, chip_2, re_2, im_2)
 
 @njit(cache=True, nogil=True)
 def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, chip, turn, out):
-    """Add samples at an end of the segment, where each tap has its own first or last sample; the taps' middle is u0.
+    """Add samples at an end of the segment, where each tap has its own first or last sample.
 
-    Samples whose own chip is not in the segment count as 0 for the noise floor.
+    u0 is the code phase of the first sample in chips, minus the middle of the bank. Samples whose own chip is not in
+    the segment count as 0 for the noise floor.
     """
     for k in range(offsets.size):
         total = 0.0 + 0.0j
@@ -122,7 +123,8 @@ def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, chip, turn, out):
 def middle_chips(offsets):
     """Return the middle of a bank in chips: whole chips if the middle is far from the prediction.
 
-    The noise floor is the power of chips, which then coincide with those of the signal.
+    The noise floor is the power of the samples, summed over chips. With whole chips, the sums cover the chips of the
+    signal.
     """
     if offsets.size == 0:
         return 0.0

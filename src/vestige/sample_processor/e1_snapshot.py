@@ -8,10 +8,10 @@ from an `Acquisition` and measures in one batch the values that a loop would hav
 1. Every 4 ms code period is correlated at `TAPS_CHIPS` around the acquired code phase, E1-C and E1-B, with
    BOC(1,1).
 2. E1-C secondary code: all 25 phases of CS25_1 are tried on the prompts; the phase with the highest peak of the Doppler
-   spectrum wins. This phase gives the transmission time modulo 100 ms and the Doppler to a fraction of 1/T.
+   spectrum is chosen. This phase gives the transmission time modulo 100 ms and the Doppler to a fraction of 1/T.
 3. Doppler: straight line through the phases of the wiped prompts, weighted by their power.
 4. Code phase: E1-B and E1-C are added coherently over the whole batch. The symbols of E1-B are first wiped by the sign
-   of its own prompt against the pilot's phase. The root of early minus late magnitude is the code phase.
+   of its own prompt against the pilot's phase. The code phase is where early and late magnitude are equal.
 5. C/N0 of E1-C: from the coherent prompt against the noise of wrong codes, or from the prompts alone (`cn0.py`). The
    prompts alone have 23 degrees of freedom for the noise, so their estimate scatters by 0.9 dB. The samples give the
    noise to 0.01 dB.
@@ -37,7 +37,7 @@ from vestige.signals.definitions import E1B, E1C
 from vestige.time import GalileoTime
 
 E1_WINDOW_S = 0.1  # duration of samples for one measurement: a period of the secondary code
-# Below it the phase of the secondary code is ambiguous: the second-best phase of CS25 itself is 5.6 dB lower.
+# Below this margin the phase of the secondary code is ambiguous. The second-best phase of CS25 itself is 5.6 dB lower.
 MIN_SECONDARY_MARGIN_DB = 1.0
 MIN_PERIODS = 12  # periods of 4 ms; with fewer, the 25 secondary phases cannot be distinguished at 33 dBHz
 NOISE_FLOOR = "noise-floor"
@@ -142,7 +142,7 @@ def _code_error_chips(
     rate_hz: float,
     turn: float,
 ) -> float:
-    """Return the code's delay after the middle tap in chips: the root of early minus late."""
+    """Return the code's delay after the middle tap in chips, at which early and late magnitude are equal."""
     middle = TAPS_CHIPS.size // 2
     periods = min(pilot.shape[0], data.shape[0])
     line = _unturn(np.ones(pilot.shape[0], np.complex128), rate_hz, turn)[:periods, None]

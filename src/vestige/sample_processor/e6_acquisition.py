@@ -2,10 +2,10 @@
 
 Theory of operation
 -------------------
-The method is that of `vestige.sample_processor.acquisition` on E1. Stretches have two code periods (2 ms) and start
-every period (1 ms). Each stretch is correlated with one period of code, so a symbol change between two periods does no
-harm. The bins are 1/(2 ms) = 500 Hz apart. The powers of K stretches are added non-coherently, each shifted by the code
-Doppler. Noise exceeds the threshold with the stated probability (chi-squared with 2K degrees of freedom).
+The method is the same as in `vestige.sample_processor.acquisition` on E1. Stretches have two code periods (2 ms) and
+start every period (1 ms). Each stretch is correlated with one period of code, so a symbol change between two periods
+does no harm. The bins are 1/(2 ms) = 500 Hz apart. The powers of K stretches are added non-coherently, each shifted by
+the code Doppler. Noise exceeds the threshold with the stated probability (chi-squared with 2K degrees of freedom).
 
 E6-C without encryption repeats its primary code every millisecond, with the signs of the secondary code CS100. An
 encrypted E6-C has no repetition. So the primary code of E6-C, found over several periods, shows that E6-C is open. The
@@ -15,8 +15,8 @@ The bins of the acquisition are wider than the signal. Half a sample (0.47 chip 
 signal, 6 dB of the power are missing. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A symbol of E6-B
 lasts one period, so the powers of the periods are added. First the Doppler is refined. Let T be the period and δ the
 distance of the signal from the acquired Doppler. The signal has the amplitudes A₊ and A₋ at ±1/2T around this Doppler.
-The amplitude follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the root of early
-minus late gives the code phase.
+The amplitude follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then follows the code
+phase, at which early and late amplitude are equal.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def acquire_e6(
 def cn0_on_the_peak_dbhz(batch: SampleBatch, signal: SignalDefinition, found: E6Acquisition) -> float:
     """Return the C/N0 of an acquired signal in dBHz, with code phase and Doppler refined; NaN if no period is complete.
 
-    The replica and the noise floor are those with which the RECS is correlated. So the C/N0 includes the loss in a
+    The replica and the noise floor are the same as in the correlation of the RECS. So the C/N0 includes the loss in a
     filter of the front end.
 
     Parameters
@@ -144,7 +144,7 @@ def cn0_on_the_peak_dbhz(batch: SampleBatch, signal: SignalDefinition, found: E6
 
 
 def _doppler_error_hz(batch: SampleBatch, signal: SignalDefinition, found: E6Acquisition) -> float:
-    """Return how far the signal's Doppler is above that of its acquisition, in Hz."""
+    """Return how far the signal's Doppler is above the acquired Doppler, in Hz."""
     side_hz = 0.5 / signal.period_s
     amplitudes = []
     for by_hz in (-side_hz, side_hz):  # the carrier is shifted and the code is not
@@ -161,7 +161,7 @@ def _power(prompts: Complex128[np.ndarray, "periods 1"], noise: float) -> float:
 
 
 def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> tuple[float, int] | None:
-    """Return the share of E6-C's power that its secondary code explains, and the index of the first period.
+    """Return the share of E6-C's power that its secondary code explains, and the code index of the first period.
 
     The share is 1 for a signal without noise and below 0.1 for another code. `OPEN_SHARE` separates the two. The result
     is None if the batch has too few periods.
@@ -201,7 +201,7 @@ def _add(
     fs: float,
     signal: SignalDefinition,
 ) -> None:
-    """Add the powers of all stretches, each moved back to the code phase of the first."""
+    """Add the powers of all stretches, each moved back to the code phase of the first stretch."""
     y = fft.ifft(products, axis=1, overwrite_x=True)[:, : total.size]
     for m, (row, start) in enumerate(zip(y, starts, strict=True)):
         drift = (-start * doppler_hz / signal.carrier_hz) + m * signal.period_s * fs - start

@@ -17,7 +17,7 @@ from vestige.signals.codes import primary_code
 from vestige.signals.definitions import SignalDefinition
 from vestige.signals.pulse import BPSK
 
-# delays of the taps, 0.05 chip apart; the main peak of BOC(1,1) is ±1/3 chip wide, that of BPSK ±1 chip
+# delays of the taps, 0.05 chip apart; the main peak of BOC(1,1) is ±1/3 chip wide, the peak of BPSK ±1 chip
 TAPS_CHIPS = np.linspace(-0.6, 0.6, 25)
 _EARLY_LATE_TAPS = 3  # ±0.15 chip, on the flanks of the main peak
 
@@ -92,7 +92,7 @@ def period_taps(
 
 
 def peak_chips(magnitudes: Float64[np.ndarray, " taps"]) -> float:
-    """Return the delay of the peak after the middle tap in chips: the root of early minus late.
+    """Return the delay of the peak after the middle tap in chips, at which early and late magnitude are equal.
 
     Parameters
     ----------

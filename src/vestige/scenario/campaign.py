@@ -90,11 +90,12 @@ class ReceiverTable(Section):
     time_uncertainty_s
         Upper limit of the clock error that the receiver assumes, in s.
     clock_offset_s
-        Receiver clock minus Galileo System Time in s, a constant beside `clock`. The receiver does not know this
-        offset, which may be larger than `time_uncertainty_s`. The offset is possible only with `correlators`.
+        Receiver clock minus Galileo System Time in s, a constant in addition to the error of `clock`. The receiver does
+        not know this offset, which may be larger than `time_uncertainty_s`. The offset is possible only with
+        `correlators`.
     reacquisition_s
-        Time in s that a signal on E1 has to be present until a receiver that lost lock, or was restarted, tracks it.
-        Until then E1 has no measurements.
+        Time in s for which a signal must be present on E1 before a receiver tracks this signal, after a loss of lock or
+        a restart. In this time E1 has no measurements.
     e1_multipath
         Whether the reflections also disturb E1.
     accelerometers
@@ -126,8 +127,9 @@ class ReceiverTable(Section):
 
 
 class RecsTable(Section):
-    """The RECS: length, the subframe of the key (0 its own, 1 the next), and the number of epochs between two RECS.
+    """The RECS: duration, key delay, and the number of epochs from one RECS to the next.
 
+    `key_delay` is KDI: 0 if the key is sent in the subframe of the RECS, 1 if the key is sent in the next subframe.
     `cipher_mode` is the AES mode of the encryption, which the service has not published.
     """
 
@@ -172,7 +174,7 @@ class CampaignScenario(Section):
     osnma
         Events and keys of the OSNMA operator.
     atmosphere
-        Troposphere and broadcast ionosphere in recordings.
+        Troposphere and broadcast ionosphere of a sky.
     """
 
     kind: Literal["campaign"]
@@ -257,7 +259,7 @@ class CampaignScenario(Section):
 
     @cached_property
     def simulations(self) -> tuple[Simulation, ...]:
-        """The receiver that the scenario describes, with each of its satellites in turn."""
+        """The receiver that the scenario describes, as one simulation for each satellite."""
         one = self._line_of_sight()
         if self.constellation is None or self.trajectory is None:
             return (one,)
@@ -297,7 +299,7 @@ class CampaignScenario(Section):
     def simulated_receiver(self) -> SimulatedReceiver:
         """All satellites of the receiver together, which make snapshots from the truth.
 
-        A receiver of level 1 on a single line of sight is not tracked between RECS.
+        A receiver of level 1 on a single line of sight does not track E1 between RECS.
         """
         return SimulatedReceiver(
             simulations=self.simulations,
@@ -316,7 +318,7 @@ class CampaignScenario(Section):
         time_s
             Times after the start in s, on the receiver's own clock.
         clock_m
-            Error of `receiver.clock` at these times, times c, in m; positive if it is ahead.
+            Error of `receiver.clock` at these times, times c, in m; positive if the clock is ahead.
 
         Raises
         ------
@@ -340,7 +342,7 @@ class CampaignScenario(Section):
         return tuple(f"{kind}@{digest(kind)}" for kind in dict.fromkeys(kinds))
 
     def replaced(self, **values: object) -> Self:
-        """Return the scenario with some values replaced, without another check."""
+        """Return the scenario with some values replaced; the new values are not checked."""
         other = self.model_copy(update=values)
         other.__dict__.pop("simulations", None)  # this cache was made from the old values
         return other

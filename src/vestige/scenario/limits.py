@@ -23,10 +23,10 @@ from vestige.spoofer.profiles import extremes
 from vestige.spoofer.spoofer import Spoofer
 
 MAX_EPOCHS = 100_000_000  # largest number of epochs of a campaign
-LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # longest run in s: 333,333 OSNMA keys; 32 years
+LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # longest run in s: 333,333 keys with samples, 32 years without
 _LONGEST_DELAY_S = 0.4  # below the 0.5 s within which a snapshot belongs to a RECS
 LARGEST_CLOCK_ERROR_S = 1e6  # limit for `correlators`: 12 days, more than any oscillator drifts in 32 years
-_LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # kernels' limits
+_LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # limits of the compiled kernels
 _SIGMAS = 6.0
 # Narrowest two-sided bands of a receiver: both main lobes of BOC(1,1), and the middle half of the main lobe of BPSK(5),
 # which has 77 % of its power.

@@ -18,13 +18,14 @@ class ReceiverSection(Section):
     Attributes
     ----------
     sample_rate_hz
-        Rate of both front ends. Avoid multiples of the chip rate, at which the correlation becomes a staircase.
+        Sampling rate of both front ends. Avoid multiples of the chip rate, at which the correlation becomes a
+        staircase.
     clock_offset_s
         Receiver clock minus Galileo System Time in s.
     time_uncertainty_s
         Upper limit of the clock error that the receiver assumes, in s.
     hardware_bias_e1_e6_m
-        Delay of the E6 front end minus that of E1 in m.
+        Delay of the E6 front end minus the delay of the E1 front end, in m.
     """
 
     sample_rate_hz: Annotated[float, Field(ge=4e6, le=100e6)] = 12.5e6

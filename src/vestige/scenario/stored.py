@@ -1,4 +1,4 @@
-"""The scenario in the results of a campaign: the values needed to judge the results, without the named files.
+"""The scenario in the results of a campaign: the values needed to judge the results, without the files that it names.
 
 Results contain the whole scenario as JSON. The JSON alone cannot give a `CampaignScenario`: the files of waypoints,
 profiles and ephemerides may be missing, and JSON has no infinity. `campaign_toml` gives the scenario as a file.

@@ -76,8 +76,8 @@ def _old_orbits(scenario: CampaignScenario) -> tuple[str, ...]:
         return ()
     return (
         f"constellation.path: the run ends {age_s / 3600:.1f} h after the toe of {min(toes)}, beyond the "
-        f"{FIT_INTERVAL_S / 3600:g} h that ephemerides are made for; each satellite keeps its one ephemeris, for orbit "
-        "and receiver alike",
+        f"{FIT_INTERVAL_S / 3600:g} h for which ephemerides are made; each satellite keeps its ephemeris, as true "
+        "orbit and in the receiver",
     )
 
 

@@ -42,7 +42,7 @@ PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # range of travel times in which a rec
 
 
 def with_default_range(scenario: CampaignScenario) -> CampaignScenario:
-    """Return the scenario with its satellite at 25,000 km if the scenario has no range, as in the paper."""
+    """Return the scenario; if the scenario has no range, as in the paper, its satellite is at 25,000 km."""
     path = scenario.line_of_sight
     return scenario if path.s0_m else scenario.model_copy(update={"line_of_sight": replace(path, s0_m=DEFAULT_RANGE_M)})
 
@@ -51,10 +51,10 @@ def with_default_range(scenario: CampaignScenario) -> CampaignScenario:
 class AcasTestCase:
     """Epochs `first` to `end` − 1 of a campaign."""
 
-    scenario: CampaignScenario  # the campaign, with a possible range of its satellite
+    scenario: CampaignScenario  # the campaign, whose satellite has a realistic range
     first: int
     end: int
-    block_epochs: int = EPOCHS_IN_MEMORY  # largest number of epochs that are in memory at a time; changes no bit
+    block_epochs: int = EPOCHS_IN_MEMORY  # largest number of epochs in memory; the files do not depend on it
 
     def __post_init__(self) -> None:
         if not 0 <= self.first < self.end <= self.scenario.epochs:
@@ -77,7 +77,7 @@ class AcasTestCase:
 
     @cached_property
     def satellites(self) -> tuple[ExportedSatellite, ...]:
-        """All satellites that the receiver sees at any time, in all epochs; `blocks` has them in parts."""
+        """All satellites that the receiver sees at any time, with all epochs; `blocks` yields blocks of epochs."""
         message = self.message
         forged = None if message is None else message.forged(self.scenario.seed)
         return tuple(
@@ -132,7 +132,7 @@ class AcasTestCase:
 
     @property
     def _message_end(self) -> GalileoTime:
-        """Least end time of the message: after the last sample; with events, the end of the subframe at least."""
+        """Time that the message must reach: after the last sample; with events, also the end of the next subframe."""
         last = self.scenario.start_time + self.end * self.scenario.interval_s
         end = last + (self.tail_s + _MESSAGE_SPARE_S)
         if not self.simulation.osnma.events:
@@ -141,7 +141,7 @@ class AcasTestCase:
 
     @cached_property
     def tail_s(self) -> float:
-        """Time in s from the last transmission to the last sample; every spoofing signal ends before."""
+        """Time in s from the last transmission to the last sample; every spoofing signal ends before this sample."""
         epochs = self.scenario.interval_s, self.first, self.end
         return max(tail_after_s(one, *epochs) for one in self.scenario.simulations)
 
@@ -184,7 +184,7 @@ class AcasTestCase:
             yield ExportedReceiver(scenario=self.scenario, path=one.path, first=one.first, tag_s=one.tag_s)
 
     def observations(self) -> Iterator[ObservationEpoch]:
-        """Yield the E1 observations while the chips of each epoch arrive, without epochs that have no satellite."""
+        """Yield the E1 observations at the arrival of each epoch's chips; epochs without a satellite are left out."""
         for block in self.blocks():
             for row, tag_s in enumerate(block[0].tag_s):
                 found = {one.svid: seen for one in block if (seen := one.observations[row]) is not None}
@@ -240,7 +240,7 @@ class AcasTestCase:
 
     @property
     def _predicted_ionosphere(self) -> dict[int, float]:
-        """Delay on E1 in m by SVID that a receiver computes from word 5 for the middle of the epochs."""
+        """Ionospheric delay on E1 in m by SVID, as a receiver computes it from word 5 for the middle epoch."""
         if self.scenario.atmosphere.ionosphere is None:
             return {}
         middle = self.first + (self.end - self.first) // 2
@@ -256,7 +256,7 @@ class AcasTestCase:
 
 
 def _check_motion(blocks: Iterator[ExportedSatellite], epochs: str) -> None:
-    """Raise `VestigeError` if a satellite is at an impossible range, or moves impossibly fast, in any of its blocks."""
+    """Raise `VestigeError` if a satellite has an impossible range or range rate in any of its blocks."""
     travels_s, rates_mps = [], []
     for one in blocks:
         travel_s, rate_mps = one.received_s - one.truth.time_s, one.path.rate_mps(one.truth.time_s)

@@ -21,18 +21,18 @@ _README = """\
 ACAS test case, written by vestige. docs/test_cases.md of vestige explains every file.
 
   recording.sigmf-collection, e1.sigmf-*, e6.sigmf-*   {seconds:.3f} s of I,Q samples at {rate:.10g} Hz
-{observed}  assistance/                                          RECS, group delays, OSNMA keys and who signs them
-  scenario.toml                                        how it was made
-  truth.csv                                            what a receiver must not know
+{observed}  assistance/                                          RECS, group delays, OSNMA keys and their trust anchors
+  scenario.toml                                        scenario of these files
+  truth.csv                                            true values, which a receiver must not use
 {place}
 {satellites}, epochs {first} to {last}, seed {seed}. Per component: E1 {e1:g} dBHz, E6 {e6}.
 Check it: vestige inspect FOLDER; vestige process FOLDER{mode}
 """
 
-_PLACE = "  receiver_truth.csv                                   where the receiver truly is, and its clock\n"
+_PLACE = "  receiver_truth.csv                                   true position and clock of the receiver\n"
 _MESSAGE = """\
   rinex/navigation.rnx                                 ephemerides, as they are broadcast
-  inav_pages.csv                                       I/NAV pages of E1-B, a line a satellite, as official test vectors
+  inav_pages.csv                                       I/NAV pages of E1-B, a line a satellite, as OSNMA test vectors
 """
 
 

@@ -19,7 +19,7 @@ class ExportedReceiver:
     """The receiver at the time tags of its E1 observations."""
 
     scenario: CampaignScenario  # a scenario with a sky
-    path: ContinuousTruth  # truth of any satellite, because all have the receiver's clock
+    path: ContinuousTruth  # truth of any satellite; all contain the same receiver clock
     first: int  # number of the first epoch
     tag_s: Float[np.ndarray, " n"]  # time tags in s after the scenario's start, on the receiver's clock
 

@@ -35,7 +35,7 @@ class ExportedSatellite:
     first: int
     end: int
     symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
-    forged_symbols: Sequence | None = None  # the same of an attacker's own message; None for random symbols
+    forged_symbols: Sequence | None = None  # symbols of an attacker's own message; None for random symbols
     known: TruthWithin | None = None  # truth of these epochs; None if it is not yet computed
 
     @property
@@ -45,13 +45,13 @@ class ExportedSatellite:
 
     @property
     def tail_s(self) -> float:
-        """Time in s from the last transmission to the last sample; every spoofing signal ends before."""
+        """Time in s from the last transmission to the last sample; every spoofing signal ends before this sample."""
         return tail_after_s(self.simulation, self.interval_s, self.first, self.end)
 
     def blocks(self, n_epochs: int) -> Iterator[ExportedSatellite]:
         """Yield the satellite in successive blocks of at most `n_epochs` epochs, each with its truth.
 
-        The truth, the samples and the observations of a block have the bits of the whole.
+        The truth, the samples and the observations have the same bits for every size of the blocks.
         """
         before, after = epochs_around(self.interval_s, self.tail_s)
         process = TruthAround(self.simulation, before=before, after=after)
@@ -113,14 +113,15 @@ class ExportedSatellite:
 
     @cached_property
     def observations(self) -> tuple[E1Observation | None, ...]:
-        """E1 observations while the chips of each epoch arrive, 86 ms after transmission.
+        """E1 observations at the time tag of each epoch, 86 ms after transmission.
 
         The entry of an epoch is None if the campaign has no E1 measurement: below the mask, without lock, and while E1
-        acquires the satellite. A receiver that follows a meaconer with a delay of seconds has another time than the
-        samples; then the entry is None, too.
+        acquires the satellite. The entry is also None while the receiver follows a meaconer with a delay of seconds,
+        because such a receiver has another time than the samples.
 
-        An attacker's delay depends on the time of transmission. The signal of the time tag was sent up to 15 ms before
-        or after the epoch, and its delay differs from that of the epoch by so much of its rate.
+        An attacker's delay depends on the time of transmission. The signal that is received at the time tag was sent up
+        to 15 ms before or after the epoch. So its delay differs from the delay of the epoch by this time multiplied by
+        the rate of the delay.
         """
         to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
         t_s = self.tag_s

@@ -41,17 +41,17 @@ from vestige.time import GalileoTime
 Report = Callable[[str, int, int], None]
 Say = Callable[[str], None]
 
-# stored component: counts of a unit. With int8, noise has 14 counts in I and in Q, and the scale ends at 9 σ
+# number type: stored value of 1.0. In int8, noise has 14 counts (1σ) in I and in Q, and the scale ends at 9 σ
 SCALES: Mapping[SampleType, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
 _PROBE_S = 0.05
-_KEPT_BATCHES = 50  # half a second, the most that is made again after a process was killed
-_LONG_S = 900.0  # length of a recording whose other files take seconds
+_KEPT_BATCHES = 50  # number of batches (half a second) after which progress is stored, for a process that is killed
+_LONG_S = 900.0  # length of a recording whose other files take seconds to write
 _WRITING = 1.5  # time for synthesis, conversion, checksum and disk as a multiple of synthesis alone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRecording:
-    """A recording that can be made."""
+    """A recording to be simulated."""
 
     sky: SkyParts  # signals of each band
     reference: GalileoTime  # receiver-clock time of sample 0, a whole second
@@ -85,7 +85,7 @@ class SimulatedRecording:
     def window(self, band: Band, from_s: float, to_s: float) -> SampleBatch:
         """Return the samples of a band between two times in s after the reference, as one batch.
 
-        Within the recording these samples are the same as the recording's. A window may lie beyond the end.
+        Samples within the recording are the same as from `record`. A window may lie beyond the end of the recording.
         """
         first, end = (round(at_s * self.sample_rate_hz) for at_s in (from_s, to_s))
         batches = list(self._made(band, range(first, end), noise=True))
@@ -271,7 +271,7 @@ class SimulatedRecording:
         return ExportedSky(svids=self.sky.svids, troposphere=self.troposphere, ionosphere=self.ionosphere)
 
     def _identity(self, scenario_text: str, component: SampleType) -> dict[str, str]:
-        """Return all values on which the bits of the samples depend, by the names that a user knows."""
+        """Return all values on which the bits of the samples depend, by names for messages to the user."""
         return {
             "scenario": hashlib.sha256(scenario_text.encode()).hexdigest(),
             "stretch of time": f"samples {self.samples.start} to {self.samples.stop}",
@@ -290,7 +290,7 @@ class SimulatedRecording:
     ) -> tuple[list[Path], dict[Band, float]]:
         """Write both bands at the same time; return their metadata files, and the share of their numbers that clip.
 
-        Each band has a thread that takes the samples that the workers make.
+        A thread for each band writes the samples. The workers make the samples.
         """
         stop = threading.Event()
         left = dict(unfinished.samples)

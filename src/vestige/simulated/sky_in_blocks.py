@@ -16,7 +16,8 @@ from vestige.simulated.sky_parts import Part
 class _Blocks:
     """The blocks of a test case by number; threads may share them.
 
-    The last block is kept. A later block is made from it, and an earlier block from the first epoch on.
+    The last block is kept, and a later block continues from there. For an earlier block, all blocks before it are made
+    again.
     """
 
     def __init__(self, case: AcasTestCase) -> None:

@@ -1,7 +1,7 @@
 """The signals of a recording, by stretches of time.
 
-A recording of hours has more truth than memory should contain. So whoever makes samples asks for the signals of a
-stretch of time when its samples are due.
+A recording of hours has more truth than memory should contain. So the signals of a stretch of time are requested only
+when the samples of this stretch are made.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class SkyParts(Protocol):
         """Satellites of the recording, in ascending order."""
 
     def parts(self, band: Band, samples: range) -> Iterator[Part]:
-        """Yield the numbers of successive samples with the signals of a band that are in them.
+        """Yield ranges of successive sample numbers, each with the signals of a band in these samples.
 
         Parameters
         ----------

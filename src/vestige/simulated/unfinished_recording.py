@@ -52,7 +52,7 @@ class UnfinishedRecording:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def keep(self, band: Band, n_samples: int) -> None:
-        """Record that the first `n_samples` of a band are on the disk, after which the next process resumes."""
+        """Record that the first `n_samples` of a band are on the disk; the next process resumes after them."""
         with self._lock:
             self.samples[band] = n_samples
             counts = {band.value: count for band, count in self.samples.items()}
@@ -144,7 +144,7 @@ def _samples_left(hidden: Path, identity: Mapping[str, str]) -> dict[Band, int]:
         ) from None
     other = [name for name in identity if before.get(name) != identity[name]]
     if other:
-        found, expected = f"one with another {other[0]}", "the command that began it"
+        found, expected = f"a recording with another {other[0]}", "the command that began this recording"
         raise InputFileError(hidden, "unfinished recording", found, f"{expected}; {_BEGIN_AGAIN}")
     return samples
 

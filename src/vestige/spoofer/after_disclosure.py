@@ -1,9 +1,9 @@
 """Forgery with a disclosed key: E6-C chips of the past, made after the OSNMA key of their RECS is public.
 
-A RECS is public before its signal is on air, and its key after the signal. With RECS and key, an attacker can decrypt
-the RECS and transmit the true chips, without noise and with any delay from then on. So a receiver must know that its
-samples are older than the disclosure of the key (`crypto/osnma/disclosure.py`). Only the receiver's own clock shows the
-age of the samples.
+The RECS is public before its signal is on air, and the key is public after this signal. From then on, an attacker with
+RECS and key can decrypt the RECS and transmit the true chips, without noise and with any delay. So a receiver must know
+that its samples are older than the disclosure of the key (`crypto/osnma/disclosure.py`). Only the receiver's own clock
+shows the age of the samples.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ class ForgeryAfterDisclosure(CheckedAttack):
     ----------
     delay_s
         Delay of the attacker's transmission after the true transmission in s, more than 0, at most 120. The attacker
-        has the key only after its last bit, which a scenario checks.
+        has the key only after the last bit of the key; a scenario with a shorter delay is an error.
     power_db
         Power relative to the true signal in dB.
     range_offset_m
         Delay in m in addition to `delay_s` for the satellites in `svids`; negative for a shorter range.
     acquired
-        Whether the receiver acquires after the attack's start (switched on, or jammed before).
+        Whether the receiver acquires after the attack's start, because it was switched on or jammed before.
 
     Raises
     ------

@@ -1,14 +1,14 @@
 """Interface of every attack: its times, its satellites, and its effect on each band.
 
-An attack adds at most one spoofing signal to a band of a satellite, noise, and a jamming waveform. These effects are
-relative to the true signal of that satellite in that band. The effects depend only on time: an attack has no memory and
-no randomness of its own. Times are the times of the epochs in s after the scenario's start.
+An attack adds noise and a jamming waveform to a band, and at most one spoofing signal for each satellite. These effects
+are relative to the true signal of that satellite in that band. The effects depend only on time: an attack has no memory
+and no randomness of its own. Times are the times of the epochs in s after the scenario's start.
 
 **Assumption 2** [WFO, Sec. II]: the true encrypted signal is always present and always comes first. An attack that
 violates Assumption 2 can be simulated, but states the violation in `outside_assumption_2`.
 """
 
-# ruff: noqa: ARG002  an attack that adds nothing looks at nothing
+# ruff: noqa: ARG002  an attack without an effect ignores its arguments
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class SpoofingSignal:
     Attributes
     ----------
     delay_m, delay_rate_mps
-        Delay after the line of sight, and its rate; positive is later.
+        Delay relative to the line of sight in m, positive if later, and the rate of this delay in m/s.
     power_db
         Power relative to the line of sight; −inf for none.
     phase_rad
@@ -106,7 +106,7 @@ class Attack:
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if it does not."""
+        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if the attack does not."""
         return ""
 
     @property
@@ -173,7 +173,7 @@ def delayed(
 
 
 def check_delay(key: str, delay_m: AnyProfile | float) -> None:
-    """Raise `SettingError` if a delay profile exceeds the limits of attacks: 1 ms early to 60 s late, 10 km/s."""
+    """Raise `SettingError` if a delay profile exceeds the limits: −1 ms to 60 s, and a change of 10 km/s."""
     low_m, high_m = extremes(delay_m)
     if not (low_m >= -_MAX_EARLY_M and high_m <= MAX_DELAY_S * SPEED_OF_LIGHT_MPS):
         latest_m = MAX_DELAY_S * SPEED_OF_LIGHT_MPS

@@ -1,4 +1,4 @@
-"""An attack that ends before the next RECS, so that the RECS of ACAS never detect it.
+"""An attack that ends before the next RECS, so that no RECS detects the attack.
 
 Between two RECS the spoofing signal switches on over the true signal, and moves away with the tracking loop. Before the
 spoofing signal switches off, it returns the loop to the true signal. With x the time since the last RECS, from

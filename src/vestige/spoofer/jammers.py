@@ -1,9 +1,9 @@
-"""Jamming waveforms as samples, and as their output of a correlator.
+"""Jamming waveforms as samples, and their output of a correlator.
 
 Theory of operation
 -------------------
-A correlator multiplies by random chips c and integrates over T ≫ T_c. The output of correlators at delays d_i and d_k
-for a jammer of spectral density S_J is Gaussian (a sum of many chips) with covariance
+A correlator multiplies the samples by random chips c and integrates over T ≫ T_c. The output of correlators at delays
+d_i and d_k for a jammer of spectral density S_J is Gaussian (a sum of many chips) with covariance
 
     C(d_i − d_k) = 1/T ∫ S_J(f) S_c(f) e^{j2πf(d_i − d_k)} df        S_c: spectrum of the chips
 

@@ -51,7 +51,7 @@ class Locked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slipping:
-    """A constant frequency error f in Hz, from φ0 in rad on."""
+    """A constant frequency error f in Hz; φ0 is the phase in rad at the attack's start."""
 
     slip_hz: float
     phase_rad: float = 0.0

@@ -87,8 +87,8 @@ class Ramp:
 class Sine:
     """Approach and departure, with rate 0 at the turn [WFO, Sec. VI-B].
 
-    The profile is half a cosine from `first` to `turn`, and another half cosine from `turn` to `last`. The paper's
-    spoofing signal comes from later delays to the true signal, turns there, and leaves to later delays.
+    The profile is half a cosine from `first` to `turn`, and another half cosine from `turn` to `last`. The delay of the
+    paper's spoofing signal falls until the spoofing signal reaches the true signal, and then rises again.
 
     Attributes
     ----------
@@ -219,9 +219,9 @@ def _tag(value: Any) -> str:
 
 
 def _with_points(table: Any, info: ValidationInfo) -> Any:
-    """Return a table of a scenario with its points, or those of its file, whose path is relative to the scenario file.
+    """Return a table of a scenario with its points, from its file if it has one.
 
-    Points are lists in TOML, and tuples in a `Table`.
+    The path of the file is relative to the scenario file. Points are lists in TOML, and tuples in a `Table`.
     """
     if not isinstance(table, dict):
         return table
@@ -270,7 +270,7 @@ def _ascending(*times_s: float) -> None:
 
 def _finite(*values: float) -> None:
     if not np.all(np.isfinite(values)):
-        raise ValueError("the values of a profile that moves are finite; a signal that is off has an attack's start")
+        raise ValueError("finite values; to switch a signal on or off, use start_s and stop_s of the attack")
 
 
 def extremes(profile: AnyProfile | float) -> tuple[float, float]:

@@ -1,8 +1,8 @@
 """Attacks with spoofing signals: the lift-off family, meaconing, forgery, nulling.
 
-E1 codes are public, so the attacker makes its E1 spoofing signal itself. E6-C is encrypted, so its spoofing signal is
-the true signal, received and sent again, with the noise of the attacker's own reception. The spoofing signal has η
-times the true power at the victim, and the attacker receives with G times the victim's C/N0. Then the repeated noise
+E1 codes are public, so the attacker makes its E1 spoofing signal itself. E6-C is encrypted, so the spoofing signal on
+E6 is the true signal, received and sent again, with the noise of the attacker's own reception. The spoofing signal has
+η times the true power at the victim, and the attacker receives with G times the victim's C/N0. Then the repeated noise
 has
 
     N_repeated / N0 = η / G
@@ -55,7 +55,7 @@ class _LiftOffAttack(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if it does not."""
+        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if the attack does not."""
         if Band.E6 in self.bands and extremes(self.delay_m)[0] < 0:
             return "the encrypted spoofing signal arrives before the true signal"
         return ""
@@ -75,7 +75,7 @@ class _LiftOffAttack(CheckedAttack):
         )
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the repeated noise on E6, over N0."""
+        """Return the density of the repeated noise on E6, over N0."""
         if band is Band.E1 or band not in self.bands:
             return np.zeros(times_s.shape)
         return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
@@ -85,7 +85,8 @@ class _LiftOffAttack(CheckedAttack):
 class LiftOff(_LiftOffAttack):
     """Spoofing signal that approaches the true signal, rises and leaves with the tracking loop [WFO, Sec. VI-B].
 
-    With `bands = ["E1"]` the spoofer leaves E6 alone. With both bands, the attack is zero-delay meaconing of E6 and E1.
+    With `bands = ["E1"]` the attack has no effect on E6. With both bands, the attack is zero-delay meaconing of E6 and
+    E1.
     """
 
     kind: Literal["lift-off"] = "lift-off"
@@ -100,7 +101,7 @@ class PositionPush(_LiftOffAttack):
     def __post_init__(self) -> None:
         _LiftOffAttack.__post_init__(self)
         if not self.svids:
-            raise ValueError("a position push names its satellites in svids; of all satellites it is a time push")
+            raise ValueError("a position push with svids; a lift-off of all satellites is a time push")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,12 +113,12 @@ class TimePush(_LiftOffAttack):
     def __post_init__(self) -> None:
         _LiftOffAttack.__post_init__(self)
         if self.svids:
-            raise ValueError("a time push is of all satellites, without svids; of some it is a position push")
+            raise ValueError("a time push without svids; a lift-off of some satellites is a position push")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Asynchronous(CheckedAttack):
-    """An E1 spoofer that does not know the delay of the true signal; E6 is left alone.
+    """An E1 spoofer that does not know the delay of the true signal; E6 is not attacked.
 
     A tracking loop on the true signal never sees the spoofing signal. The spoofing signal captures a receiver that
     acquires while the attack is on.
@@ -223,11 +224,14 @@ class Meaconing(CheckedAttack):
 
     @property
     def delay_m(self) -> Profile:
-        """Delay relative to the true signal in m; for a given satellite, including the path over the antenna."""
+        """Delay relative to the true signal in m, without the path over `antenna`.
+
+        `PlacedMeaconing`, the meaconer for one satellite, adds this path.
+        """
         return self.delay_s * SPEED_OF_LIGHT_MPS
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the repeated noise, over N0."""
+        """Return the density of the repeated noise, over N0."""
         if band not in self.bands:
             return np.zeros(times_s.shape)
         return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
@@ -267,7 +271,7 @@ class Nulling(CheckedAttack):
     gain_db
         Power gain g² in dB; 0 is perfect.
     phase_error_rad
-        e.
+        Phase error e in rad.
     bands
         Bands that are nulled. Nulling of E6 is outside Assumption 2.
     """
@@ -279,7 +283,7 @@ class Nulling(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if it does not."""
+        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if the attack does not."""
         return "it nulls the encrypted signal" if Band.E6 in self.bands else ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:

@@ -58,8 +58,8 @@ class Scer(CheckedAttack):
         Delay in m, power in dB and phase of the spoofing signal on E1. On E6 `power_db` is the power of the part that
         matches the true chips.
     e6_lag_m
-        Delay in m of the E6 spoofing signal after that on E1; at least an E6 chip, which the attacker cannot know
-        sooner.
+        Delay in m of the E6 spoofing signal after the E1 spoofing signal; at least an E6 chip, because the attacker
+        knows no chip before its end.
     reception_gain_db
         Gain G in dB: C/N0 of the attacker's reception over the victim's.
     chips
@@ -118,7 +118,7 @@ class Scer(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack is beyond the attacker that [WFO] assumes; empty if it is not."""
+        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if the attack does not."""
         early = extremes(self.delay_m)[0] + self.e6_lag_m < 0
         return "the encrypted spoofing signal arrives before the true signal" if early else ""
 
@@ -151,7 +151,7 @@ class Scer(CheckedAttack):
         return estimation_noise(self._victim_dbhz, self.reception_gain_db, self.chips)
 
     def head_start_s(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the time in s of a symbol that is received when its transmission begins, over epochs."""
+        """Return the duration in s of the part of a symbol that is received before it is transmitted, over epochs."""
         return as_profile(self.delay_m).value(times_s) / SPEED_OF_LIGHT_MPS - self.latency_s
 
     def replayed(self, component: Component, svid: int, seed: int) -> Component:
@@ -164,8 +164,9 @@ class Scer(CheckedAttack):
     def _estimated_chips(self, symbol: Sequence, code: Int8[np.ndarray, " 4092"], key: np.uint64) -> Chips:
         """Return the chips of E1-B times the attacker's estimate of the symbol at each chip.
 
-        In each chip time the attacker's sum Σ grows by s √(2γ) and a standard normal number, where γ is that of a chip.
-        A hard decision is sign Σ, or a guess if nothing was received. A soft decision is tanh(√(2γ) Σ).
+        In each chip time the attacker's sum Σ grows by s √(2γ) plus a standard normal number. s is the symbol, ±1, and
+        γ is Ec/N0 of a chip at the attacker. A hard decision is sign Σ, or a guess if nothing was received. A soft
+        decision is tanh(√(2γ) Σ).
         """
         root = np.sqrt(2 * 10 ** (self.attacker_cn0_dbhz / 10) / E1B.chip_rate_hz)
 
@@ -190,7 +191,7 @@ class Scer(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScerOnSatellite(Scer):
-    """The attack as one satellite of a receiver has it: its own estimates, and the noise of those of all satellites."""
+    """The attack on one satellite of a receiver, with the noise of the estimates for all satellites of the attack."""
 
     noise_of_all: float  # N/N0 of the decisions on the chips of all satellites of the attack, at 0 dB
 

@@ -67,8 +67,8 @@ _PILOT = {Band.E1: E1C, Band.E6: E6C}
 class BandEffects:
     """Effects of the attacks on a band of a satellite; the second axis counts the attacks."""
 
-    # spoofing signals relative to the line of sight, with the fields of `SpoofingSignal`; 0 and −inf dB without a
-    # signal
+    # spoofing signals relative to the line of sight, with the fields of `SpoofingSignal`; without a signal the power is
+    # −inf dB and the other values are 0
     delay_m: Float[np.ndarray, "n k"]
     delay_rate_mps: Float[np.ndarray, "n k"]
     power_db: Float[np.ndarray, "n k"]

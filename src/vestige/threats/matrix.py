@@ -1,10 +1,12 @@
-"""The threat table, measured: every scene with many seeds, run by run into a file that a later run continues.
+"""Measurement of the threat table: every scene is run with many seeds, and each run is a line of a file.
 
-A run takes about a second, so no store of it is kept. A line of `runs.csv` has the outcome of a run at a mitigation
-level. Threat, scene, seed, level and a digest of the scenario identify the line. If scenario or version changed, the
-run is measured anew. All levels are judged on the same results. Each attacked run is measured a second time without its
-attack. Alarms of that run are alarms by chance. The worker of the attacked run also measures this second run, unless
-another scene that differs only in its attack has done so.
+A run takes about a second, so only its outcome is kept. A line of `runs.csv` has the outcome of a run at a mitigation
+level. Threat, scene, seed, attack or no attack, level and a digest of the scenario identify the line. A later call
+continues the file. If scenario or version changed, the run is measured again.
+
+All levels are judged on the same results. Each attacked run is measured a second time without its attack. Alarms of the
+second run are alarms by chance. The worker of the attacked run also measures the second run. If another scene differs
+only in its attack, the second run is measured once for both scenes.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, sc
 from vestige.threats.scenes import LEVEL_NUMBERS, Scene, Threat, scene_scenario
 
 _IN_FLIGHT = 6  # runs per worker that are submitted in advance; half of them may be runs that scenes share
-_SEEDS_TOGETHER = 6  # seeds whose `undisturbed_truth` a worker keeps, because all scenes of a seed use it
+_SEEDS_TOGETHER = 6  # number of seeds whose `undisturbed_truth` a worker keeps for all scenes
 Outcomes = tuple[RunOutcome, ...]  # outcomes of one run, in the order of LEVEL_NUMBERS
 
 
@@ -37,13 +39,13 @@ Outcomes = tuple[RunOutcome, ...]  # outcomes of one run, in the order of LEVEL_
 class Case:
     """A scene to measure."""
 
-    # names of the attack and of the scene
-    threat: str
-    scene: str
-    scenario: Callable[[int, bool], CampaignScenario]  # returns a seed's campaign, with or without attack
-    row: Threat | None = None  # row of the threat table; None for a scenario of the user's
+    threat: str  # number of the attack, such as `A3`; – for the user's own scenario
+    scene: str  # name of the scene
+    # function that returns the campaign of a seed; the second argument says whether the campaign has the attack
+    scenario: Callable[[int, bool], CampaignScenario]
+    row: Threat | None = None  # row of the threat table; None for the user's own scenario
     notes: tuple[str, str, str] = ("", "", "")  # reasons for a difference from the expectation, by level
-    settings: tuple[str, ...] = ()  # values of `--set`, which replace those of the scene
+    settings: tuple[str, ...] = ()  # values of `--set`, which replace values of the scene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +64,7 @@ class SceneCell:
 
     @property
     def expected(self) -> str:
-        """The expected outcome; empty for a scenario of the user's."""
+        """The expected outcome; empty for the user's own scenario."""
         return self.case.row.outcome(self.level)[0] if self.case.row else ""
 
     @property
@@ -73,7 +75,7 @@ class SceneCell:
 
 
 def cases(threats: Sequence[Threat], settings: tuple[str, ...] = ()) -> tuple[Case, ...]:
-    """Return the scenes of threats; `settings` replace values of each of them, as those of `--set` do."""
+    """Return the scenes of threats; `settings` replace values in every scene, as with `--set`."""
     return tuple(
         Case(
             threat=threat.id,
@@ -108,15 +110,15 @@ def case_of(name: str, scenario: CampaignScenario, settings: tuple[str, ...] = (
 def measure_scenes(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:
     """Return the outcome of a campaign at every level, counted in a window of time.
 
-    For a campaign without an attack the outcome has the alarms by chance. The scenario is a sky, or has a processor of
-    level 3. The end of the window is exclusive.
+    For a campaign without an attack the outcome has the alarms by chance. The scenario must be a sky, or have a
+    processor of level 3. The end of the window is excluded.
     """
     plan = ScenarioPlan(scenario=scenario, with_phases=False)  # no outcome needs the phases
     return outcomes_of(scenario, direct_results(plan, judge=False), LEVEL_NUMBERS, window_s)
 
 
 def measure_together(scenarios: Sequence[CampaignScenario], window_s: tuple[float, float]) -> tuple[Outcomes, ...]:
-    """Return the outcomes of campaigns in one window; with one seed, a worker simulates their common truth once."""
+    """Return the outcomes of campaigns in one window; campaigns with the same seed need one simulation of the truth."""
     return tuple(measure_scenes(one, window_s) for one in scenarios)
 
 
@@ -129,7 +131,7 @@ def measure_threats(
     folder: Path | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Iterator[SceneCell]:
-    """Yield the cells of each case, a cell per level, after all runs of all cases.
+    """Yield a cell for each case and level, after all runs of all cases have ended.
 
     The workers of the pool measure the runs in parallel. If there is a folder, its `runs.csv` is continued; without a
     folder no run is kept. `progress` gets a text, the number of runs that are done, and the number of all runs.
@@ -166,12 +168,13 @@ def _runs(
     known: dict[RunKey, RunOutcome],
     folder: Path | None,
 ) -> Iterator[tuple[int, bool, Outcomes]]:
-    """Yield the number of the case, whether it is attacked, and the outcomes of each run; write new runs to the file.
+    """Yield, for each run, number of the case, whether it is attacked, and outcomes; write new runs to the file.
 
-    All cases are measured with a group of seeds before the next group begins. The runs of a case begin before those of
-    the previous case have ended, so that no worker waits.
+    All cases are measured with a group of seeds before the next group begins. The runs of a case begin before the
+    runs of the previous case have ended, so that no worker waits.
     """
-    measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}  # call of each run, and its position in the call
+    # for each digest: the call that measures the run, and the position of the run in this call
+    measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}
 
     def submitted() -> Iterator[tuple[int, bool, tuple[RunKey, ...], str]]:
         together = [seeds[first : first + _SEEDS_TOGETHER] for first in range(0, len(seeds), _SEEDS_TOGETHER)]

@@ -48,7 +48,7 @@ class RecordedVerdicts:
     range_error_m: Float[np.ndarray, "n m"]
     tests: Mapping[CheckName | str, Bool[np.ndarray, "n m"]]
     failed: Mapping[CheckName | str, Bool[np.ndarray, "n m"]]
-    time_s: Float[np.ndarray, " n"]  # after the scenario's start
+    time_s: Float[np.ndarray, " n"]  # time after the start of the scenario
 
     @property
     def budget(self) -> Mapping[CheckName | str, AlarmShare]:
@@ -73,7 +73,7 @@ class TrackedErrors:
     error_m: Float[np.ndarray, "k m"]
 
     def worst_m(self, column: int, after_s: float, to_s: float) -> float:
-        """Return the error of largest magnitude of a satellite in a stretch of time; NaN if it was not tracked."""
+        """Return the error of largest magnitude of a satellite between `after_s` and `to_s`; NaN if not tracked."""
         here = (self.time_s > after_s + _SAME_S) & (self.time_s < to_s + _SAME_S)
         return worst_of(self.error_m[here, column])
 
@@ -86,7 +86,7 @@ def tracked_errors(recorded: RecordedScene, tracked: Sequence[ObservationEpoch])
     recorded
         The scene.
     tracked
-        Observations from tracking its samples.
+        Observations from tracking the samples of the recording.
     """
     case = AcasTestCase(
         scenario=recorded.scenario(attacked=False), first=recorded.recording.first_s, end=recorded.recording.end_s

@@ -4,12 +4,12 @@ A scene lasts 15 minutes. The samples of a scene would fill 56 GB, and tracking 
 a recording is a part of the scene and differs from it only in these points:
 
 * A slow attack is accelerated by the factor `faster`. Every time in the tables of the attack, counted from its start,
-  and every duration is divided by the factor. Powers, delays and the values that the seed draws are those of the scene.
+  and every duration is divided by the factor. Powers, delays and the values that the seed draws stay as in the scene.
 * RECS come more often, and some satellites are left out.
 * If the recording begins before the attack, the receiver is locked when the attack begins. If the recording begins
   later, the receiver is switched on under the attack, as in the scene (`acquired`).
-* The sampling rate is the lowest that E6 allows. The receiver trusts its clock to 10 ms. So the search for
-  E6 signals at other times than E1 predicts covers 10 ms on both sides, not 1 s.
+* The sampling rate is the lowest that E6 allows. The stated limit of the clock error is 10 ms. So the search for E6
+  signals at other times than E1 predicts covers 10 ms on both sides, not 1 s.
 
 `threats.toml` gives the part, the factor and the satellites of each recording.
 """
@@ -25,7 +25,7 @@ from vestige.threats.scenes import Scene, ShortRecording, Threat, read_threats, 
 
 _CLOCK_TRUSTED_S = 0.01
 _TIMES = ("start_s", "stop_s", "turn_s")
-_ACQUIRED = ("e1-asynchronous", "meaconing")  # kinds of attack that may find the receiver restarted
+_ACQUIRED = ("e1-asynchronous", "meaconing")  # kinds of attack with the key `acquired`
 _DURATIONS = ("rise_s", "fall_s", "period_s", "guard_s")
 
 
@@ -40,11 +40,11 @@ class RecordedScene:
 
     @property
     def name(self) -> str:
-        """Threat and name of the recording, such as `A1 receiver already tracking`; the scene's name if it has none."""
+        """Threat, and name of the recording or else of the scene, such as `A1 receiver already tracking`."""
         return f"{self.threat.id} {self.recording.name or self.scene.name}"
 
     def scenario(self, *, attacked: bool = True) -> CampaignScenario:
-        """Return the campaign with or without its attack; its epochs `first_s` to `end_s` are the recording."""
+        """Return the campaign with or without its attack; the recording has the epochs from `first_s` to `end_s`."""
         how = self.recording
         settings = [
             f"epochs={how.end_s}",

@@ -4,17 +4,16 @@ A statement about an attack is tested in many runs with different seeds. The sta
 its probability lies above ½. If the interval contains ½, the runs are not conclusive. An expectation is a statement of
 this kind:
 
-    pass         without an attack neither alarms nor failures of single tests are more frequent than their budget,
-                 nor failures of any check more frequent than the budget of that check, nor less frequent where the
-                 budget is exact
+    pass         without an attack: alarms, failed tests, and failures of each check are not more frequent than their
+                 budgets allow; and failures with an exact budget are not less frequent than this budget
     detect       detected
     mitigate     mitigated
     miss         missed or denied, and not detected: the attack succeeds unnoticed
     deny         denied, and not missed
     partial      detected in about half of the runs: the interval contains one half
 
-No check may use the budget of another check. A check exceeds its budget if so many failures or more are improbable:
-their Poisson probability is below `ERROR`, divided by the number of the level's checks. So a level whose checks all
+No check may use the budget of another check. A check exceeds its budget if the Poisson probability of at least so
+many failures is below `ERROR` divided by the number of the level's checks. So a level whose checks all
 keep their budgets is reported to exceed a budget in at most 5 % of all measurements.
 
 The outcome of a single run is defined in `campaign/run_outcome.py`. Neighbouring epochs share the noise of some
@@ -96,10 +95,9 @@ class SceneOutcome(OutcomeCounts):
     by_chance: Proportion
     checks: tuple[CheckShare, ...]  # checks that failed in any run: the most frequent first, then the earliest
     budgets: tuple[CheckBudget, ...] = ()  # every check that has a budget
-    time_to_detect_s: float  # median of the runs with an alarm; NaN without any
-    # largest errors of all runs
-    worst_range_m: float
-    worst_position_m: float
+    time_to_detect_s: float  # median of the runs with an alarm; NaN if no run has an alarm
+    worst_range_m: float  # error of a range in use with the largest magnitude in all runs, with its sign
+    worst_position_m: float  # largest error of a position in use in all runs
 
     def a_day(self, name: str) -> tuple[float, float, float]:
         """Return the daily rate of a count, and the ends of the exact interval of its mean."""
@@ -107,7 +105,7 @@ class SceneOutcome(OutcomeCounts):
 
     @property
     def word(self) -> str:
-        """Outcome of more than half of the runs, in one or two words; `MIXED` if there is none."""
+        """Outcome of more than half of the runs, in one or two words; `MIXED` if there is no such outcome."""
         shares = (self.detected, self.mitigated, self.missed, self.denied)
         word = outcome_word(*(share.value > HALF for share in shares))
         return MIXED if word == HARMLESS and self.harmless.value <= HALF else word
@@ -119,7 +117,7 @@ class SceneOutcome(OutcomeCounts):
 
     @property
     def keeps_budget(self) -> bool:
-        """Whether alarms and failures of single tests keep their budgets, and exact checks do not fail less often."""
+        """Whether alarms and failed tests keep their budgets, and checks with an exact budget fail often enough."""
         bounds = (
             (self.alarms, self.budget_alarms),
             (self.failures / _GROUP, self.budget_failures / _GROUP),
@@ -202,7 +200,7 @@ def agreement(expected: str, found: SceneOutcome) -> Agreement:
         ),
     }
     if expected not in rules:
-        raise ValueError(f"outcome {expected!r}: {', '.join(rules)}")
+        raise ValueError(f"outcome: found {expected!r}, expected one of {', '.join(rules)}")
     holds, fails = rules[expected]
     return Agreement.AGREES if holds else Agreement.DIFFERS if fails else Agreement.UNDECIDED
 

@@ -34,11 +34,11 @@ class Draw(Section):
     @model_validator(mode="after")
     def _possible(self) -> Self:
         if not (self.low < self.high and (self.low > 0 or not self.log)):
-            raise ValueError("a draw goes from low to high, in log scale from more than 0")
+            raise ValueError("low must be less than high, and more than 0 if log is true")
         return self
 
     def value(self, share: float) -> float:
-        """Return the value at a share 0 … 1 of the way from low to high."""
+        """Return the value at a share (0 to 1) of the way from low to high."""
         if self.log:
             return math.exp(math.log(self.low) + share * math.log(self.high / self.low))
         return self.low + share * (self.high - self.low)
@@ -54,13 +54,13 @@ class ShortRecording(Section):
     faster
         Factor by which the attack is faster than in the scene.
     first_s, end_s
-        Part of the scene that is recorded, in s after its start, with the attack accelerated by `faster`.
+        Start and end of the recording, in s after the start of the scene with the accelerated attack.
     every_s
-        Time between two RECS.
+        Time between two RECS in s.
     svids
         Satellites in the recording.
     sample_rate_hz
-        Sampling rate of both bands: little more than the 5.115 MHz that E6 needs, unless a jammer is wider.
+        Sampling rate of both bands in Hz: little more than the 5.115 MHz that E6 needs, unless a jammer is wider.
     """
 
     name: str = ""
@@ -76,9 +76,9 @@ class Scene(Section):
     """A campaign that shows an attack."""
 
     name: str  # name among the scenes of a threat
-    settings: tuple[str, ...] = ()  # values KEY=VALUE, as of `--set`, which replace those of the table's base
+    settings: tuple[str, ...] = ()  # settings KEY=VALUE, as for `--set`, that replace values of `base`
     attack: tuple[dict[str, Any], ...] = ()  # `[[attack]]` tables of the scene
-    draw: dict[str, Draw] = Field(default_factory=dict)  # draws by dotted key
+    draw: dict[str, Draw] = Field(default_factory=dict)  # values that each seed draws, by dotted key
     draws_of: str = ""  # earlier name of the scene, from which its seeds still draw; empty if the name never changed
     # reasons for a difference from the expectation, by level
     notes: dict[Literal["1", "2", "3"], str] = Field(default_factory=dict)
@@ -88,12 +88,10 @@ class Scene(Section):
 class Threat(Section):
     """A row of the table."""
 
-    # number, such as `A5`, and a description of the attack
-    id: Annotated[str, Field(pattern=r"^A\d+$")]
-    name: str
-    # parameters of the attack in each band
-    e1: str
-    e6: str
+    id: Annotated[str, Field(pattern=r"^A\d+$")]  # number of the attack, such as `A5`
+    name: str  # description of the attack
+    e1: str  # parameters of the attack on E1
+    e6: str  # parameters of the attack on E6
     source: str  # source of the attack and its parameters
     # outcome by level: a word of `OUTCOMES`, which a colon and a reason may follow
     expected: dict[Literal["1", "2", "3"], Annotated[str, Field(pattern=rf"^({'|'.join(OUTCOMES)})(: .+)?$")]]
@@ -139,7 +137,7 @@ def scene_scenario(
     settings: tuple[str, ...] = (),
     attacks: tuple[dict[str, Any], ...] | None = None,
 ) -> CampaignScenario:
-    """Return the campaign of a scene with one seed, which also determines its draws.
+    """Return the campaign of a scene with one seed. The seed also determines the values that are drawn.
 
     Parameters
     ----------
@@ -148,7 +146,7 @@ def scene_scenario(
     attacked
         Whether the campaign has the attacks of the scene; everything else is the same without them.
     settings
-        Values of `--set`, which replace those of the scene. Values of attacks count only if `attacked`.
+        Values of `--set`, which replace values of the scene. Values of attacks count only if `attacked`.
     attacks
         Attacks, used in place of `scene_attacks`.
 

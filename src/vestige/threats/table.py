@@ -3,7 +3,7 @@
 In the CSV file the name of a column ends with its level, such as `detected_level_2`. `expected_level_2` has the
 expected outcome with its reason. `level_2` says whether the measurement agrees with this outcome. In the store the same
 statistics are variables over `scene` and `level`. `check_failed` is the number of runs in which a check failed.
-`check_time_s` is the median time of its first failure.
+`check_time_s` is the median time of the first failure of the check in these runs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance"
 
 
 def table_rows(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
-    """Return the rows of the table, a row per scene, each by the names of the columns."""
+    """Return the rows of the table: one dictionary by column name for each scene."""
     rows = []
     for _, of_scene in groupby(cells, key=lambda cell: (cell.case.threat, cell.case.scene)):
         levels = list(of_scene)
@@ -153,7 +153,11 @@ def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
         }
         | {
             "check_failed": (over, failed, {"long_name": "runs in which the check failed"}),
-            "check_time_s": (over, time_s, {"long_name": "median time of its first failure in those", "units": "s"}),
+            "check_time_s": (
+                over,
+                time_s,
+                {"long_name": "median time of the first failure, in runs in which the check failed", "units": "s"},
+            ),
         },
         coords={
             "check": ("check", _text(checks)),

@@ -219,7 +219,7 @@ def test_attributes_are_those_with_which_a_store_was_made(toy: Path, tmp_path: P
     for value in (2, HUGE, "1"):
         content["attributes"]["seed"] = value
         (path / "zarr.json").write_text(json.dumps(content))
-        with pytest.raises(InputFileError, match="attributes that are not those"):
+        with pytest.raises(InputFileError, match="attributes differ from"):
             open_results(path)
 
 

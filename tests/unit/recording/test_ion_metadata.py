@@ -235,7 +235,7 @@ def test_what_is_not_supported_is_refused_with_what_is(published: Path, old: str
     ("old", "new", "message"),
     [
         ('<lane id="SingleFreqE6"/>', "", "file: found no lane, expected one"),
-        ('<lane id="SingleFreqE6"/>', '<lane id="x"/>', "file: found 0 of lane x, expected one that it refers to"),
+        ('<lane id="SingleFreqE6"/>', '<lane id="x"/>', "file: found 0 of lane x, expected one to refer to"),
         ('format="GHz"', "", "band E6.centerfreq: found the unit None, expected one of Hz, kHz, MHz, GHz"),
         ("1.27875", "nan", "band E6.centerfreq: found nan, expected a frequency"),
         ("<ratefactor>4", "<ratefactor>-4", "stream E6.ratefactor: found -4, expected a whole number"),

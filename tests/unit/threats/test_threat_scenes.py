@@ -122,7 +122,7 @@ def test_a_seed_draws_its_own_parameters_within_the_range() -> None:
 
 def test_a_scene_with_a_new_name_keeps_its_draws() -> None:
     renamed = [(threat, scene) for threat, scene in SCENES if scene.draws_of]
-    assert len(renamed) == 6
+    assert len(renamed) == 7
     for threat, scene in renamed:
         before = scene.model_copy(update={"name": scene.draws_of, "draws_of": ""})
         other = before.model_copy(update={"name": "another"})

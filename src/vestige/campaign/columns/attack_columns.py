@@ -24,7 +24,7 @@ ATTACK_COLUMNS = column_table(
     ("truth_e1_spoofer_offset_m", _ATTACKS, "float64", "m", "spoofing signal's delay on E1 after the line of sight"),
     ("truth_e1_spoofer_power_db", _ATTACKS, "float32", "dB", "spoofing signal's power on E1 over the line of sight"),
     ("truth_e1_noise_rise_db", _SATELLITE, "float32", "dB", "noise density behind an E1 correlator over N0"),
-    ("truth_e1_error_m", _SATELLITE, "float64", "m", "error of the E1 pseudorange by the attack"),
+    ("truth_e1_error_m", _SATELLITE, "float64", "m", "error of the E1 pseudorange that the attack causes"),
     ("truth_e1_worst_error_m", _SATELLITE, "float64", "m", "largest E1 error by the attack since the previous epoch"),
     ("truth_e1_captured", _SATELLITE, "bool", "1", "whether E1 tracking is on a spoofing signal"),
 )

@@ -31,7 +31,7 @@ JUDGED_COLUMNS = column_table(
     ("check_statistic", _CHECKS, "float32", "1", "statistic of a check, in its own unit"),
     ("check_threshold", _CHECKS, "float32", "1", "limit of the magnitude of the statistic"),
     ("range_in_use_m", _SATELLITE, "float64", "m", "pseudorange that may be used; NaN if none"),
-    ("range_is_earlier", _SATELLITE, "bool", "1", "whether the range is that of the earliest of several signals"),
+    ("range_is_earlier", _SATELLITE, "bool", "1", "whether the range belongs to the earliest of several signals"),
     ("searched", _EPOCH, "bool", "1", "whether the exhaustive search was made"),
     attrs=_FLAGS,
 )

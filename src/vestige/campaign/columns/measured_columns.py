@@ -44,39 +44,57 @@ _AVAILABILITY = {
 
 
 MEASURED_COLUMNS = column_table(
-    ("time_s", _EPOCH, "float64", "s", "time of transmission after the start"),
+    ("time_s", _EPOCH, "float64", "s", "time of transmission after the start of the scenario"),
     ("recs", _EPOCH, "bool", "1", "whether a RECS is sent"),
     ("osnma_key", _EPOCH, "bool", "1", "whether the OSNMA key of a RECS of this epoch is received"),
     ("availability", _SATELLITE, "int8", "1", "whether E6 was correlated, or why not"),
-    ("e6_received_s", _SATELLITE, "float64", "s", "when samples too late to prove anything ended, after the start"),
+    (
+        "e6_received_s",
+        _SATELLITE,
+        "float64",
+        "s",
+        "time after the start of the scenario at which the last E6 sample was received, if too late for a proof",
+    ),
     ("taps", (*_SATELLITE, "tap"), "complex64", "1", "correlator output"),
     ("noise_power", _SATELLITE, "float32", "1", "mean squared magnitude of noise in a correlator"),
     ("predicted_pd", _SATELLITE, "float32", "1", "probability of detection that the C/N0 of E1 predicts"),
     ("e1_pseudorange_m", _SATELLITE, "float64", "m", "E1 pseudorange; NaN if not tracked"),
     ("e1_cn0_dbhz", _SATELLITE, "float32", "dB Hz", "C/N0 of E1-C as the receiver estimates it"),
-    ("predicted_phase_rad", _SATELLITE, "float32", "rad", "phase of correlators predicted by E1, up to a constant"),
-    ("e1_extrapolated_s", _SATELLITE, "float32", "s", "time over which the Doppler of E1 extrapolated that phase"),
+    ("predicted_phase_rad", _SATELLITE, "float32", "rad", "phase of correlators that E1 predicts, up to a constant"),
+    ("e1_extrapolated_s", _SATELLITE, "float32", "s", "time over which E1 Doppler extrapolated the predicted phase"),
     attrs=_AVAILABILITY,
 )
 
 # additional measurements for the checks of levels 2 and 3
 E1_COLUMNS = column_table(
     ("e1_doppler_hz", _SATELLITE, "float64", "Hz", "Doppler on E1, positive when the satellite approaches"),
-    ("e1_taps", (*_SATELLITE, "e1_tap"), "complex64", "1", "E1 correlators; noise without interference is 1"),
-    ("e1_power_db", _EPOCH, "float32", "dB", "power of the E1 band over that without attack"),
-    ("e6_power_db", _EPOCH, "float32", "dB", "power of the E6 band over that without attack; NaN without RECS"),
-    ("e1_signals", _SATELLITE, "float32", "1", "signals that the search of E1 finds; NaN without RECS"),
-    ("handover_carrying", _SATELLITE, "float32", "1", "signals of E1 that carry the encrypted chips in E6"),
-    ("handover_earliest_m", _SATELLITE, "float64", "m", "delay of the earliest of these after the E1 prediction"),
-    ("exhaustive_signals", _SATELLITE, "float32", "1", "signals that an exhaustive search of E6 finds"),
-    ("exhaustive_earliest_m", _SATELLITE, "float64", "m", "delay of the earliest of these after the E1 prediction"),
-    ("earliest_received_s", _SATELLITE, "float64", "s", "end of the earliest signal's RECS, after the start"),
+    (
+        "e1_taps",
+        (*_SATELLITE, "e1_tap"),
+        "complex64",
+        "1",
+        "E1 correlators, in standard deviations per dimension of the noise without interference",
+    ),
+    ("e1_power_db", _EPOCH, "float32", "dB", "power of the E1 band over the power without attack"),
+    ("e6_power_db", _EPOCH, "float32", "dB", "power of the E6 band over the power without attack; NaN without RECS"),
+    ("e1_signals", _SATELLITE, "float32", "1", "number of signals that the search of E1 finds; NaN without RECS"),
+    ("handover_carrying", _SATELLITE, "float32", "1", "number of E1 signals with the encrypted chips in E6"),
+    ("handover_earliest_m", _SATELLITE, "float64", "m", "delay after the E1 prediction of the earliest such signal"),
+    ("exhaustive_signals", _SATELLITE, "float32", "1", "number of signals that an exhaustive search of E6 finds"),
+    ("exhaustive_earliest_m", _SATELLITE, "float64", "m", "delay after the E1 prediction of the earliest such signal"),
+    (
+        "earliest_received_s",
+        _SATELLITE,
+        "float64",
+        "s",
+        "time after the start of the scenario at which the last sample of the earliest signal's RECS is received",
+    ),
 )
 
 OSNMA_COLUMNS = column_table(
     ("in_view", _SATELLITE, "bool", "1", "whether the satellite is above the mask"),
     ("osnma_due", _EPOCH, "int16", "1", "I/NAV pages that were due since the previous epoch, as bits"),
-    ("osnma_pages", _SATELLITE, "int16", "1", "those of the due pages that were received, as bits"),
+    ("osnma_pages", _SATELLITE, "int16", "1", "due pages that were received, as bits"),
     ("osnma_differs", _SATELLITE, "bool", "1", "whether data of these pages differ from what the satellite sent"),
     ("osnma_data", _SATELLITE, "bool", "1", "whether OSNMA authenticates the navigation data of the satellite"),
     ("delta_velocity_mps", ("epoch", "local_axis"), "float64", "m s-1", "velocity change by the accelerometers"),
@@ -152,8 +170,8 @@ class Judged:
 def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns) -> MeasurementBlock:
     """Return the receiver's measurements in some epochs.
 
-    The columns contain these epochs only, with the axes of the results. `epoch` is the first axis, or the second after
-    `detector`.
+    `epoch` has the numbers of these epochs. The columns contain these epochs only, with the axes of the results. The
+    epochs are the first axis, or the second axis after `detector`.
     """
     scenario, processor = of.scenario, of.processor
     if scenario.processor.checks:

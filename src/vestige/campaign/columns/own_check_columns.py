@@ -1,4 +1,4 @@
-"""Columns that only user's checks may need, so that stored results contain all evidence for such a check.
+"""Columns that only user's checks may need. With these columns, results contain all evidence for such a check.
 
 vestige's own checks do not use these quantities. Results contain these columns only if the scenario has user's checks.
 The columns are stored without rounding: a campaign and `vestige.simulate` give a user's check the same evidence.
@@ -27,11 +27,17 @@ OWN_CHECK_COLUMNS = column_table(
         _SATELLITE,
         "float64",
         "s",
-        "RECS arrival that E1 predicts, after the epoch; NaN if not correlated",
+        "time from the epoch to the RECS arrival that E1 predicts; NaN if not correlated",
     ),
     ("e6_expected_doppler_hz", _SATELLITE, "float64", "Hz", "Doppler on E6 that E1 predicts; NaN if not correlated"),
-    ("e6_received_at_s", _SATELLITE, "float64", "s", "time at which the last E6 sample was received, after the start"),
-    ("e6_power_db", _EPOCH, "float32", "dB", "power of the E6 band over that without attack; NaN without RECS"),
+    (
+        "e6_received_at_s",
+        _SATELLITE,
+        "float64",
+        "s",
+        "time after the start of the scenario at which the last E6 sample was received",
+    ),
+    ("e6_power_db", _EPOCH, "float32", "dB", "power of the E6 band over the power without attack; NaN without RECS"),
 )
 
 

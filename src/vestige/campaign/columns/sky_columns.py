@@ -5,12 +5,12 @@ the fix `authenticated` uses the ranges in use of satellites with navigation dat
 This fix is known when its OSNMA key is received: `available_at_s`. Both fixes assume correct broadcast orbits.
 
 E1 pseudoranges contain noise, multipath and a residual of the ionosphere. The residual is e/(γ − 1), where e is the
-residual of E6 − E1. The residual is common to both bands, so it does not affect the range check.
+residual of the delay difference E6 − E1. The residual is common to both bands, so it does not affect the range check.
 
 The receiver assumes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² for each pseudorange, with
 M and A of `receiver.elevation`. A part of the ionosphere's variance is assumed common to all satellites
 (`ionosphere_common` of `[position]`). The covariance P of the fix includes this common part. The weights do not include
-it, and RAIM and solution separation take their σ from the weights.
+this part, and RAIM and solution separation take σ from the weights.
 
 The NEES, xᵀP⁻¹x, combines the errors of the three coordinates and the clock. For a consistent fix, the NEES is χ² with
 4 degrees of freedom. With multipath the NEES is smaller, because σ_multipath is an upper limit that covers the tails.
@@ -45,21 +45,21 @@ SKY_COLUMNS = column_table(
     ("e1_rate_sigma_mps", _SATELLITE, "float32", "m s-1", "standard deviation assumed for the range rate"),
     ("fix_satellites", _FIX, "int8", "1", "satellites in the position fix"),
     ("fix_position_m", (*_FIX, "axis"), "float64", "m", "position, ECEF x, y, z"),
-    ("fix_error_m", (*_FIX, "local_axis"), "float64", "m", "error of the position"),
-    ("fix_clock_m", _FIX, "float64", "m", "receiver clock"),
-    ("fix_clock_error_m", _FIX, "float64", "m", "error of the receiver clock"),
-    ("fix_drift_mps", _FIX, "float64", "m s-1", "receiver clock drift"),
-    ("fix_drift_error_mps", _FIX, "float64", "m s-1", "error of the receiver clock drift"),
+    ("fix_error_m", (*_FIX, "local_axis"), "float64", "m", "estimated minus true position"),
+    ("fix_clock_m", _FIX, "float64", "m", "estimated error of the receiver clock"),
+    ("fix_clock_error_m", _FIX, "float64", "m", "estimated minus true error of the receiver clock"),
+    ("fix_drift_mps", _FIX, "float64", "m s-1", "estimated drift of the receiver clock"),
+    ("fix_drift_error_mps", _FIX, "float64", "m s-1", "estimated minus true drift of the receiver clock"),
     ("fix_sigma_m", (*_FIX, "local_axis"), "float32", "m", "standard deviation of the position, as estimated"),
     ("fix_sigma_clock_m", _FIX, "float32", "m", "standard deviation of the clock, as estimated"),
-    ("fix_own_sigma_clock_m", _FIX, "float32", "m", "the same without errors common to all satellites"),
+    ("fix_own_sigma_clock_m", _FIX, "float32", "m", "standard deviation of the clock, without common errors"),
     ("fix_sigma_drift_mps", _FIX, "float32", "m s-1", "standard deviation of the drift, as estimated"),
     ("fix_nees", _FIX, "float32", "1", "normalised squared error of position and clock"),
     ("fix_dilution", (*_FIX, "dilution"), "float32", "1", "dilution of precision"),
     ("raim_statistic", _FIX, "float32", "1", "sum of squared residuals over their variances"),
     ("separation_sigmas", (*_FIX, "local_axis"), "float32", "1", "largest solution separation over its 1σ"),
     ("separation_modes", _FIX, "int8", "1", "number of satellites left out in turn for the solution separation"),
-    ("available_at_s", _FIX, "float64", "s", "time at which the fix is available, after the start"),
+    ("available_at_s", _FIX, "float64", "s", "time after the start of the scenario at which the fix is available"),
 )
 
 

@@ -2,7 +2,7 @@
 
 If a worker is lost, the dask scheduler gives its chunks to another worker, including measured chunks that were not yet
 fetched. A chunk that is measured twice gives the same bits. All machines need the same source of vestige, and the same
-kind of processor if the bits depend on the processor. Source and processor are checked with every chunk. The machines
+kind of CPU if the bits depend on the CPU. Source and kind of CPU are checked with every chunk. The machines
 need no shared disk and no data.
 """
 
@@ -52,8 +52,8 @@ class ClusterExecutor(Executor):
     def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
         """Return the future of a call; the future raises `BrokenExecutor` if the cluster could not finish the call."""
         outer: Future[R] = Future()
-        # dask searches arguments for its own futures, so `partial` makes one object of them. With `pure=True`, dask
-        # would hash all arguments to share the results of equal calls.
+        # dask searches arguments for its own futures, so `partial` puts the arguments in one object. With `pure=True`,
+        # dask would hash all arguments to share the results of equal calls.
         try:
             inner = self._client.submit(partial(fn, *args, **kwargs), pure=False)
         except Exception as error:

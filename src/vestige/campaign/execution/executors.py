@@ -72,9 +72,9 @@ def local_executor(kind: str, workers: int, preload: Sequence[str] = ()) -> Iter
 
 
 def _start_server(preload: Sequence[str]) -> None:
-    """Start the process from which workers are forked. This process and the workers ignore Ctrl-C, also at import."""
+    """Start the server process from which workers are forked. Server and workers ignore Ctrl-C, also during imports."""
     multiprocessing.set_forkserver_preload(list(preload))
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a new process keeps that a signal is ignored
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a new process ignores the signals that its parent ignores
     try:
         multiprocessing.forkserver.ensure_running()
     finally:

@@ -26,25 +26,24 @@ class RunAttributes(BaseModel):
 
     seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
     scenario_digest: str  # SHA-256 of the scenario, in hexadecimal digits
-    # false-alarm probability of one correlator, and its threshold in standard deviations of one dimension
-    p_fa: Annotated[float, Field(gt=0, lt=1)]
+    p_fa: Annotated[float, Field(gt=0, lt=1)]  # false-alarm probability of one correlator
+    # threshold of a correlator's magnitude, in standard deviations of the noise in one dimension
     threshold_sigma: Annotated[float, Field(gt=0, le=1000)]
-    # whether E6-C was transmitted, and its C/N0; None without a signal
-    signal: bool
-    cn0_dbhz: FiniteFloat | None = None
+    signal: bool  # whether E6-C was transmitted
+    cn0_dbhz: FiniteFloat | None = None  # C/N0 of E6-C; None without a signal
     integration_s: Annotated[float, Field(gt=0, le=10)]  # duration of a correlation
     fidelity: Fidelity
     satellites_expected: Annotated[int, Field(ge=1, le=100)]
     cn0_e1_expected_dbhz: FiniteFloat
     vestige_version: str = ""  # source of vestige that made the results; empty if the results were not stored
-    processor: str | None = None  # kind of processor; None if the bits do not depend on the processor
+    processor: str | None = None  # kind of CPU; None if the bits do not depend on the CPU
     navigation: str | None = None  # RINEX text of the ephemerides of a sky; None for a single line of sight
     own_parts: str = ""  # user's parts, each as `module:Name@digest`, with spaces between the parts
 
     @model_validator(mode="after")
     def _strength_of_a_signal(self) -> RunAttributes:
         if self.signal != (self.cn0_dbhz is not None):
-            raise ValueError("cn0_dbhz if there is a signal, and only then")
+            raise ValueError("cn0_dbhz must be given if signal is true, and must be missing otherwise")
         return self
 
 
@@ -52,9 +51,8 @@ class CheckColumns(NamedTuple):
     """Results of one check in a campaign."""
 
     result: Int8[np.ndarray, "n m"]  # 1 if the check failed, after confirmation; 0 if it passed; −1 if it was not run
-    # in the unit of the check; NaN if the check was not run
-    statistic: Float[np.ndarray, "n m"]
-    threshold: Float[np.ndarray, "n m"]
+    statistic: Float[np.ndarray, "n m"]  # in the unit of the check; NaN if the check was not run
+    threshold: Float[np.ndarray, "n m"]  # in the unit of the check; NaN if the check was not run
 
 
 def scenario_of(results: xarray.Dataset) -> StoredScenario:
@@ -85,7 +83,7 @@ def attributes_of(results: xarray.Dataset) -> RunAttributes:
         name = first["loc"][0] if first["loc"] else "signal"
         found = f"no {name}" if first["type"] == "missing" else f"{name} {first['input']!r}"[:60]
         raise VestigeError(
-            f"results of a campaign: found {found}, expected that of `vestige run`: {first['msg']}"
+            f"results of a campaign: found {found}, expected the attributes of `vestige run`: {first['msg']}"
         ) from error
 
 

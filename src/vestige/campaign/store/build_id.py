@@ -1,6 +1,6 @@
-"""Identity of a build: source of vestige, user's parts and processor, which affect the bits of results.
+"""Identity of a build: source of vestige, user's parts and kind of CPU. All of these affect the bits of results.
 
-The kind of processor affects only sums of samples.
+The kind of CPU affects only sums of samples.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from vestige.source_version import processor_name, vestige_version
 if TYPE_CHECKING:
     from vestige.campaign.plan import Plan
 
-PROCESSOR = "processor"  # attribute of a plan with bits that depend on the processor
+PROCESSOR = "processor"  # attribute with the kind of CPU, of a plan with bits that depend on the CPU
 PARTS = "own_parts"  # attribute of a plan with user's parts, each as `module:Name@digest`
 
 

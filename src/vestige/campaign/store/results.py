@@ -165,7 +165,7 @@ def open_results(
         raise InputFileError(path, f"epoch {torn[0].start}", found, f"the values that were written; {MENDS}")
     if len(finished) < store.n_chunks and not partial:
         found = f"{sum(len(store.epochs(chunk)) for chunk in finished)} epochs"
-        raise InputFileError(path, "results", found, f"{store.n_epochs} epochs (the same command finishes it)")
+        raise InputFileError(path, "results", found, f"{store.n_epochs} epochs (the same command finishes the run)")
     dataset = open_dataset(path)
     _check_attributes(path, dataset)
     if len(finished) < store.n_chunks:
@@ -184,7 +184,7 @@ def open_dataset(path: Path) -> xarray.Dataset:
         return xarray.open_dataset(
             path, engine="zarr", chunks=None, consolidated=False, decode_times=False, decode_timedelta=False
         )
-    except Exception as error:  # damaged metadata raise anything
+    except Exception as error:  # damaged metadata may raise any error
         raise InputFileError(path, "store", f"{type(error).__name__}: {error}", EXPECTED_RESULTS) from error
 
 
@@ -202,7 +202,7 @@ def load_small(path: Path, expected: str) -> xarray.Dataset:
         return open_dataset(path).load()
     except InputFileError:
         raise
-    except Exception as error:  # damaged metadata and values raise anything
+    except Exception as error:  # damaged metadata and values may raise any error
         raise InputFileError(path, "store", f"{type(error).__name__}: {error}", expected) from error
 
 

@@ -54,7 +54,7 @@ from vestige.errors import InputFileError
 from vestige.scenario.limits import MAX_EPOCHS
 
 MENDS = "the same command repairs it"
-_DIGITS = 10  # upper limit of the digits of a chunk number, not included
+_DIGITS = 10  # a chunk number has fewer digits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +66,7 @@ class Store:
     columns: Mapping[str, zarr.Array[Any]]  # the arrays with an axis `epoch`
     digests: zarr.Array[Any]  # one hash for each chunk
     n_epochs: int
-    chunk_epochs: int  # epochs in a chunk (the last one may have fewer), fixed when the store was made
+    chunk_epochs: int  # epochs in a chunk (the last chunk may have fewer), fixed when the store was made
 
     @property
     def n_chunks(self) -> int:
@@ -188,7 +188,7 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
         own: dict[str, Any] = group[PROGRESS].attrs.asdict()
         attributes = group.attrs.asdict()
         if own.pop(WORK, work := work_digest(attributes)) != work:
-            raise ValueError("attributes that are not those with which the store was made")
+            raise ValueError("attributes differ from the attributes with which the store was made")
         arrays = arrays_of(path, group)
         store = Store(
             path=path,
@@ -205,7 +205,7 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
             check_small_array(path, name, array)
         coords = {COORD + name: coord_text(_dims(a)[0], a[:]) for name, a in labels.items()}
         if {"n_epochs": store.n_epochs, CHUNK: store.chunk_epochs, **columns, **coords} != own:
-            raise ValueError("arrays that are not those with which the store was made")
+            raise ValueError("arrays differ from the arrays with which the store was made")
     except InputFileError:
         raise
     except zarr.errors.GroupNotFoundError as error:
@@ -222,7 +222,7 @@ def _check_sizes(store: Store) -> None:
     if not 1 <= store.chunk_epochs <= store.n_epochs <= MAX_EPOCHS:
         raise ValueError(f"{store.n_epochs} epochs in chunks of {store.chunk_epochs}, expected at most {MAX_EPOCHS}")
     if store.digests.shape != (store.n_chunks,) or store.digests.chunks != (1,):
-        raise ValueError("another number of chunks than that with which the store was made")
+        raise ValueError("the number of chunks differs from the number with which the store was made")
     check_array(DIGEST, store.digests)
     for name, array in store.columns.items():
         check_array(name, array)
@@ -241,7 +241,9 @@ def _check_identity(store: Store, plan: Plan) -> None:
     for name in sorted(expected | found, key=lambda name: (len(str(expected.get(name))), name)):
         if found.get(name) != expected.get(name):
             advice = (
-                "; finish with the one that made it or begin anew" if name in build_id(plan) else ", as in this run"
+                f"; finish with the {name} that made the store, or write a new store"
+                if name in build_id(plan)
+                else ", as in this run"
             )
             raise InputFileError(
                 store.path, name, found.get(name, "nothing"), f"{expected.get(name, 'nothing')}{advice}"

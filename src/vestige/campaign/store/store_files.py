@@ -22,8 +22,8 @@ EXPECTED_RESULTS = "the results of a campaign (zarr v3, written by vestige)"
 METADATA = "zarr.json"
 ZARR_FORMAT = 3
 MAX_METADATA_BYTES = 1 << 24  # metadata contain scenario and ephemerides, about 100 kB
-MAX_CHUNK_BYTES = 1 << 30  # size of a chunk of one column; 2000 epochs of 36 satellites and 63 taps have 36 MB
-# size of a coordinate (satellites, taps, reflections, detectors) or of a small table
+MAX_CHUNK_BYTES = 1 << 30  # largest chunk of a column; 2000 epochs of 36 satellites and 63 correlators have 36 MB
+# largest size of a coordinate (satellites, correlators, reflections, detectors) or of a small table
 MAX_LABELS_BYTES = 1 << 20
 _CODECS = {"bytes", "vlen-utf8", "zstd"}  # codecs of stores that vestige writes
 _FRAME = b"\x28\xb5\x2f\xfd"  # magic number of zstd [RFC8878]

@@ -25,7 +25,7 @@ from vestige.campaign.store.build_id import build_id
 from vestige.campaign.store.store_files import MAX_CHUNK_BYTES, METADATA
 from vestige.errors import VestigeError
 
-PROGRESS = "progress"  # separate group, because xarray shows only the arrays of the root
+PROGRESS = "progress"  # a separate group: xarray shows only the arrays of the root, so the user does not see it
 DIGEST = "digest"
 CHUNK = "chunk_epochs"
 WORK = "work"  # digest of the attributes that identify the work
@@ -66,7 +66,7 @@ def coord_text(dim: str | None, values: Any) -> str:
 def write_skeleton(path: Path, plan: Plan, chunk_epochs: int) -> None:
     """Write a store without values into a new folder.
 
-    zarr makes the files in memory, because its way to the disk takes three times as long for so many small files.
+    zarr makes the files in memory, because zarr takes three times as long to write so many small files to the disk.
 
     Raises `VestigeError` if a chunk would be too large to be read again (`MAX_CHUNK_BYTES`).
     """

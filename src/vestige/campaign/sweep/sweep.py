@@ -78,11 +78,11 @@ class Row:
     signal: bool
     detector: str  # detector of the scenario; its count ends the campaign
     epochs: int
-    detections: Mapping[str, Proportion]  # by detector; without a signal, banks with a false alarm
-    p_d_theory: float  # Marcum Q on a tap; NaN without signal
-    false_alarms: Proportion  # single taps with noise only that exceed the threshold
+    detections: Mapping[str, Proportion]  # proportion of detections by detector; without a signal, of false alarms
+    p_d_theory: float  # theory (Marcum Q) for a signal exactly on a correlator; NaN without signal
+    false_alarms: Proportion  # single correlators with noise only that exceed the threshold
     level: int
-    # outcome at that level from the first start of an attack to the last stop; None for a campaign that ended early,
+    # outcome at `level` from the first start of an attack to the last stop; None for a campaign that ended early,
     # and at level 1 without an attack and without user's checks
     outcome: RunOutcome | None
 
@@ -156,7 +156,7 @@ def _outcome(scenario: CampaignScenario, results: xarray.Dataset) -> RunOutcome 
 
 
 class _Counter:
-    """Counter of the detections of one detector; a call adds a chunk and returns whether the count is enough."""
+    """Counter of the detections of one detector; a call adds a chunk, and returns whether the count may end."""
 
     def __init__(self, processor: ProcessorTable, width: Width) -> None:
         self._detector, self._width = list(processor.detectors).index(processor.detector), width

@@ -33,7 +33,10 @@ def attack_values(results: xarray.Dataset) -> list[dict[str, Any]]:
 
 
 def attack_lines(results: xarray.Dataset) -> list[str]:
-    """Return three lines of text for each satellite with a spoofing signal; with noise alone, for all satellites."""
+    """Return three lines of text for each satellite with a spoofing signal.
+
+    If the attack is noise alone, all satellites have these lines.
+    """
     aimed = results["svid"].values[results["truth_spoofed"].any("epoch").values] if "truth_spoofed" in results else ()
     return [
         line
@@ -61,13 +64,13 @@ def _attack_line(svid: int, reports: dict[str, AttackReport]) -> str:
 
 
 def range_words(worst_m: float) -> str:
-    """Return the largest range error in use in words; NaN if no range was in use."""
+    """Return the largest error of a range in use as text; `worst_m` is NaN if no range was in use."""
     return "no range in use" if math.isnan(worst_m) else f"largest range error in use {worst_m:+.1f} m"
 
 
 def _detector_line(one: AttackReport) -> str:
     shares = ", ".join(f"{text} {100 * one.shares[kind]:.1f} %" for kind, text in _NAMES.items())
     if math.isnan(one.time_to_mitigate_s):
-        return f"  {one.detector:8s} found {shares}; it did not return to the true signal to stay"
+        return f"  {one.detector:8s} found {shares}; it did not return to the true signal for the rest of the attack"
     returned = f"it returned to the true signal after {one.time_to_mitigate_s:g} s and stayed"
     return f"  {one.detector:8s} found {shares}; {returned}"

@@ -74,15 +74,15 @@ def campaign_text(results: xarray.Dataset, store: Path) -> str:
 
 
 def sweep_json(rows: Sequence[Row]) -> str:
-    """Return the rows of a sweep."""
+    """Return the rows of a sweep as a JSON object."""
     return as_json({"campaigns": [asdict(row) for row in rows]})
 
 
 def sweep_table(rows: Sequence[Row], file: Path) -> str:
-    """Return a line for each campaign: the counts, beside the theory for a signal on a tap.
+    """Return a line for each campaign: the counts, and the theory for a signal exactly on a correlator.
 
     If there is an attack, or a level above 1, the outcome of the run is given in place of the theory. `file` is the
-    same table as CSV.
+    CSV file with the same table.
     """
     if any(row.outcome is not None for row in rows):
         return "\n".join([*_columns(_outcome_cells(rows)), f"table: {file}"])
@@ -110,7 +110,7 @@ def sweep_table(rows: Sequence[Row], file: Path) -> str:
 
 
 def _detectors(rows: Sequence[Row]) -> list[str]:
-    """Return the names of all detectors in any row."""
+    """Return the names of the detectors in all rows, each name once."""
     return list(dict.fromkeys(name for row in rows for name in row.detections))
 
 

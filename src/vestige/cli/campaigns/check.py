@@ -30,7 +30,7 @@ _EQUALS = "\u00a0=\u00a0"  # no line break between a key and its value
 def command(files: tuple[Path, ...], settings: tuple[str, ...], as_json: bool, as_schema: bool) -> None:
     """Parse scenario FILES, fill in the defaults, and print the content of each scenario.
 
-    Every file is checked; if a file is bad, the exit code is 1 and its error is printed after the good files.
+    Every file is checked. If files are bad, the exit code is 1, and their errors are printed after the good files.
     """
     import json
 
@@ -103,7 +103,7 @@ def _in_view(scenario: CampaignScenario) -> list[str]:
 
 
 def _table_lines(name: str, table: Any) -> list[str]:
-    """Return a table of a scenario as text, with the names of its keys, in lines of `_WIDTH` characters.
+    """Return a table of a scenario as text, with the names of its keys, in lines of at most `_WIDTH` characters.
 
     A table inside the table begins a line of its own: `processor.budget`.
     """

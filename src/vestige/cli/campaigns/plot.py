@@ -26,7 +26,7 @@ class FigureKind:
     """A kind of figure: its content, and the options that apply to it."""
 
     help: str
-    of_sweep: bool = False  # figure of several campaigns, or a table, in place of one campaign
+    of_sweep: bool = False  # figure of several campaigns, or of a table of counts
     of_attack: bool = False  # figure of a campaign with an attack
     of_threats: bool = False  # figure of the folder that `vestige threats` writes
     of_sky: bool = False  # figure of all satellites of a campaign with a constellation
@@ -82,10 +82,10 @@ _EPILOG = "\b\nKINDs of one campaign:\n" + "\n".join(
 @click.argument("results", nargs=-1, required=True, type=PATH)
 @click.option("-o", "--output", required=True, type=PATH, help="File (.png, .pdf, .svg, .gif) or folder.")
 @detector_option
-@click.option("--svid", type=int, help="Satellite to draw. It is needed if there are several.")
+@click.option("--svid", type=int, help="Satellite to draw. Required if there are several satellites.")
 @number_option("--width-cm", (4, 60), default=8.0, help="Width of the figure.")
-@click.option("--from", "start_s", type=FiniteNumber(), help="Start of the figure in s after the start.")
-@click.option("--to", "stop_s", type=FiniteNumber(), help="End of the figure in s after the start.")
+@click.option("--from", "start_s", type=FiniteNumber(), help="Start of the figure in s after the campaign's start.")
+@click.option("--to", "stop_s", type=FiniteNumber(), help="End of the figure in s after the campaign's start.")
 @click.option(
     "--flank-from",
     "flank_from_m",
@@ -106,7 +106,7 @@ def command(
 ) -> None:
     """Draw a figure of RESULTS, the store that `vestige run` writes, and print the name of the file written.
 
-    A campaign that has not ended is drawn up to its present epoch.
+    A campaign that has not ended is drawn up to its last stored epoch.
     """
     chosen = KINDS.get(kind)
     if chosen is None and output.suffix.lower().lstrip(".") in (*FORMATS, "gif"):
@@ -177,7 +177,7 @@ def _draw_campaign(kind: str, path: Path, results: xarray.Dataset, output: Path,
 
 @contextmanager
 def _folder_of(file: Path) -> Iterator[None]:
-    """Make the folder of a file that is written; remove it again if nothing is written into it."""
+    """Make the folder of a file; remove the folder again if writing the file fails."""
     made = [folder for folder in file.parents if not folder.exists()]
     file.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -222,7 +222,7 @@ def _open(path: Path, start_s: float | None, stop_s: float | None) -> xarray.Dat
 
 
 def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
-    """Return the axes of a figure of a kind."""
+    """Return the axes of the figure of kind `name`."""
     from vestige import plots
     from vestige.campaign.verdicts import range_limit_m
 

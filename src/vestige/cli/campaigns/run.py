@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     "sweeps",
     multiple=True,
     metavar="KEY=A:B:STEP",
-    help="Run a campaign for each value, B included, or for each of KEY=a,b,c. Several --sweep run every "
-    "combination. OUTPUT is a folder of stores.",
+    help="Run a campaign for each value from A to B, B included, or for each value in KEY=a,b,c. Several --sweep run "
+    "every combination. OUTPUT is then a folder of stores.",
 )
 @click.option(
     "--width",
@@ -116,7 +116,9 @@ def _load(path: Path, settings: tuple[str, ...]) -> CampaignScenario:
 
     scenario = load_scenario(path, settings)
     if not isinstance(scenario, CampaignScenario):
-        raise VestigeError(f"{path}: kind: found {scenario.kind!r}, expected 'campaign'; `vestige simulate` writes it")
+        raise VestigeError(
+            f"{path}: kind: found {scenario.kind!r}, expected 'campaign'; for a recording use `vestige simulate`"
+        )
     return scenario
 
 

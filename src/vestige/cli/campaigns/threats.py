@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from vestige.threats.matrix import Case, SceneCell
     from vestige.threats.scenes import Threat
 
-QUICK_SEEDS, SEEDS = 6, 100  # six of six runs are the fewest that prove a share of more than a half
+QUICK_SEEDS, SEEDS = 6, 100  # 6 of 6 runs prove a share above ½ (exact 95 % interval); fewer runs cannot
 FIGURE = "threats.png"
-# modules that every worker needs; packages load all but the first only when a run begins
+# modules that every worker needs; without this list, most of them are loaded only when a run begins
 _PRELOAD = ("vestige.threats.matrix", "dask.array", "numba.typed", "scipy.interpolate", "scipy.ndimage")
 
 
@@ -76,10 +76,10 @@ def _begun_ids(_context: click.Context, _parameter: click.Parameter, begun: str)
     "settings",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Replace a value in every scene, `processor.detector=my_module:MyDetector`; `none` removes.",
+    help="Replace a value in every scene, as in `processor.detector=my_module:MyDetector`; `none` removes the value.",
 )
 @click.option("--expected", is_flag=True, help="Print the expected outcomes with reasons; measure nothing.")
-@click.option("-o", "--output", type=PATH, help="Folder: runs.csv, threats.csv, threats.zarr, threats.png.")
+@click.option("-o", "--output", type=PATH, help="Folder for runs.csv, threats.csv, threats.zarr and threats.png.")
 @workers_option
 @scheduler_option
 @json_option
@@ -99,8 +99,8 @@ def command(
 ) -> None:
     """Measure the outcome of each attack of the threat table at each mitigation level, beside the expected outcome.
 
-    All levels are judged on the same runs, with exact intervals over many seeds. With -o the same command continues a
-    table that was stopped.
+    All levels are judged on the same runs. Many seeds give the share of each outcome with its exact interval. With -o
+    the same command continues a table that was stopped.
     """
     if quick and n_seeds is not None:
         raise click.UsageError("--quick and --seeds both set the number of runs; leave one of the two out")

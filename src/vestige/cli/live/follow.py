@@ -188,8 +188,8 @@ def _check_nothing_dropped(n_dropped: int, tally: Tally) -> None:
 
     if n_dropped:
         raise VestigeError(
-            f"standard input: the E6 samples of {n_dropped} of {tally.snapshots} snapshots were dropped, so they are "
-            "NOT_AVAILABLE; a larger --buffer-mb drops fewer"
+            f"standard input: the E6 samples of {n_dropped} of {tally.snapshots} snapshots were dropped, so these "
+            "snapshots are NOT_AVAILABLE; give a larger --buffer-mb"
         )
 
 
@@ -198,7 +198,7 @@ def _dropped(n_dropped: int) -> str:
 
 
 def _print_end(tally: Tally, n_dropped: int, *, as_json: bool) -> None:
-    """Print the satellites with RECS that were never found on E1, which are known only at the end."""
+    """Print the satellites that have RECS and were never found on E1; with `as_json`, also print the last JSON line."""
     import json
 
     from vestige.cli.recordings.verdicts import print_not_seen
@@ -215,7 +215,7 @@ def _print_end(tally: Tally, n_dropped: int, *, as_json: bool) -> None:
 
 
 class _Warnings:
-    """Printer of warnings: each warning once, and at most a given number."""
+    """Printer of warnings: each warning once, and at most `_MOST_WARNINGS` warnings."""
 
     def __init__(self) -> None:
         self._told: set[str] = set()
@@ -230,13 +230,13 @@ class _Warnings:
 
 
 class _SignalClock:
-    """Correction of the times of output, which warns when the error of the time tag becomes known."""
+    """Function that corrects the times of output, and warns when the error of the time tag becomes known."""
 
     def __init__(self, warn: Callable[[object], None]) -> None:
         self._warn, self._said_s = warn, 0.0
 
     def __call__(self, step: Step, late_s: float) -> Step:
-        """Return a step as `on_signal_clock`."""
+        """Return a step with times on the clock of the signal; arguments as for `on_signal_clock`."""
         if line := time_tag_warning(late_s, self._said_s):
             self._warn(line)
             self._said_s = late_s
@@ -244,14 +244,17 @@ class _SignalClock:
 
 
 class _EarlyRecs:
-    """Printer of a single warning about RECS before the tracking of E1, when a later RECS follows or at the end."""
+    """Printer of a single warning about RECS that were sent before E1 was tracked.
+
+    The warning is printed with the first later RECS, or at the end.
+    """
 
     def __init__(self, tracking: LiveTracking | None, tally: Tally, warn: Callable[[object], None]) -> None:
         self._tracking, self._tally, self._warn = tracking, tally, warn
         self._count, self._late_s = 0, 0.0
 
     def take(self, epoch: FollowedEpoch) -> None:
-        """Count the RECS of an epoch if they came before tracking."""
+        """Count the RECS of an epoch if they were sent before E1 was tracked; otherwise print the warning."""
         from vestige.recording.tracked.track_recording import tracked_since
 
         if self._tracking is None or self._tracking.first_observed is None:
@@ -264,7 +267,7 @@ class _EarlyRecs:
         self._late_s = epoch.time_tag_error_s
 
     def say(self) -> None:
-        """Warn of the RECS that were counted."""
+        """Print the warning about the RECS that were counted."""
         from vestige.recording.tracked.track_recording import early_recs_warning
 
         if self._count and self._tracking is not None and self._tracking.first_observed is not None:
@@ -273,7 +276,7 @@ class _EarlyRecs:
         self._count = 0
 
     def end(self, why_no_ranges: str) -> None:
-        """Warn of the remaining RECS that were counted; `why_no_ranges` is the reason for RECS that came later."""
+        """Print the warning at the end; `why_no_ranges` says why later RECS had no E1 ranges."""
         self.say()
         if self._tally.missed:
             self._tally.too_early = self._tally.too_early or why_no_ranges
@@ -282,7 +285,7 @@ class _EarlyRecs:
 def _say_what_is_missing(
     following: Following, warn: Callable[[object], None], still_to_come: tuple[str, ...] = ("OSNMA keys", "RECS")
 ) -> None:
-    """Warn of data that the first epoch lacked, but not of data that are still to come for later epochs."""
+    """Warn of data that the first epoch lacked, except data that may still arrive for later epochs."""
     found = following.folder.found
     missing = (line for line in found.missing if not line.startswith(still_to_come))
     for line in (*following.live.description.notes, *missing, *found.warnings):
@@ -359,7 +362,7 @@ def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> 
     kept = {f"--{name.replace('_', '-')}": value for name, value in options.items() if name not in _HOW}
     settings = {name: str(value) for name, value in kept.items() if value not in (None, (), False)}
     samples = ", ".join(f"{file.band.name} {file.form} at {file.sample_rate_hz!r} Hz" for file in bands)
-    if recording != STDIN:  # each run has a new pipe
+    if recording != STDIN:  # each run on standard input has another start
         samples += f", from {exact_gst(live.start)}"
     if own := [kind for kind in (options["detector"], *options["checks"]) if is_own(kind)]:
         settings["own parts"] = " ".join(f"{kind}@{digest(kind)}" for kind in own)

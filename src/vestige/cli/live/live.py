@@ -45,7 +45,7 @@ LIVE_GROUPS = {
 @click.command(cls=GroupedCommand, groups=LIVE_GROUPS | PROCESSOR_GROUPS)
 @processor_options
 @click.option(
-    "-o", "--output", type=PATH, help="Keep verdicts and state in this folder. If it exists, continue from its state."
+    "-o", "--output", type=PATH, help="Keep verdicts and state in this folder. If the folder exists, continue from it."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON objects, one on each line.")
 @output_options
@@ -62,8 +62,8 @@ LIVE_GROUPS = {
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING while it is being written.
 
-    Verdicts are printed as soon as the key of a RECS was received, and alarms as they come. RECORDING is a folder or
-    file as for `vestige process`, or `-` for samples of E6 or of both bands on standard input.
+    The verdicts of a RECS are printed as soon as its key is received, and alarms are printed at once. RECORDING is a
+    folder or file as for `vestige process`, or `-` for samples of E6 or of both bands on standard input.
     """
     check_usage(recording_path, options)
     processor = processor_from_options(options)

@@ -40,7 +40,9 @@ def opened_live(
     told: bool,
     around_s: float,
 ) -> LiveRecording:
-    """Return the recording with its pipes open; parameters as for `LiveRecording`, `around_s` is its uncertainty.
+    """Return the recording with its pipes open.
+
+    The parameters are those of `LiveRecording`; `around_s` is its `uncertainty_s`.
 
     Raises `VestigeError` if the buffer of a pipe is too small, or a pipe cannot be opened.
     """
@@ -81,7 +83,7 @@ def live_tracking(
 
 
 def _streams(description: RecordingDescription, options: dict[str, Any], around_s: float) -> dict[Band, SampleStream]:
-    """Return the pipes: standard input, or the named pipes that a description names."""
+    """Return the stream of each band that comes from standard input or from a named pipe."""
     from vestige.recording.live.live_recording import buffer_s
 
     piped = {band: file for band, file in description.bands.items() if file.path == STDIN or _is_fifo(file.path)}
@@ -97,7 +99,7 @@ def _streams(description: RecordingDescription, options: dict[str, Any], around_
 
 
 def _split_by_pipe(files: dict[Band, BandFile], *, capacity_bytes: int, can_wait: bool) -> dict[Band, SampleStream]:
-    """Return the streams of all bands; bands that share a pipe have their samples in its frames."""
+    """Return the stream of each band. If bands share a pipe, each frame of the pipe has samples of all these bands."""
     by_path: dict[Path, dict[Band, BandFile]] = {}
     for band, file in files.items():
         by_path.setdefault(file.path, {})[band] = file
@@ -112,7 +114,7 @@ def _is_fifo(path: Path) -> bool:
 
 
 def live_description(recording: Path, options: dict[str, Any]) -> RecordingDescription:
-    """Return the description of a recording on disk, which may have no samples yet."""
+    """Return the description of a recording on disk; the recording may have no samples yet."""
     from dataclasses import replace
 
     from vestige.recording.description import redated
@@ -157,7 +159,7 @@ def stdin_description(options: dict[str, Any], default_band: str = "e6") -> Reco
     Parameters
     ----------
     options
-        Values by the names of the parameters of `stdin_options`, and `start`.
+        Values of the options `stdin_options` and of `start`, by parameter name.
     default_band
         Value of `--band` if it was left out.
     """
@@ -196,7 +198,8 @@ def _stdin_files(options: dict[str, Any], band_name: str) -> dict[Band, BandFile
         needed["--center-frequency-hz"] = "center_frequency_hz"
     elif options["center_frequency_hz"] is not None:
         raise click.UsageError(
-            "--center-frequency-hz: with --band both, 0 Hz is the carrier of each band; state others in --description"
+            "--center-frequency-hz: with --band both, 0 Hz is the carrier of each band; state other frequencies in "
+            "--description"
         )
     needed["--start"] = "start"
     if missing := [name for name, key in needed.items() if options[key] is None]:
@@ -211,8 +214,8 @@ def _stdin_files(options: dict[str, Any], band_name: str) -> dict[Band, BandFile
         center = CARRIER_HZ[band] if len(names) > 1 else options["center_frequency_hz"]
         if band_of(center, rate) is not band:
             raise VestigeError(
-                f"--center-frequency-hz: found {center:g}, expected the {band.name} carrier within half a sample rate "
-                "of it"
+                f"--center-frequency-hz: found {center:g}, expected a frequency within half a sample rate of the "
+                f"{band.name} carrier"
             )
         component, layout = options["sample_format"], options["layout"]
         files[band] = BandFile(
@@ -228,7 +231,7 @@ def _stdin_files(options: dict[str, Any], band_name: str) -> dict[Band, BandFile
 
 
 def stdin_stream(file: BandFile, *, capacity_bytes: int) -> SampleStream:
-    """Return the samples of one band on standard input; those of other channels are dropped."""
+    """Return the samples of one band on standard input; samples of other channels are dropped."""
     return _split({file.band: file}, capacity_bytes=capacity_bytes, can_wait=True)[file.band]
 
 

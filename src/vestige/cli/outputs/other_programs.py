@@ -37,8 +37,8 @@ output_options = options_together(
         type=PATH,
         callback=_with_an_ending,
         metavar="FILE",
-        help="Write authentic positions into this file. Its ending names the format: .nmea, .csv, .geojson or .kml. "
-        "- writes NMEA 0183 to standard output. May be given several times.",
+        help="Write authentic positions into this file. The ending of the file name is the format: .nmea, .csv, "
+        ".geojson or .kml. - writes NMEA 0183 to standard output. May be given several times.",
     ),
     click.option(
         "--mavlink",
@@ -58,7 +58,7 @@ def check_outputs(options: dict[str, Any], inputs: Iterable[Path | None]) -> Non
     positions, target = options["positions"], options["mavlink"]
     read = tuple(inputs)
     if STDOUT in positions and options["as_json"]:
-        raise click.UsageError("--positions -: standard output is for --json; name a file for one of them")
+        raise click.UsageError("--positions -: standard output is for --json; name a file for the positions")
     files = [path for path in positions if path != STDOUT]
     if target is not None and target.endswith(_LOG):
         files.append(Path(target))
@@ -68,7 +68,7 @@ def check_outputs(options: dict[str, Any], inputs: Iterable[Path | None]) -> Non
 
 @contextmanager
 def outputs_for_others(options: dict[str, Any], *, replace: bool) -> Iterator[Callable[[Step], None]]:
-    """Yield a function that writes the output for a snapshot, whose time is that of the signal.
+    """Yield a function that writes the output for a snapshot, with times on the clock of the signal.
 
     Parameters
     ----------

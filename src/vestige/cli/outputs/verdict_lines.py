@@ -41,7 +41,7 @@ class VerdictRow(TypedDict):
 
 
 class CheckEntry(TypedDict):
-    """A check of a verdict, which fails if the magnitude of the statistic exceeds the threshold."""
+    """A check of a verdict. The check fails if the magnitude of the statistic exceeds the threshold."""
 
     name: str
     outcome: _OutcomeName
@@ -59,7 +59,7 @@ class VerdictEntry(VerdictRow):
 
 
 class PositionEntry(TypedDict):
-    """A position from authentic ranges, which is authentic if its orbits also are."""
+    """A position from authentic ranges. The position is authentic if the orbits are authenticated, too."""
 
     snapshot: _Count
     time: str
@@ -102,7 +102,7 @@ class StateLine(TypedDict):
 
 
 class EndLine(TypedDict):
-    """The last line: number of snapshots, number of snapshots without samples, and satellites never found on E1."""
+    """The last line: number of snapshots, number with dropped E6 samples, and satellites never found on E1."""
 
     kind: Literal["end"]
     snapshots: _Count

@@ -8,8 +8,8 @@ NOT_ON_E6 = (
     "no satellite was found on E6, likely causes:",
     "  - E6 is later than the correlators reach: add --calibrate --taps 63",
     "  - E6 is described wrongly (spectral_inversion, sample_rate_hz, format, center_frequency_hz, file): " + _INSPECT,
-    "  - the RECS files are of another service, or encrypted under another key than they name: get the RECS and key "
-    "files again",
+    "  - the RECS files belong to another service, or are encrypted under another key than the key that they name: get "
+    "the RECS and key files again",
     "  - the RECS are encrypted in another AES mode: --cipher-mode ctr",
     "  - E6-C is not encrypted (`inspect` says so), or is jammed, or an attack replaced E6",
 )
@@ -29,7 +29,7 @@ WEAK_ON_E1 = (
 
 
 def in_one_line(advice: tuple[str, ...]) -> str:
-    """Return an advice of several lines as one line.
+    """Return advice of several lines as one line.
 
     Examples
     --------

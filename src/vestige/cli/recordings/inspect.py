@@ -1,4 +1,4 @@
-"""`vestige inspect`: content and faults of a recording, and the data that ACAS lacks to authenticate it."""
+"""`vestige inspect`: content and faults of a recording, and the data that are missing for ACAS."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 )
 @trust_options
 @click.option(
-    "--check-hash", is_flag=True, help="Read all samples, and compare them with the hash in their description."
+    "--check-hash", is_flag=True, help="Read all samples, and compare their hash with the hash in the description."
 )
 @click.option(
     "--quick", is_flag=True, help="Do not search for signals. The search takes 10 s, or 40 s if there is none."
@@ -39,7 +39,7 @@ def command(path: Path, **options: Any) -> None:
     PATH is a folder, a recording.toml, a SigMF metadata or collection file, an ION metadata file (.sdrx, .xml), or a
     file of E1 observations.
 
-    The satellites of E1 and E6 are listed. If the description shows no satellite, other descriptions are tried:
+    The satellites of E1 and E6 are listed. If no satellite is found with the description, other descriptions are tried:
     exchanged bands, another sampling rate, number format, sense of the spectrum or centre frequency.
     """
     import json

@@ -41,13 +41,13 @@ if TYPE_CHECKING:
     from vestige.records import Assistance
     from vestige.time import GalileoTime
 
-# Behind a narrow filter the peak is round, and linear interpolation gives up to twice the offset. Half steps after the
-# first step converge, where whole steps would oscillate.
+# Behind a narrow filter the peak is round, and linear interpolation gives up to twice the offset. Therefore whole steps
+# would oscillate, but half steps after the first step converge.
 _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 
 
 class _Process(GroupedCommand):
-    """Command `vestige process`, which refers standard input and the former option `--follow` to `vestige live`."""
+    """Command `vestige process`. Standard input and the former option `--follow` are passed on to `vestige live`."""
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
@@ -75,18 +75,20 @@ class _Process(GroupedCommand):
 @click.option(
     "--write-bias",
     type=PATH,
-    help="Write the hardware bias into this folder, as receiver.toml. vestige reads it in the assistance folder only.",
+    help="Write the hardware bias into this folder, as receiver.toml. vestige reads this file only in the assistance "
+    "folder.",
 )
 @click.option("-o", "--output", type=PATH, help="Write the verdicts into this CSV file.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @output_options
-@click.option("--strict", is_flag=True, help="Stop at a damaged assistance file, in place of a warning.")
+@click.option("--strict", is_flag=True, help="Stop at a damaged assistance file, instead of printing a warning.")
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING: one verdict for each satellite and RECS.
 
-    RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or such a file. For each RECS: does the
-    encrypted signal in E6 arrive when E1 predicts, and was it received before anybody could know the key? If there are
-    no observations, E1 is tracked in its samples. A recording that is still being written is for `vestige live`.
+    RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or such a file. For each RECS the
+    command tests whether the encrypted signal in E6 arrives when E1 predicts, and whether this signal was received
+    before anybody could know the key. If there are no observations, E1 is tracked in the samples. For a recording that
+    is still being written, use `vestige live`.
     """
     from contextlib import ExitStack
     from dataclasses import replace
@@ -106,7 +108,7 @@ def command(recording_path: Path, **options: Any) -> None:
     if options["write_bias"]:
         check_output(options["write_bias"] / RECEIVER_NAME, recording.description.files)
     channels = _channels(options)
-    with ExitStack() as stack:  # opens the outputs before E1 is tracked, which takes long
+    with ExitStack() as stack:  # outputs are opened before E1 is tracked, because tracking takes long
         writers = [stack.enter_context(csv_writer(options["output"]))] if options["output"] else []
         writers.append(stack.enter_context(outputs_for_others(options, replace=True)))
         tracked = _tracked(recording, options, folder)
@@ -140,7 +142,7 @@ def command(recording_path: Path, **options: Any) -> None:
 def prepared(
     recording: Recording, options: dict[str, Any], tracked: TrackedRecording | None, channels: OtherChannels
 ) -> tuple[AcasProcessor, RecordingSource, list[str]]:
-    """Return the processor and the source of snapshots that the options describe, and all warnings, also printed.
+    """Return the processor and the source of snapshots that the options describe, and the warnings that were printed.
 
     Parameters
     ----------
@@ -151,7 +153,7 @@ def prepared(
     tracked
         Result of tracking E1; None if E1 was not tracked.
     channels
-        Data beside samples and assistance.
+        Data of the second OSNMA channel and of the accelerometer.
     """
     from vestige.recording.assistance.folder import read_assistance
     from vestige.recording.assistance.made_recs import open_code_warning
@@ -224,7 +226,7 @@ def _why_no_recs(warnings: Iterable[str]) -> str:
     from vestige.recording.assistance.other_times import OTHER_TIMES
 
     if NO_RECS in warnings:
-        return "the assistance folder has no usable RECS; get those for the time of the recording"
+        return "the assistance folder has no usable RECS; get the RECS for the time of the recording"
     return next((line for line in warnings if line.startswith(OTHER_TIMES)), "")
 
 
@@ -258,7 +260,7 @@ def _sent_before_tracking(source: RecordingSource, tracked: TrackedRecording | N
 
 
 def _is_shown(step: Step) -> bool:
-    """Return whether a step has verdicts of RECS, or changes of state between two RECS."""
+    """Return whether a step has verdicts of RECS, or an alarm between two RECS."""
     return bool(step.block.measured.snapshots.recs.any()) or any(change.alarm for change in step.changes)
 
 
@@ -316,7 +318,7 @@ def _message(recording: Recording, tracked: TrackedRecording | None) -> Message 
 
 
 def _channels(options: dict[str, Any]) -> OtherChannels:
-    """Return the data beside samples and assistance; for a growing recording they come with each epoch."""
+    """Return the data of the second OSNMA channel and of the accelerometer; `vestige live` reads them at each epoch."""
     from vestige.recording.observations.accelerations import read_accelerations
     from vestige.recording.recorded_block import OtherChannels
 
@@ -328,7 +330,7 @@ def _channels(options: dict[str, Any]) -> OtherChannels:
 
 
 def _second_channel(options: dict[str, Any]) -> Assistance | None:
-    """Return the OSNMA data of the second channel, None without such a channel; warns of their faults."""
+    """Return the OSNMA data of the second channel, None without such a channel; warn of faults in the data."""
     from vestige.recording.assistance.folder import read_assistance
 
     folder = options["second_channel"]
@@ -339,14 +341,14 @@ def _second_channel(options: dict[str, Any]) -> Assistance | None:
         warn(problem)
     if not found.assistance.keys:
         raise VestigeError(
-            f"{folder}: second channel: found no validated OSNMA key, expected keys, and the public key or Merkle tree "
-            "that they lead to, there or as an option"
+            f"{folder}: second channel: found no validated OSNMA key, expected keys, and their public key or Merkle "
+            "tree in this folder or as an option"
         )
     return found.assistance
 
 
 def _steps(processor: AcasProcessor, source: RecordingSource, *, calibrate: bool) -> tuple[Iterator[Step], float]:
-    """Return an iterator over the result of each snapshot, and the hardware bias that it uses."""
+    """Return an iterator over the results of the snapshots, and the hardware bias in s that the processor uses."""
     from dataclasses import replace
 
     from vestige.acas_processor.monitoring.calibration import MIN_SATELLITES, hardware_bias_correction_s

@@ -81,7 +81,7 @@ PROCESSOR_GROUPS = {
         "calibrate",
         "write_bias",
     ),
-    "What the receiver usually sees": (
+    "Usual levels and errors": (
         "usual_e1_power_db",
         "usual_e6_power_db",
         "usual_e1_cn0_dbhz",
@@ -178,7 +178,8 @@ _e6_options = options_together(
     number_option(
         "--hardware-bias-m",
         (-1e7, 1e7),
-        help="Delay of E6 minus that of E1 in the receiver, in m.   [default: that of the assistance folder, or 0]",
+        help="Hardware bias: delay of the E6 front end minus delay of the E1 front end, in m. "
+        "[default: value of the assistance folder, or 0]",
     ),
 )
 # RECORDING and the options of the processor
@@ -191,7 +192,7 @@ processor_options = options_together(
         "certificates",
         multiple=True,
         type=PATH,
-        help="Public key of the assistance server. Files that it did not sign are then refused.",
+        help="Public key of the assistance server. Files that the server did not sign are then refused.",
     ),
     cipher_mode_option,
     group_delay_option,
@@ -206,25 +207,25 @@ processor_options = options_together(
     click.option(
         "--navigation",
         type=PATH,
-        help="RINEX navigation file with the orbits for positions, used in place of those in the tracked message.",
+        help="RINEX navigation file with the orbits for positions, used in place of the orbits in the tracked message.",
     ),
     start_option,
     number_option(
         "--time-uncertainty",
         (0, 1e6),
         metavar="SECONDS",
-        help="Upper limit of the error of the receiver's clock. [default: that of the recording]",
+        help="Upper limit of the receiver clock's error. [default: the limit that the recording states]",
     ),
     click.option(
         "--cn0-estimator",
         type=click.Choice(CN0_ESTIMATOR_NAMES),
-        help="Estimator of the C/N0 of E1 where it is measured in the samples. [default: noise-floor]",
+        help="Estimator of the C/N0 of E1 if E1 is measured in the samples around each RECS. [default: noise-floor]",
     ),
     click.option(
         "--fail-on",
         type=click.Choice(["spoofed", "alarm", "unauthenticated"]),
-        help="End with exit status 3 if a verdict is SPOOFED, if there was an alarm (SPOOFED, SUSPECT or "
-        "NOT_DETECTED), or if not every verdict is AUTHENTIC. Scripts should use alarm.",
+        help="Condition for exit status 3. spoofed: a verdict is SPOOFED. alarm: there was an alarm (SPOOFED, SUSPECT "
+        "or NOT_DETECTED). unauthenticated: not every verdict is AUTHENTIC. Scripts should use alarm.",
     ),
     _level_options,
     _e6_options,
@@ -239,7 +240,7 @@ def check_processor_usage(options: dict[str, Any]) -> None:
     stated = click.get_current_context().get_parameter_source("kappa") is ParameterSource.COMMANDLINE
     if options["alarms_per_day"] is not None and stated:
         raise click.UsageError("--kappa: follows from --alarms-per-day; leave one of the two out")
-    approximate_position(options)  # checked before the tracking of E1, which takes long
+    approximate_position(options)  # checked before E1 is tracked, because tracking takes long
     pseudorange_errors(options)
 
 
@@ -251,7 +252,7 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
 def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
     """Read the named keys, tree and certificates, and list folders, so that a wrong name is found before E1 is tracked.
 
-    Raises `InputFileError` or `AuthenticationError`, as `read_assistance`.
+    Raises `InputFileError` or `AuthenticationError`, as `read_assistance` does.
     """
     from vestige.crypto.file_bytes import list_folder
     from vestige.crypto.recs.file_signature import load_public_key
@@ -268,7 +269,10 @@ def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
 
 
 def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
-    """Return the estimator of the C/N0 of E1; usage error if it is named and E1 is not measured in the samples."""
+    """Return the estimator of the C/N0 of E1.
+
+    The option without E1 that is `measured` in samples is a usage error.
+    """
     if options["cn0_estimator"] is not None and not measured:
         raise click.UsageError("--cn0-estimator is for E1 measured in samples; here observations give the C/N0")
     return options["cn0_estimator"] or "noise-floor"

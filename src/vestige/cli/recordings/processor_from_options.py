@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def processor_from_options(
     options: dict[str, Any], tracked: TrackedRecording | None = None, proven: tuple[AuthenticatedData, ...] = ()
 ) -> AcasProcessor:
-    """Return the processor.
+    """Return the processor that the options describe.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def processor_from_options(
     budget = {"uncorrected": ErrorBudget.uncorrected, "corrected": ErrorBudget.corrected}[options["budget"]]
     checks = tuple(OwnCheck.named(kind) for kind in options["checks"])
     if len({one.name for one in checks}) < len(checks):
-        raise click.UsageError("--check: two checks have one name, expected one of its own for each")
+        raise click.UsageError("--check: two checks have the same name, expected a different name for each check")
     monitoring = _monitoring(options, tracked, proven)
     try:
         processor = AcasProcessor(

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @click.option(
     "--band",
     type=click.Choice(["e1", "e6", "both"]),
-    help="Band whose samples go to the pipe, with -o -. For both, a sample of E1 and one of E6 alternate.",
+    help="Band whose samples go to the pipe, with -o -. With both, samples of E1 and E6 alternate.",
 )
 @click.option("--epochs", metavar="A:B", help="Epochs A to B - 1 of a campaign. [default: all]")
 @set_option
@@ -52,9 +52,9 @@ if TYPE_CHECKING:
 def command(scenario: Path, **options: Any) -> None:
     """Write E1 and E6 samples of SCENARIO as a SigMF collection, with all files that belong to them.
 
-    A campaign gives a test case of its epochs: encrypted E6-C, E1 observations, RECS, group delays, OSNMA keys, truth;
-    `vestige process` authenticates it. A recording gives samples with open E6-C and an OSNMA key chain;
-    `vestige recs make` makes RECS for it.
+    If SCENARIO is a campaign, the command writes a test case: encrypted E6-C, E1 observations, RECS, group delays,
+    OSNMA keys and truth. `vestige process` authenticates this test case. If SCENARIO is a recording, the command
+    writes samples with open E6-C and an OSNMA key chain. `vestige recs make` makes RECS for such samples.
 
     With `-o -` the I,Q samples of one band, or of both in turn, go to standard output, and no file is written.
     """
@@ -162,12 +162,12 @@ def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
             )
         output.flush()
     except BrokenPipeError:
-        # discards buffered bytes, whose write would fail again when Python ends
+        # discards the buffered bytes; otherwise Python would write these bytes at its exit, and fail
         os.dup2(os.open(os.devnull, os.O_WRONLY), output.fileno())
 
 
 def _chosen(epochs: str | None, scenario: CampaignScenario) -> tuple[int, int]:
-    """Return the first epoch of `A:B` and the epoch after the last, by default of all epochs."""
+    """Return the first epoch of `A:B` and the epoch after the last; without `A:B`, all epochs are chosen."""
     match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", epochs or f"0:{scenario.epochs}", re.ASCII)
     if match is None:
         raise click.UsageError(f"--epochs: found {epochs}, expected A:B within 0:{scenario.epochs}")
@@ -179,7 +179,7 @@ def _check_recs(path: Path, scenario: CampaignScenario, first: int, end: int) ->
     every = scenario.recs.every
     following = -(-first // every) * every
     if not first < end <= min(scenario.epochs, following):
-        return  # the epochs have a RECS, or are none of the scenario
+        return  # the epochs have a RECS, or are not epochs of the scenario
     if following < scenario.epochs:
         which, advice = f"the next one is at epoch {following}", f"{first}:{following + 1}"
     else:

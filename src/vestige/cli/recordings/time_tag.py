@@ -10,37 +10,37 @@ if TYPE_CHECKING:
     from vestige.recording.recording import Recording
     from vestige.records import Assistance
 
-MAX_LABEL_S = 1e5  # uncertainty of an unknown time, which covers the whole recording
+MAX_LABEL_S = 1e5  # largest uncertainty in s that is searched, also if the error of the time tag has no limit
 
 
-def late_or_early(error_s: float) -> str:
-    """Return the error of a time tag as text for the user.
+def ahead_or_behind(error_s: float) -> str:
+    """Return the error of a time tag as text, to be continued with the time to which the error refers.
 
     Examples
     --------
-    >>> late_or_early(-0.004), late_or_early(10.02)
-    ('4 ms early', '10.02 s late')
+    >>> ahead_or_behind(-0.004), ahead_or_behind(10.02)
+    ('4 ms behind', '10.02 s ahead of')
     """
     size_s = abs(error_s)
     size = f"{size_s * 1e3:.0f} ms" if size_s < 1 else f"{size_s:.2f} s"
-    return f"{size} {'early' if error_s < 0 else 'late'}"
+    return f"{size} {'behind' if error_s < 0 else 'ahead of'}"
 
 
 def by_the_message(error_s: float) -> str:
-    """Return the error of the samples' time tag that the message shows, as a line for the user.
+    """Return a line with the error of the time tag, relative to the time in the navigation message.
 
     Examples
     --------
     >>> by_the_message(-9.998)
-    'the time tag of the samples is 10.00 s early according to the message, ± 10 ms'
+    'the time tag of the samples is 10.00 s behind the time in the navigation message, ± 10 ms'
     """
-    return f"the time tag of the samples is {late_or_early(error_s)} according to the message, ± 10 ms"
+    return f"the time tag of the samples is {ahead_or_behind(error_s)} the time in the navigation message, ± 10 ms"
 
 
 def time_tag_warning(error_s: float, said_s: float = 0.0) -> str:
     """Return the warning that the message gives another time than the time tag; "" within `TIME_TAG_TOLERANCE_S`.
 
-    `said_s` is the error that the user knows already.
+    `said_s` is the error of which the user was already warned.
     """
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
 
@@ -60,7 +60,7 @@ def on_signal_clock(step: Step, late_s: float) -> Step:
     step
         Result of the processor, on the clock of the receiver.
     late_s
-        Error of that clock in s, positive if it is late.
+        Error of the receiver's clock in s, positive if this clock is ahead of the clock of the signal.
     """
     from dataclasses import replace
 
@@ -75,7 +75,7 @@ def on_signal_clock(step: Step, late_s: float) -> Step:
 
 
 def label_uncertainty_s(recording: Recording, stated_s: float | None) -> float:
-    """Return the uncertainty of the time tag if E1 samples alone give the time, which is modulo 100 ms; otherwise 0."""
+    """Return the uncertainty of the time tag in s if E1 samples alone give the time, modulo 100 ms; otherwise 0."""
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
 
     around_s = recording.description.time_uncertainty_s if stated_s is None else stated_s
@@ -89,7 +89,10 @@ def label_error_s(
     processor: AcasProcessor,
     say: Callable[[object], None],
 ) -> float:
-    """Search the samples for RECS, give the result to `say`, and return the delay of the time tag in s."""
+    """Search the samples for RECS, give the result to `say`, and return the error of the time tag in s.
+
+    The error is positive if the time tag is ahead of the time of the RECS.
+    """
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
     from vestige.recording.observations.time_tag_search import search_label
 
@@ -111,5 +114,5 @@ def label_error_s(
         )
         return 0.0
     if abs(found.error_s) > TIME_TAG_TOLERANCE_S:
-        say(f"the time tag is {late_or_early(found.error_s)} by the RECS in the samples")
+        say(f"the time tag is {ahead_or_behind(found.error_s)} the time of the RECS in the samples")
     return found.error_s if abs(found.error_s) > TIME_TAG_TOLERANCE_S else 0.0

@@ -55,7 +55,7 @@ def command(recording_path: Path, **options: Any) -> None:
 
 
 def _check_duration(path: Path, tracked: TrackedRecording, duration_s: float) -> None:
-    """Raise `InputFileError` if no satellite was tracked because there is too little of E1."""
+    """Raise `InputFileError` if no satellite was tracked because there are too few samples of E1."""
     from vestige.recording.tracked.track_recording import MIN_TRACKED_S
 
     if duration_s < MIN_TRACKED_S and not any(epoch.observations for epoch in tracked.epochs):
@@ -145,8 +145,9 @@ def _print(tracked: TrackedRecording, rate_hz: int) -> None:
         issue = str(issues.get(svid, "-"))
         echo(f"  E{svid:02d} {len(strengths) / rate_hz:8.1f} s  {cn0}  {slips[svid]:12d}  {pages:12d}  {issue:>6}")
     if tracked.time_tag_error_s is None:
-        echo("no navigation message gave the time; the ranges rest on the time tag of the samples")
+        echo("no navigation message gave the time; the ranges depend on the time tag of the samples")
     else:
         echo(by_the_message(tracked.time_tag_error_s))
         if offset_s := clock_set_s(tracked):
-            echo(f"the clock of the files is set {offset_s} s earlier than that of the samples")
+            side = "earlier" if offset_s > 0 else "later"
+            echo(f"the clock of the files is set {abs(offset_s)} s {side} than the clock of the samples")

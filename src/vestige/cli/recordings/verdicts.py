@@ -234,7 +234,7 @@ def print_snapshot(step: Step) -> None:
             f"{verdict.status.name}{'' if verdict.status.name == 'AUTHENTIC' else f': {verdict.reason}'}"
         )
         if row["true_offset_m"] is not None:
-            echo(f"{'':46}the true signal is its earliest one, {-row['true_offset_m']:.1f} m nearer than E1 says")
+            echo(f"{'':46}the true signal is the earliest signal, {-row['true_offset_m']:.1f} m nearer than E1 says")
     _print_position(step)
     _print_not_run(step.verdicts)
 
@@ -259,7 +259,7 @@ def print_changes(step: Step) -> None:
 
 
 def _print_not_run(verdicts: Iterable[Verdict]) -> None:
-    """Print the checks beyond steps 1 and 2 that could not be run for any satellite, a line for each reason."""
+    """Print the checks after the first two that were not run for at least one satellite, a line for each reason."""
     why = defaultdict(list)
     for name, reason in dict.fromkeys(
         (check.name, check.reason) for one in verdicts for check in one.checks[2:] if check.outcome is Outcome.NOT_RUN
@@ -270,7 +270,7 @@ def _print_not_run(verdicts: Iterable[Verdict]) -> None:
 
 
 def print_table(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float) -> None:
-    """Print each verdict as text when it comes, then the tally, which counts the verdicts."""
+    """Print each verdict as text when it comes, and count it in `tally`. Then print the tally."""
     for step in steps:
         print_snapshot(step)
         tally.add(step)
@@ -288,7 +288,10 @@ def print_not_seen(tally: Tally, put: Callable[[str], None] = echo) -> None:
 
 
 def print_json(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> None:
-    """Print each verdict when it comes, all in one JSON object with numbers in full precision. Count the verdicts."""
+    """Print all verdicts as one JSON object, each verdict when it comes, and count the verdicts in `tally`.
+
+    Numbers have full precision.
+    """
     separator: str = ""
     found: list[PositionEntry] = []
     head = {"hardware_bias_m": hardware_bias_s * SPEED_OF_LIGHT_MPS} | dict(remarks)

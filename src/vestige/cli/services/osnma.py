@@ -122,7 +122,7 @@ def _lines(report: OsnmaReport, counts: SbfCounts) -> list[str]:
 
 
 def _losses(report: OsnmaReport, counts: SbfCounts) -> list[str]:
-    """Return a line for each kind of lost or unused data between the file and the subframes."""
+    """Return a text for each kind of data that was lost or not used, such as pages with a wrong checksum."""
     figures = {
         "with a wrong checksum": report.n_crc_failures,
         "missing in incomplete subframes": report.n_missing_pages,

@@ -42,10 +42,10 @@ command.add_command(make_command, "make")
 @_reference
 @json_option
 def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: GalileoTime | None, as_json: bool) -> None:
-    """Print header, epochs, required keys and signature of each of FILES.
+    """Print header, times of transmission, required keys and signature of each file in FILES.
 
-    Signatures are expected beside each file and verified with the given certificates. Every file is read; if a file is
-    bad, the exit code is 1 and its error is printed after the good files.
+    The signature of a file is expected in the same folder, and is verified with the given certificates. Every file is
+    read. If files are bad, the exit code is 1, and their errors are printed after the good files.
     """
     import json
 
@@ -109,7 +109,7 @@ def decrypt_command(
     packed, rows = _decrypt_segments(recs.segments, keys, CipherMode(mode))
     if not packed:
         times = sorted({segment.key_time for segment in recs.segments})
-        raise VestigeError(f"{file}: {key_file} has none of the keys that it needs, from {times[0]} to {times[-1]}")
+        raise VestigeError(f"{file}: {key_file} has none of the keys that the RECS need: {times[0]} to {times[-1]}")
     if output is not None:
         with replacement(output) as part:
             part.write_bytes(packed)

@@ -1,8 +1,11 @@
-"""`vestige demo`: authenticate a small recording, with a wrong key and a shifted E6 too, then a sky, and statistics.
+"""`vestige demo`: show in a minute what vestige does.
+
+The demo authenticates a small recording three times: unchanged, with a wrong key, and with a delayed E6. The samples of
+a sky, statistics and an attack follow.
 
 The demo makes all its data: the recording (`first_light.toml`), an OSNMA key chain, and the RECS. The demo also makes
-some seconds of a sky with its message, keys and RECS (`night.toml`). The simulated measurements are those of
-`quick.toml`, a short form of the paper's harsh conditions.
+some seconds of a sky with its message, keys and RECS (`night.toml`). The statistics come from `quick.toml`, a short
+form of the paper's harsh conditions.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from vestige.cli.options import PATH
 from vestige.cli.terminal import echo
 from vestige.output import check_new_folder
 
-# four of the eight satellites of `night.toml` at half its rate, and the RECS that is sent in second 8
+# four of the eight satellites of `night.toml`, half of its sampling rate, and the RECS that is sent in second 8
 SKY_EPOCHS = "5:9"
 SKY_SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7,8,13,14]", "recs.every=8")
 
@@ -37,8 +40,8 @@ SKY_SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7,8,13,14
 def command(folder: Path) -> None:
     """Show in a minute what vestige does, with every command as you would type it.
 
-    A recording is simulated and authenticated, and again with a wrong key and with a replayed E6. The samples of a sky,
-    statistics, and an attack follow.
+    A recording is simulated and authenticated. The same recording is authenticated again, first with a wrong key and
+    then with a delayed E6. The samples of a sky, statistics, and an attack follow.
     """
     check_new_folder(folder)
     scenarios, night, sky = folder / "scenarios", folder / "recording", folder / "sky"
@@ -70,8 +73,8 @@ def command(folder: Path) -> None:
     echo("", "7. E1 is tracked in the samples; the RECS is correlated in E6 at the delay that E1 predicts.")
     _run("process", sky, "--track", "--public-key", sky / "assistance" / "public_key.pem")
     echo(
-        "All four are AUTHENTIC: the encrypted signal stands far above the noise of E6 (σ), and its range differs by",
-        "a metre from that of E1. Nobody could know the chips before the key was sent, at the time after 'known from'.",
+        "All four are AUTHENTIC: the encrypted signal is far above the noise of E6 (σ), and its range differs by a",
+        "metre from the E1 range. Nobody could know the chips before the key was sent, at the time after 'known from'.",
     )
     echo(
         "", "8. How often does it work? 20,000 RECS in the paper's harsh conditions: 35 dBHz, multipath, solar maximum."
@@ -79,7 +82,7 @@ def command(folder: Path) -> None:
     _run("run", scenarios / "quick.toml", "-o", statistics)
     _run("plot", "all", statistics, "-o", folder / "figures")
     _run("report", statistics, "-o", folder / "quick.html")
-    echo("", "9. A replay of both bands, which level 1 cannot see: six runs, at each mitigation level.")
+    echo("", "9. A replay of both bands, which level 1 does not detect: six runs, at each mitigation level.")
     _run("threats", "--quick", "--only", "A3", "-j", "2")
     echo("", f"Files: {folder}/; figures: {folder / 'figures'}/; a page for a browser: {folder / 'quick.html'}")
     echo("Next: all attacks: vestige threats --quick -j 2 -o threats; options: vestige threats --help")
@@ -103,7 +106,7 @@ def _set(settings: Iterable[str]) -> list[str]:
 
 
 def _delay_e6(recording: Path, output: Path, *, samples: int) -> None:
-    """Write a copy of a recording whose E6 is late by some samples on the shared counter."""
+    """Write a copy of a recording with E6 delayed by a number of samples."""
     from vestige.recording.recording import open_recording
     from vestige.recording.samples.sigmf_writer import write_collection, write_sigmf
 

@@ -35,7 +35,10 @@ def command(folder: Path) -> None:
 
 
 def write_scenarios(folder: Path) -> list[Path]:
-    """Write the folder `scenarios`, which must not exist, into a folder, and return its files."""
+    """Write a new folder `scenarios` into `folder`, and return the files in the new folder.
+
+    Raises `InputFileError` if the folder `scenarios` exists.
+    """
     from vestige.scenario.shipped import shipped_scenarios
 
     target = folder / "scenarios"

@@ -1,7 +1,7 @@
 """Files with TESLA keys.
 
-The key file of an assistance folder is a CSV that proves itself. In addition to the keys, the file has the signed
-DSM-KROOTs to which they chain, so a reader needs only the public key::
+The key file of an assistance folder is a CSV file that contains its own proof. In addition to the keys, the file has
+the signed DSM-KROOTs to which they chain, so a reader needs only the public key::
 
     # vestige OSNMA keys 2
     # public key,<DSM-PKR, hex>
@@ -16,9 +16,10 @@ last column is for human readers. Reading validates every key: the root key's si
 If a root key is signed with a broadcast public key, the file has the DSM-PKR of this public key. Reading such a file
 needs the Merkle tree.
 
-Root keys and alert messages have the subframe in which they were received. The file also has root keys with the status
-"don't use" or with a revocation; keys that they withdraw are refused (`chain_register`). The writer of a file can leave
-out such root keys. So the file proves that keys are genuine, but not that they were never withdrawn.
+For each root key and alert message the file states the subframe of reception. The file also has root keys with the
+status "don't use" or with a revocation; keys that such root keys withdraw are refused (`chain_register`). The writer of
+a file can leave out such root keys. So the file proves that the keys are genuine. It does not prove that no key was
+withdrawn.
 
 Files of version 1 lack time and status. Files of version 1 are readable if none of their root keys withdraws a chain.
 """
@@ -103,7 +104,7 @@ def load_key_file(path: Path, public_keys: Sequence[PublicKey], tree: MerkleTree
     Public keys that were broadcast are verified against the root of `tree`.
 
     Raises `AuthenticationError` if a root key's signature, a key or its chain does not verify, or a signed root key
-    withdraws a key. Raises `VestigeError` if a root key is signed with another public key than those given. Raises
+    withdraws a key. Raises `VestigeError` if a root key is signed with a public key that was not given. Raises
     `InputFileError` if the file is not a key file, is cut off, or contradicts itself. Raises `UnsupportedError` if a
     root key uses a part of the standard that vestige does not support.
     """

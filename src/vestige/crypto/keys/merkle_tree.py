@@ -42,7 +42,7 @@ class MerkleTree:
 def leaf_hash(pkid: int, point: bytes) -> bytes:
     """Return the leaf of a public key, 32 bytes.
 
-    Raises `AuthenticationError` if the length of `point` is not that of a compressed point.
+    Raises `AuthenticationError` if `point` does not have the length of a compressed point.
     """
     return hashlib.sha256(bytes([scheme_of_point(point).key_type << 4 | pkid]) + point).digest()
 
@@ -91,7 +91,8 @@ def nodes_over(leaves: Sequence[bytes]) -> dict[tuple[int, int], bytes]:
 def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
     """Return the key for use after verification against the tree's root.
 
-    A claim without number or leaf takes them from the tree's own entry with the same point or number.
+    If the claim has no leaf, the leaf comes from the tree's entry with the same number. If the claim has no number,
+    number and leaf come from the tree's entry with the same point.
 
     Raises `AuthenticationError` if the tree does not have the key, or the key leads to another root.
     """
@@ -146,9 +147,9 @@ def _verified(
 def verify_broadcast_key(message: bytes, tree: MerkleTree, known: Sequence[PublicKey] = ()) -> PublicKey:
     """Return the public key of a DSM-PKR for the verification of root keys, verified against the tree's root.
 
-    Public keys come into force in the order of their numbers. So a key with a number below that of a known key is
-    refused. Such a key may have been revoked, and an attacker who has the key can send its old DSM-PKR again [OSNMA-RG,
-    4.2].
+    Public keys come into force in the order of their numbers. So an unknown key is refused if its number is not above
+    the numbers of all known keys. Such a key may have been revoked, and an attacker who has the key can send its old
+    DSM-PKR again [OSNMA-RG, 4.2].
 
     Raises `AuthenticationError` if the message is malformed or leads to another root, or if the key is older than a
     known key. Raises `UnsupportedError` if the message contains no key (an alert message, a reserved value).

@@ -2,7 +2,8 @@
 
 A key from a file or a signal is a `ClaimedPublicKey`, which has a number and a point but verifies nothing. A claimed
 key becomes a `PublicKey` in either of two ways. `merkle_tree.verify_public_key` shows that the key is a leaf of the
-Merkle tree whose root the user trusts. With `trusted_by_user`, a user without a Merkle tree vouches for the key.
+Merkle tree whose root the user trusts. With `trusted_by_user`, a user without a Merkle tree takes the responsibility
+for the key.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ class Trust(Enum):
 class ClaimedPublicKey:
     """A public key as a file or the signal claims it."""
 
-    pkid: int | None  # number of the key, PKID 0 … 15; None if the source does not give it (PEM)
-    leaf: int | None  # index 0 … 15 of the leaf in the Merkle tree; None if the source does not give it
+    pkid: int | None  # number of the key, PKID 0 to 15; None if the source does not give it (PEM)
+    leaf: int | None  # index 0 to 15 of the leaf in the Merkle tree; None if the source does not give it
     point: bytes  # compressed point on P-256, 33 bytes, or on P-521, 67 bytes
 
 
@@ -38,7 +39,7 @@ class ClaimedPublicKey:
 class PublicKey:
     """A public key that may be used; made by `merkle_tree.verify_public_key` or `trusted_by_user`."""
 
-    pkid: int | None  # number of the key; None (only from PEM, trusted by the user) stands for any
+    pkid: int | None  # number of the key; None for a key from PEM, which may have any number
     point: bytes
     trust: Trust
     message: bytes = field(default=b"", compare=False, repr=False)  # DSM-PKR that brought the key, if any
@@ -46,7 +47,7 @@ class PublicKey:
     def verify(self, message: bytes, signature: bytes) -> None:
         """Check a signature, given as r and s, in the scheme of this key.
 
-        Raises `AuthenticationError` if `signature` is not that of `message` under this key.
+        Raises `AuthenticationError` if `signature` is not a signature of `message` with this key.
         """
         scheme = scheme_of_point(self.point)
         if len(signature) != scheme.signature_bytes:
@@ -87,7 +88,7 @@ def compressed_point(key: ec.EllipticCurvePublicKey) -> bytes:
 
 
 def trusted_by_user(claim: ClaimedPublicKey) -> PublicKey:
-    """Return the key for use because the user vouches for it, without a Merkle tree.
+    """Return the key for use, without a Merkle tree, because the user trusts the key.
 
     Raises `AuthenticationError` if the key is not a point on the curve.
     """

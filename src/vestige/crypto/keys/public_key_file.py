@@ -1,7 +1,7 @@
 """Readers of files with OSNMA's public key and Merkle tree.
 
 The European GNSS Service Centre publishes key and tree as XML. Public keys also come as PEM, and as loose XML elements
-without a common root. A public key is therefore read by its elements and not as a document. The readers return
+without a common root. A public key is therefore read element by element, without an XML parser. The readers return
 untrusted keys: see `public_key` and `merkle_tree`.
 """
 
@@ -55,7 +55,7 @@ def read_merkle_tree(path: Path) -> MerkleTree:
     """
     text = _read_text(path)
     try:
-        # The parser takes bytes, because it refuses a text that declares its encoding.
+        # The parser gets bytes, because it refuses a string with an encoding declaration.
         document: Element = ElementTree.fromstring(text.encode())
     except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
         raise InputFileError(path, "document", str(error), "well-formed XML without entities") from None
@@ -80,8 +80,8 @@ def read_merkle_tree(path: Path) -> MerkleTree:
 def load_public_keys(public_key: Path | None, merkle_tree: Path | None) -> tuple[PublicKey, ...]:
     """Return the keys that may be used, from a public key file, a Merkle tree file, or both.
 
-    With a Merkle tree every key is verified against its root, including the keys in the tree's own file. A public key
-    without a Merkle tree is trusted because the user vouches for it.
+    With a Merkle tree every key is verified against the root of the tree, including the keys in the tree's own file.
+    Without a Merkle tree the public key is used because the user trusts it.
 
     Raises `AuthenticationError` if a key does not lead to the root of the tree. Raises `InputFileError` or
     `UnsupportedError` if a file cannot be read. Raises `ValueError` if neither file is given.

@@ -19,8 +19,8 @@ class SignatureScheme:
     """A signature scheme of OSNMA."""
 
     key_type: int  # NPKT, the type of a new public key in a DSM-PKR and in a leaf of the Merkle tree
-    name: str  # names of scheme and curve as the European GNSS Service Centre writes them
-    curve_name: str
+    name: str  # name of the scheme as the European GNSS Service Centre writes it
+    curve_name: str  # name of the curve as the European GNSS Service Centre writes it
     curve: ec.EllipticCurve
     hash: hashes.HashAlgorithm
     coordinate_bytes: int  # size of a coordinate of the curve
@@ -52,7 +52,7 @@ _ALERT_TYPE = 4  # NPKT of an OSNMA alert message [OSNMA-ICD, DSM-PKR]
 def scheme_of_type(key_type: int) -> SignatureScheme:
     """Return the scheme of a public key's type (NPKT).
 
-    Raises `UnsupportedError` if the type is reserved, or is that of an alert message, which is not a key.
+    Raises `UnsupportedError` if the type is reserved, or means an alert message instead of a key.
     """
     for scheme in SCHEMES:
         if scheme.key_type == key_type:
@@ -75,5 +75,5 @@ def scheme_of_point(point: bytes) -> SignatureScheme:
 
 
 def scheme_of_curve(curve: ec.EllipticCurve) -> SignatureScheme | None:
-    """Return the scheme of a curve; None if OSNMA does not use it."""
+    """Return the scheme of a curve; None if OSNMA does not use the curve."""
     return next((scheme for scheme in SCHEMES if scheme.curve.name == curve.name), None)

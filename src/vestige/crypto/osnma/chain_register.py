@@ -6,13 +6,12 @@ signed together with each DSM-KROOT. So the status follows from verified root ke
 * A root key with the status "don't use" withdraws all chains.
 * A root key with "chain revoked" or "public key revoked" withdraws all chains except the chain that it names as in
   force. "Public key revoked" also revokes the public keys before the key that signed the root key.
-* A chain comes back only with its own root key that says "test" or "operational" and cannot be older than the
-  withdrawal. A root key of a later time cannot be older than the withdrawal, because nobody may know a key of the chain
-  before its time. A root key of the chain that the withdrawal announced as next chain cannot be older either, because
-  that chain was not in force before.
+* A chain comes back only with its own root key that says "test" or "operational" and is certainly newer than the
+  withdrawal. A root key of a later time is newer, because nobody may know a key of the chain before its time. A root
+  key of the chain that the withdrawal announced as next chain is newer, because that chain was not in force before.
 * An alert message is final, because no message that could end it is trusted any more [OSNMA-RG, 4.2.3].
-* A key of a chain without any accepted root key is refused from the first withdrawal on, because a revoked key signed
-  its root key.
+* A key of a chain without any accepted root key is refused from the first withdrawal on, because a revoked public key
+  signed the root key of the chain.
 
 The time of reception of a root key is not signed, so an attacker may choose it. Therefore a withdrawal counts from the
 earliest of its times of reception. A root key that ends a withdrawal must be later than the latest reception of the
@@ -77,7 +76,7 @@ class ChainRegister:
     chains
         Chains in the order of reception of their first root keys.
     n_changes
-        Number of times that more keys were refused, by a new withdrawal or by an earlier time of a withdrawal.
+        Number of changes after which more keys are refused: new withdrawals, and earlier times of withdrawals.
     """
 
     def __init__(self) -> None:
@@ -118,7 +117,7 @@ class ChainRegister:
             self.n_changes += alert.received(time)
 
     def refusal(self, chain: Chain, time: GalileoTime) -> str:
-        """Return why a chain's key of a subframe may not be used; "" if it may."""
+        """Return why a chain's key of a subframe may not be used; "" if it may be used."""
         for withdrawal in self._withdrawals:
             lifted = withdrawal.lifted.get(chain)
             if time >= withdrawal.since and chain is not withdrawal.in_force and (lifted is None or time < lifted):
@@ -126,10 +125,10 @@ class ChainRegister:
         return ""
 
     def refusal_of(self, key: ValidatedKey) -> str:
-        """Return why a key that was validated before may not be used; "" if it may.
+        """Return why a key that was validated before may not be used; "" if it may be used.
 
-        The key may come from another program run; it counts for the first chain that contains it. If no chain contains
-        the key, its root key was refused, and the key is refused from the first withdrawal on.
+        The key may come from another run of the program. It counts as a key of the first chain that contains it. If no
+        chain contains the key, its root key was refused, and the key is refused from the first withdrawal on.
         """
         if not self._withdrawals:
             return ""

@@ -1,8 +1,8 @@
 """Decide whether samples were provably received before the key of their RECS was on air [WFO, Sec. III-D].
 
 From the first bit of a key on, anybody can make the chips of its RECS. So a correlation is a proof only if the
-correlated samples end before the disclosure by more than the possible error of the receiver's clock. Only
-`provably_before_disclosure` makes this decision, for one snapshot and for arrays.
+correlated samples end early enough. The time from their end to the disclosure must be longer than the possible error of
+the receiver's clock. Only `provably_before_disclosure` makes this decision, for one snapshot and for arrays.
 """
 
 from __future__ import annotations
@@ -28,14 +28,15 @@ def provably_before_disclosure(
 ) -> bool | Bool[np.ndarray, "*n"]:
     """Return whether samples were provably received before their key was on air.
 
-    Raises `VestigeError` if the upper limit is negative or NaN.
+    Raises `VestigeError` if `time_uncertainty_s` is negative or NaN.
 
     Parameters
     ----------
     lead_s
         Time from the end of the correlated samples to the disclosure of the key, on the receiver's clock, in s.
     time_uncertainty_s
-        Upper limit of the error of that clock in s, 0 or more; infinite if unknown, so that no reception is provable.
+        Upper limit of the error of the receiver's clock in s, 0 or more. Infinite if unknown; then no reception is
+        provable.
     """
     if isinstance(time_uncertainty_s, np.ndarray):
         require_time_uncertainty(float(np.min(time_uncertainty_s, initial=np.inf)))
@@ -46,15 +47,15 @@ def provably_before_disclosure(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceptionProof:
-    """Proof for a RECS: which of its arrivals happened before the disclosure of its key."""
+    """Times of a RECS and its key, which decide whether an arrival of the RECS was before the disclosure of the key."""
 
     disclosed_at: GalileoTime  # time at which the first bit of the key was on air
     duration_s: float  # length of the RECS in s
     time_uncertainty_s: float  # upper limit of the error of the receiver's clock in s; infinite if unknown
-    # delay of the samples' time tags behind that clock in s, 0 or more
+    # time in s by which the time tags of the samples are behind the receiver's clock, 0 or more
     labels_behind_s: float = 0.0
 
     def holds(self, start: GalileoTime) -> bool:
-        """Return whether a RECS with its first chip at a time tag was completely received before the disclosure."""
+        """Return whether a RECS was received before the disclosure; `start` is the time tag of its first chip."""
         end = start + (self.duration_s + self.labels_behind_s)
         return provably_before_disclosure(self.disclosed_at - end, self.time_uncertainty_s)

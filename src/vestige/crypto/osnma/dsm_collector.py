@@ -28,7 +28,7 @@ class DsmMessage:
     """A complete DSM as received."""
 
     header: NmaHeader  # header that came with every block
-    dsm_id: int  # 0 … 11 DSM-KROOT, 12 … 15 DSM-PKR
+    dsm_id: int  # 0 to 11: DSM-KROOT; 12 to 15: DSM-PKR
     data: bytes  # all blocks
 
     @property
@@ -59,7 +59,7 @@ class _Collection:
         return b"".join(self.blocks[number] for number in range(n_blocks))
 
     def root_key_progress(self) -> str:
-        """Return how many blocks of a DSM-KROOT were received, and their total, which only block 0 gives."""
+        """Return the number of received blocks of a DSM-KROOT as text, with the total number if block 0 gave it."""
         n = len(self.blocks)
         if 0 not in self.blocks:
             return f"{n} block{'s' * (n != 1)}, but not block 0, which gives their number"

@@ -23,7 +23,7 @@ class DsmVerifier:
     """Collect DSM blocks, and enter verified messages in the register of chains.
 
     Broadcast public keys and alert messages are verified against `tree`, if given. A verified broadcast key is used
-    like those in `public_keys`, also for earlier root keys.
+    like the keys in `public_keys`, also for earlier root keys.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class DsmVerifier:
         self._register = register
         self._problems = problems
         self._collector = DsmCollector()
-        self._place: dict[DsmMessage, int] = {}  # in `roots`
+        self._place: dict[DsmMessage, int] = {}  # index of each message in `roots`
         self._verified: dict[tuple[NmaHeader, bytes], RootKey] = {}  # each signature is verified once
         self.roots: list[RootCheck] = []
         self.alerts: list[GalileoTime] = []

@@ -116,9 +116,10 @@ class OsnmaReceiver:
         return self._take(self._intake.add(page))
 
     def learn(self, roots: Iterable[RootKey]) -> tuple[ValidatedKey, ...]:
-        """Return the keys that root keys from another source make valid, before the chain's DSM-KROOT is received.
+        """Add root keys from another source, and return the keys that become valid.
 
-        Only the received message can show whether the chain was withdrawn after the reception of those root keys.
+        With these root keys, keys are valid before the DSM-KROOT of their chain is received. Only the received
+        DSM-KROOT can show whether the chain was withdrawn after the reception of these root keys.
         """
         n_chains, n_changes = len(self._register.chains), self._register.n_changes
         for root in sorted(roots, key=lambda root: root.received_at):
@@ -158,8 +159,8 @@ class OsnmaReceiver:
     def forget(self, before: GalileoTime) -> None:
         """Drop received data from before a time, so that a receiver can run without limit; signed data is kept.
 
-        Keys from before that time are not returned again, and subframes that waited for a root key since then are
-        dropped.
+        Keys from before that time are not returned again, and subframes from before that time that still wait for a
+        root key are dropped.
         """
         limit = before.gst_seconds
         self._keys = {time: key for time, key in self._keys.items() if time >= limit}
@@ -227,7 +228,7 @@ class OsnmaReceiver:
         return keys
 
     def _read(self, epoch: Epoch) -> _Message | None:
-        """Return the OSNMA of an epoch, and store its navigation words for the next epoch."""
+        """Return the OSNMA of a subframe, and store its navigation words for the next subframe."""
         before = dict(self._navigation)
         usable = []
         refusing = []
@@ -245,7 +246,7 @@ class OsnmaReceiver:
                 # send it.
                 if header.status == DONT_USE:
                     refusing.append(subframe)
-        if not chain_ids:  # without any first page nothing says whether the key may be used
+        if not chain_ids:  # no header was received, so it is unknown whether the key may be used
             return None
         return _Message(epoch.time, chain_ids.most_common(1)[0][0], tuple(refusing), tuple(usable), before)
 
@@ -319,7 +320,7 @@ class OsnmaReceiver:
                 self._withhold(key, refusal)
 
     def _release(self) -> list[ValidatedKey]:
-        """Return the withheld keys whose headers are forged, as tags have proven since then."""
+        """Return the withheld keys for which tags have now proven that the headers are forged."""
         keys = []
         for claim in tuple(self._claims):
             message = claim.message
@@ -338,7 +339,7 @@ class OsnmaReceiver:
     def _validate(
         self, message: _Message, subframes: Sequence[SatelliteSubframe], chains: Sequence[Chain]
     ) -> tuple[Chain, ValidatedKey | None]:
-        """Return the chain of a subframe's key and the key; no key if none chains."""
+        """Return the chain of a subframe's key, and the key; None for the key if no received key chains."""
         candidates: dict[Key, list[int]] = {}
         for subframe in subframes:
             key = _key_in(subframe, chains[0])

@@ -25,7 +25,7 @@ class ProblemKind(Enum):
     STATUS = "status"  # the system, or an unsigned header, says "don't use"
     DISAGREEMENT = "disagreement"  # satellites send different keys for one subframe
     PAGE = "page"
-    TIME = "time"  # the time in a navigation word differs from that of the recording
+    TIME = "time"  # the time in a navigation word differs from the time of the recording
     IGNORED = "ignored"  # valid, but not used, or not supported
 
 
@@ -79,7 +79,7 @@ class RootCheck:
     kroot: DsmKroot | None  # None if its fields are invalid or not supported
     received_at: GalileoTime  # subframe that completed the DSM-KROOT
     root: RootKey | None  # the root key if signature and padding verify, else None
-    on_known_chain: bool = False  # whether it lies on the chain of an earlier root key
+    on_known_chain: bool = False  # whether the root key belongs to the chain of an earlier root key
     reason: str = ""  # why the verification failed; "" after a success
 
 
@@ -140,10 +140,10 @@ class AuthenticatedData:
     adkd: int  # 0 ephemeris, clock and status; 4 timing parameters
     iod_nav: int | None  # issue of data; None for timing parameters
     first: GalileoTime  # first subframe with a verified tag for the data
-    last: GalileoTime  # the same
+    last: GalileoTime  # last subframe with a verified tag for the data
     n_tags: int  # tags that verified
     tag_bits: int  # total bits of these tags
-    authenticated: bool  # whether the bits are enough
+    authenticated: bool  # whether `tag_bits` is large enough
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,20 +152,20 @@ class OsnmaReport:
 
     first: GalileoTime | None  # start of the first used page; None without pages
     last: GalileoTime | None  # start of the last used page
-    n_pages: int  # given
+    n_pages: int  # number of given pages
     n_crc_failures: int  # pages with a wrong checksum
     n_alert_pages: int  # pages without word and OSNMA
-    pages: Mapping[PageStatus, int]  # status of the other pages
+    pages: Mapping[PageStatus, int]  # number of the other pages by status
     n_missing_pages: int  # lost pages of subframes with at least one received page
     subframes: Mapping[Content, int]  # number of subframes of satellites by content
-    satellites: tuple[int, ...]  # all
+    satellites: tuple[int, ...]  # satellites with at least one page
     osnma_satellites: tuple[int, ...]  # satellites that send OSNMA
-    time_stamps: Count  # navigation words with a time, by agreement with the recording
+    time_stamps: Count  # navigation words with a time; a word verifies if its time is the time of the recording
     roots: tuple[RootCheck, ...]
     keys: tuple[ValidatedKey, ...]  # validated keys in time order
     withheld: tuple[WithheldKey, ...]  # keys that chain but have the status "don't use", signed or unsigned
     alerts: tuple[GalileoTime, ...]  # subframes in which an alert message was verified
-    chain_steps: Count  # keys after the first, by whether they chain to earlier validated keys
+    chain_steps: Count  # keys after the first key; a key verifies if it chains to earlier validated keys
     tags: TagCounts
     navigation: tuple[AuthenticatedData, ...]  # navigation data that tags verified
     gaps: tuple[KeyGap, ...]
@@ -175,7 +175,7 @@ class OsnmaReport:
 
     @property
     def broadcast_keys(self) -> tuple[PublicKey, ...]:
-        """Public keys from a DSM-PKR that verify root keys, themselves verified against the Merkle tree."""
+        """Public keys from a DSM-PKR that the Merkle tree verifies and that verify root keys."""
         return tuple(dict.fromkeys(root.public_key for root in self.verified_roots if root.public_key.message))
 
     @property

@@ -71,5 +71,5 @@ class PageIntake:
         self.stamps[not same] += 1
         if not same:
             found = f"{'' if week is None else f'week {week} '}second {second}"
-            text = f"E{page.svid:02d} sends a time that differs from that of the recording"
+            text = f"E{page.svid:02d} sends a time that differs from the time of the recording"
             self._problems.report_once(ProblemKind.TIME, page.time, text, f" (first: {found})")

@@ -1,8 +1,8 @@
 """Decide from the tags of the same subframe whether a satellite's unsigned "don't use" is true.
 
-A forged header may withhold keys, so each forged header would cost a subframe. But every tag also covers the status in
-the header [OSNMA-ICD, 6.7], and the key of the next subframe verifies the tags. If a tag verifies with "test" or
-"operational", the satellite sent that status, and the header is forged. The key is then only 30 s late.
+If a forged header withheld a key for good, each forged header would cost the receiver a key. But every tag also covers
+the status in the header [OSNMA-ICD, 6.7], and the key of the next subframe verifies the tags. If a tag verifies with
+"test" or "operational", the satellite sent that status, and the header is forged. The key is then only 30 s late.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vestige.errors import AuthenticationError, UnsupportedError
 
 
 def proven_status(subframe: SatelliteSubframe, navigation: Mapping[int, NavigationWords], chain: Chain) -> int | None:
-    """Return the NMA status other than "don't use" that a tag proves; 0 without proof, None before its key arrives.
+    """Return the NMA status other than "don't use" that a tag proves; 0 without proof, None if the key is missing.
 
     `navigation` contains the words by SVID that were received before the subframe. `chain` is the chain of the
     subframe's key.

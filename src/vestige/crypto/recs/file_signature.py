@@ -2,13 +2,13 @@
 
 A server writes `<file>_KN.pXXX` beside each file: KN is the number of its certificate (01, 02 …) and pXXX the curve
 (p256, p384, p521) [SASLIB]. After a key's disclosure anybody can make a RECS that decrypts to chosen chips. So only the
-signature proves a RECS that was downloaded late.
+signature proves the origin of a RECS that was downloaded after the disclosure.
 
 Assumptions, since neither the signed bytes nor the certificate chain are public:
 
 * ECDSA over the whole file, with the hash that FIPS 186-5 pairs with the curve (SHA-256, SHA-384, SHA-512).
 * The signature is the DER of X9.62, or r || s at the curve's length. vestige reads both.
-* The user vouches for the certificates: their chain, purpose and period of validity are not checked.
+* The user has checked the certificates: vestige does not check their chain, purpose and period of validity.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class SignatureStatus(Enum):
 
 
 def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
-    """Return the signatures in `folder`, sorted by name, by the name of the signed file.
+    """Return the signature files in `folder` by the name of the signed file, each group sorted by name.
 
     Raises `InputFileError` if the folder cannot be listed.
     """
@@ -109,7 +109,7 @@ def verify_data(
                 tried = True
     if tried:
         names = ", ".join(signature.name for signature in signatures)
-        raise AuthenticationError(f"{path}: the signature {names} is not one of this file by a given key")
+        raise AuthenticationError(f"{path}: no given key verifies the signature {names} of this file")
     return SignatureStatus.NO_CERTIFICATE
 
 

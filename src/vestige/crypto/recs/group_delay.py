@@ -21,7 +21,7 @@ contains this layout::
     10    6       validity, kept as read                                 meaning unknown
     16    20      satellite mask, most significant bit first, from SVID 1
     36    36      filling, 0x12
-    72    72      little endian int16 of SVID 1 … 36, LSB 2⁻³² s         known for SVID 1 … 30, assumed beyond
+    72    72      little endian int16 of SVID 1 to 36, LSB 2⁻³² s        known for SVID 1 to 30, assumed beyond
     144   …       a typical file has 191 bytes                           meaning unknown
 """
 
@@ -120,7 +120,7 @@ def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | 
     """Return the BGD file from its content `data`; `path` is for error messages.
 
     `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without `reference` the week
-    is 0 … 4095.
+    is 0 to 4095.
 
     Raises `InputFileError` if the file does not have the layout above, or a value is beyond the range ± 119 ns of the
     field. Raises `UnsupportedError` if the interface version is unknown.
@@ -160,7 +160,7 @@ def serialize_group_delay_file(file: GroupDelayFile) -> bytes:
     for delay in file.delays:
         raw = round(delay.bgd_e1_e6_s / LSB_S)
         if raw not in _RAW or not 1 <= delay.svid <= MAX_SVID or mask[delay.svid - 1]:
-            raise ValueError(f"{delay} does not fit in a BGD file: one value of ± 119 ns for each SVID 1 … {MAX_SVID}")
+            raise ValueError(f"{delay} does not fit in a BGD file: one value of ± 119 ns for each SVID 1 to {MAX_SVID}")
         slots[delay.svid - 1], mask[delay.svid - 1] = raw, 1
     exact = time_of_deciseconds(file.valid_from.week, deciseconds_of_week(file.valid_from))
     atow = deciseconds_of_week(exact).to_bytes(3, "big")
@@ -196,7 +196,7 @@ def write_group_delay_file(delays: Sequence[GroupDelay], folder: Path) -> Path:
 def _satellites(mask: bytes, path: Path) -> tuple[int, ...]:
     svids = tuple(int(bit) + 1 for bit in np.flatnonzero(np.unpackbits(np.frombuffer(mask, np.uint8))))
     if svids and svids[-1] > MAX_SVID:
-        raise InputFileError(path, "byte 16: satellite mask", f"SVID {svids[-1]}", f"SVID 1 … {MAX_SVID}")
+        raise InputFileError(path, "byte 16: satellite mask", f"SVID {svids[-1]}", f"SVID 1 to {MAX_SVID}")
     return svids
 
 
@@ -206,5 +206,5 @@ def _value(data: bytes, svid: int, path: Path) -> int:
         raise InputFileError(path, f"value of SVID {svid}", f"end of file at byte {len(data)}", f"2 bytes at {offset}")
     raw = int.from_bytes(data[offset : offset + 2], "little", signed=True)
     if raw not in _RAW:
-        raise InputFileError(path, f"byte {offset}: value of SVID {svid}", raw, f"{_RAW[0]} … {_RAW[-1]}")
+        raise InputFileError(path, f"byte {offset}: value of SVID {svid}", raw, f"{_RAW[0]} to {_RAW[-1]}")
     return raw

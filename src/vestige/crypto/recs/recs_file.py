@@ -9,8 +9,8 @@ Assumptions, since the service's interface document is not public [SASLIB]:
 
 * An aggregated body has a RECS at tSTART + i · RTBA for every i with i · RTBA < tDur.
 * WN is the full week in the aggregated header (16 bits) and the week modulo 4096 in the unitary header (12 bits).
-* The epoch of a RECS is the satellite time at which its first chip leaves the satellite. With RAND = 1 the header's
-  time already includes the random offset.
+* The time of a RECS is the satellite time at which its first chip leaves the satellite. With RAND = 1 the header's time
+  already includes the random offset.
 """
 
 from __future__ import annotations
@@ -65,17 +65,21 @@ class RecsFile:
     provider
         Letters and digits; four in a unitary file, up to eight in an aggregated file.
     start
-        Epoch of the (first) RECS, with the full week.
+        Time of transmission of the first RECS, with the full week.
     svid
-        Satellite, 1 … 36.
-    key_delay, random_offset
-        KDI and RAND, 0 or 1.
+        Satellite, 1 to 36.
+    key_delay
+        KDI, 0 or 1.
+    random_offset
+        RAND, 0 or 1.
     n_chip_code
         Index into `vestige.crypto.recs.recs_segment.LENGTHS`.
     body
         The bodies, one after the other.
-    duration_ds, period_ds
-        tDur and RTBA in ds; 0 for a unitary file, which lacks both.
+    duration_ds
+        tDur, the time that the file covers, in ds; 0 for a unitary file.
+    period_ds
+        RTBA, the time between two RECS, in ds; 0 for a unitary file.
     reserved
         Reserved bits, 8 in an aggregated and 4 in a unitary header; kept so that a file is written unchanged.
     """
@@ -147,7 +151,7 @@ def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsF
         The file. If the file's name has the form of a RECS name, the name must agree with the header.
     reference
         A time within ± 2048 weeks (39 years) of the RECS, which resolves the 12-bit week of a unitary file. If None,
-        the file name resolves the week. Without a RECS name the week is taken as 0 … 4095, which is right until 2078.
+        the file name resolves the week. Without a RECS name the week is taken as 0 to 4095, which is right until 2078.
     """
     return parse_recs_file(read_bytes(path, at_most=MAX_RECS_FILE_BYTES), path, reference=reference)
 
@@ -157,7 +161,8 @@ def parse_recs_file(data: bytes, path: Path, *, reference: GalileoTime | None = 
     name = parse_name(path.name)
     if len(data) < _AGGREGATED.size:
         raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_AGGREGATED.size} bytes")
-    # Byte 4 is the interface version of a unitary header, and a letter, digit or NUL of an aggregated one's provider.
+    # Byte 4 of a unitary header is the interface version. Byte 4 of an aggregated header belongs to the provider: a
+    # letter, a digit or NUL.
     if data[4] in range(1, 32):
         file = _parse_unitary(data, path, reference or (name.start if name else None))
     else:
@@ -181,7 +186,7 @@ def has_recs_header(head: bytes) -> bool:
 def serialize_recs_file(file: RecsFile) -> bytes:
     """Return the bytes of a RECS file.
 
-    Raises `ValueError` if a field does not fit the format or contradicts another.
+    Raises `ValueError` if a field does not fit the format or contradicts another field.
     """
     if fault := _fault(file):
         raise ValueError("{}: found {}, expected {}".format(*fault))
@@ -234,7 +239,7 @@ def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX
 
 
 def resolve_week(week: int, reference: GalileoTime | None) -> int:
-    """Return the full week of a 12-bit week: the nearest to `reference`, or the week unchanged without it."""
+    """Return the full week of a 12-bit week, nearest to `reference`; without `reference`, return the 12-bit week."""
     if reference is None:
         return week
     half = WEEK_MODULUS // 2
@@ -327,7 +332,7 @@ def _fault(file: RecsFile) -> tuple[str, object, object] | None:
     )
     for place, value, allowed in fields:
         if value not in allowed:
-            return (place, value, f"{allowed[0]} … {allowed[-1]}" if len(allowed) > 1 else allowed[0])
+            return (place, value, f"{allowed[0]} to {allowed[-1]}" if len(allowed) > 1 else allowed[0])
     if not _PROVIDER.fullmatch(file.provider.encode("ascii", "replace")):
         return ("provider", file.provider, "letters and digits")
     n_bytes = LENGTHS[file.n_chip_code].n_bytes

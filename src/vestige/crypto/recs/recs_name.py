@@ -39,14 +39,14 @@ _TIME_CODE = re.compile(r"(\d{2})(\d{3})(\d{2})(\d{2})(\d{3})", re.ASCII)
 class RecsName:
     """Fields of the name of a RECS file."""
 
-    start: GalileoTime  # epoch of the (first) RECS, a whole number of deciseconds
+    start: GalileoTime  # transmission of the first RECS, a whole number of deciseconds
     svid: int
     key_delay: int
     random_offset: int
     provider: str = ""  # four characters in unitary names; empty for an aggregated file
-    duration_s: int = 0  # only in aggregated names, like the next two fields
-    period_ds: int = 0  # RTBA
-    n_chip_code: int = 0
+    duration_s: int = 0  # tDur; only in aggregated names
+    period_ds: int = 0  # RTBA; only in aggregated names
+    n_chip_code: int = 0  # NChip; only in aggregated names
     interface_version: int = 1
     file_version: int = 1
 
@@ -92,7 +92,7 @@ def format_time_code(time: GalileoTime) -> str:
 
 
 def parse_time_code(text: str) -> GalileoTime:
-    """Return the time of `YYDDDHHMMSSS`; years 99 and 00 … 98 are 1999 and 2000 … 2098.
+    """Return the time of `YYDDDHHMMSSS`; year 99 is 1999, and years 00 to 98 are 2000 to 2098.
 
     Raises `ValueError` if there is no such date or time.
     """
@@ -109,7 +109,7 @@ def parse_time_code(text: str) -> GalileoTime:
 
 
 def deciseconds_of_week(time: GalileoTime) -> int:
-    """Return the time of week in deciseconds, as RECS files count; 6,048,000 just before a week's end.
+    """Return the time of week in deciseconds, as RECS files count; 6,048,000 just before the end of a week.
 
     Raises `ValueError` if the time is not a whole number of deciseconds (to 1 ns).
     """

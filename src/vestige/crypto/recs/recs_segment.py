@@ -2,8 +2,8 @@
 
 The server takes a part of the encrypted E6-C code that a satellite will transmit: the ECS. The server encrypts the ECS
 again under an OSNMA key that is still secret. The server publishes the result, the RECS, up to a week ahead. The
-receiver records E6-C around the RECS's epoch, waits until the key is broadcast on E1-B, decrypts and correlates [WFO,
-Sec. II-A]::
+receiver records E6-C around the time of the RECS. After the key has been broadcast on E1-B, the receiver decrypts the
+RECS and correlates [WFO, Sec. II-A]::
 
     GST_SF = (WN mod 4096) << 20 | TOW            32 bits, start of the 30 s subframe that transmits the key
     P      = GST_SF (4 bytes) || RAND (1 byte) || 11 zero bytes
@@ -12,7 +12,7 @@ Sec. II-A]::
     ECS    = AES-256-CBC-decrypt(K_R, IV, RECS)   no padding scheme: bodies are whole AES blocks
     chips  = ECS bits, most significant first; bit 0 is +1, bit 1 is -1
 
-The service's interface document is not public. These rules are those of the public reference receiver [SASLIB]. Two
+The service's interface document is not public. These rules are taken from the public reference receiver [SASLIB]. Two
 parts are uncertain: `CipherMode`, and the mapping of the key delay in `key_time`.
 """
 
@@ -96,7 +96,7 @@ def wrapping_key(key_data: bytes) -> bytes:
 def iv_preimage(gst_sf: GalileoTime, random_offset: int) -> bytes:
     """Return P, the 16 bytes whose hash gives the IV: GST_SF, RAND and eleven zero bytes [SASLIB].
 
-    `gst_sf` is the start of the subframe that transmits the key, not the epoch of the RECS.
+    `gst_sf` is the start of the subframe that transmits the key, not the time of transmission of the RECS.
     """
     if gst_sf.second % SUBFRAME_S or gst_sf.fraction:
         raise ValueError(f"{gst_sf} is not the start of a subframe")

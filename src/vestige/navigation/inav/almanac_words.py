@@ -1,4 +1,4 @@
-"""Encode and decode the almanac: coarse orbits of three satellites a set in words 7 to 10 [OS-ICD, 5.1.10].
+"""Encode and decode the almanac: coarse orbits in words 7 to 10, three satellites in a set [OS-ICD, 5.1.10].
 
 The almanac shows a receiver which satellites are in view. The positions of the almanac have errors of some kilometres.
 Satellites whose orbit does not fit into the fields, such as the two in eccentric orbits, are not in the almanac.
@@ -32,9 +32,9 @@ class AlmanacEntry:
     Attributes
     ----------
     delta_sqrt_a
-        √A minus that of 29 600 km, in √m.
+        √A minus √(29 600 km), in √m.
     eccentricity
-        e.
+        Eccentricity e.
     omega_rad, omega0_rad, m0_rad
         Argument of perigee, longitude of the node at the start of the week of t0a, mean anomaly at t0a.
     delta_i_rad
@@ -128,7 +128,7 @@ class AlmanacSet:
     Attributes
     ----------
     issue
-        IODa, 0 … 15.
+        IODa, 0 to 15.
     t0a
         Time to which the entries refer, a multiple of 600 s.
     entries
@@ -152,7 +152,7 @@ class AlmanacSet:
         Returns
         -------
         dict
-            Word type 7 … 10 -> word of 128 bits.
+            Word type 7 to 10 -> word of 128 bits.
 
         Raises
         ------
@@ -179,7 +179,7 @@ class AlmanacSet:
         words
             Word type -> word of 128 bits.
         received
-            Time of reception, which resolves the week of t0a: from two weeks before to one week after.
+            Time of reception, which resolves the week of t0a: two weeks before reception to one week after.
         """
         if any(kind not in words for kind in ALMANAC_WORDS):
             return None
@@ -211,7 +211,7 @@ def almanac_sets(
     t0a
         Time to which the almanac refers, a multiple of 600 s.
     issue
-        IODa, 0 … 15.
+        IODa, 0 to 15.
     gps_time
         Offset between Galileo and GPS time; None without an offset.
     """

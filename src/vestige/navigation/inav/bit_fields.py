@@ -61,7 +61,7 @@ class BitField:
         Parameters
         ----------
         raw
-            Within `raw_range`.
+            Raw integer, within `raw_range`.
         """
         return raw if self.scale == 1 else raw * self.scale
 
@@ -109,7 +109,7 @@ class BitLayout:
     Parameters
     ----------
     total_bits
-        Length of the word or page; the fields must add up to it.
+        Length of the word or page; the lengths of the fields must add up to this length.
     fields
         Fields in the order of transmission.
     """

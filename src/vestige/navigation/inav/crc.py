@@ -21,7 +21,7 @@ _CRC_TABLE = _crc_table()
 
 
 def crc_24q(data: bytes) -> int:
-    """Return the CRC-24Q checksum of `data` [OS-ICD, 5.1.9.4]; zero bits in front of the data do not change it.
+    """Return the CRC-24Q checksum of `data` [OS-ICD, 5.1.9.4]; zero bits in front do not change the checksum.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Encode and decode the ephemeris of a satellite in the I/NAV words 1 to 5 [OS-ICD, 4.3.5].
 
-A toe or toc in the message counts minutes of a week that the message does not name. The week nearest to transmission is
-used. Encoding a decoded ephemeris gives the same bits. Other ephemerides are rounded to the steps of the message:
-`as_broadcast` returns the ephemeris that a receiver then decodes.
+A toe or toc in the message counts minutes of a week that the message does not name. The decoder uses the week that
+gives the time nearest to reception. Encoding a decoded ephemeris gives the same bits. Other ephemerides are rounded to
+the steps of the message: `as_broadcast` returns the ephemeris that a receiver then decodes.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from vestige.navigation.reissue import referred_to, with_clock_moved
 from vestige.time import GalileoTime
 
 STATUS_WORD = 5
-WEEKS = 1 << WORD_LAYOUTS[STATUS_WORD].by_name["week"].length  # the week is sent modulo this
+WEEKS = 1 << WORD_LAYOUTS[STATUS_WORD].by_name["week"].length  # the week is sent modulo this number
 _MINUTE_S = 60  # last bit of toe and toc
 # first index of each range of the SISA, its value in m, and the step [OS-ICD, SISA]
 _SISA_RANGES = ((0, 0.0, 0.01), (50, 0.5, 0.02), (75, 1.0, 0.04), (100, 2.0, 0.16))
 _SISA_END, _NO_ACCURACY_INDEX = 126, 255
 
-# Fields of the words that stand in an ephemeris under the same name, with the same unit: name -> word type
+# Fields of the words that an ephemeris has under the same name and with the same unit: name -> word type
 _SAME: Mapping[str, int] = {
     name: kind
     for kind in (*EPHEMERIS_WORDS, STATUS_WORD)
@@ -73,7 +73,7 @@ def ephemeris_words(ephemeris: Ephemeris) -> dict[int, int]:
     Returns
     -------
     dict
-        Word type 1 … 4 -> word of 128 bits.
+        Word type 1 to 4 -> word of 128 bits.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def nearest_time(second: int, received: GalileoTime) -> GalileoTime:
     Parameters
     ----------
     second
-        Second of the week, 0 … 604799.
+        Second of the week, 0 to 604799.
     received
         Time of reception.
     """

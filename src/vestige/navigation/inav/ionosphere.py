@@ -28,7 +28,7 @@ class BroadcastIonosphere:
         Coefficients of the effective ionisation level in solar flux units, over the modified dip latitude in degrees.
         All zero means that no coefficients are available, and NeQuick-G takes its default.
     disturbed_regions
-        Five flags, 0 … 31; the most significant bit belongs to region 1, the northernmost.
+        Five flags, 0 to 31; the most significant bit belongs to region 1, the northernmost.
 
     Examples
     --------

@@ -22,7 +22,7 @@ from vestige.time import GalileoTime
 PAGE_BITS = 240  # [OS-ICD, 4.3.2]
 PAGE_BYTES = PAGE_BITS // 8
 PAGE_S = 2  # duration of a page on E1-B [OS-ICD, 4.3.2]
-FIRST_PAGE_OFFSET_S = 1  # on E1-B the first page of a subframe starts at its second 1 [OSNMA-ICD, 2]
+FIRST_PAGE_OFFSET_S = 1  # on E1-B the first page starts 1 s after the start of the subframe [OSNMA-ICD, 2]
 OSNMA_BYTES = 5  # 8 bits of the HKROOT and 32 bits of the MACK message in a page [OSNMA-ICD, 2]
 
 # Secondary synchronisation pattern by the second of the page's start modulo 6 [OS-ICD, 4.3.2]
@@ -64,7 +64,7 @@ _CRC_SHIFT = _CRC_ON - _CRC.length
 
 
 def page_checksum(data: bytes) -> int:
-    """Return the checksum that the page should carry: CRC-24Q over its bits 0…113 and 120…201 (196 bits).
+    """Return the checksum that the page should carry: CRC-24Q over bits 0 to 113 and 120 to 201 (196 bits).
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def page_ssp(start: GalileoTime) -> int:
 class InavPage:
     """An I/NAV page of one satellite, as received on E1-B."""
 
-    svid: int  # satellite, 1 … 36
+    svid: int  # satellite, 1 to 36
     time: GalileoTime  # start of the page in whole seconds, from the recording
     data: bytes  # 30 bytes: 240 bits, the even half first; the tail may be zero
 

@@ -132,7 +132,7 @@ class ReducedCed:
         Parameters
         ----------
         svid
-            Satellite, 1 … 36; the word does not name it.
+            Satellite, 1 to 36; the word does not name the satellite.
         time
             Any time in the subframe that carried the word.
         """

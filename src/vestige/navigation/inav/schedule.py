@@ -13,7 +13,7 @@ from vestige.navigation.inav.word_table import PARITY_WORDS
 from vestige.time import GalileoTime
 
 _MINUTE_S = 60
-# Word of each page of a subframe; the words of even and odd subframes of a minute where they differ
+# Words of each page of a subframe: in the first half of a minute, and in the second half
 _SEQUENCE: tuple[tuple[int, int], ...] = (
     (2, 2),
     (4, 4),

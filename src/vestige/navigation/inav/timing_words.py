@@ -56,7 +56,7 @@ class UtcModel:
 
     @classmethod
     def at(cls, time: GalileoTime) -> UtcModel:
-        """Return the model that satellites send at a time, with the leap seconds known to `vestige.time`.
+        """Return the model that satellites send at a time, with the leap seconds from `vestige.time`.
 
         Parameters
         ----------

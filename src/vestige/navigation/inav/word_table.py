@@ -225,7 +225,7 @@ def word_layout(kind: int) -> BitLayout:
     Parameters
     ----------
     kind
-        Word type, 0 … 63.
+        Word type, 0 to 63.
 
     Examples
     --------

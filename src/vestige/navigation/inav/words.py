@@ -22,7 +22,7 @@ def word_bits(word: int, start: int, length: int) -> int:
 
 
 def word_type(word: int) -> int:
-    """Return the type of a 128-bit word, 0 … 63."""
+    """Return the type of a 128-bit word, 0 to 63."""
     return word >> (WORD_BITS - TYPE_BITS)
 
 
@@ -33,7 +33,7 @@ class InavWord:
     Attributes
     ----------
     kind
-        Word type, 0 … 63.
+        Word type, 0 to 63.
     raw
         Field name -> signed integer as transmitted, including the type.
 
@@ -71,7 +71,7 @@ class InavWord:
         Parameters
         ----------
         kind
-            Word type, 0 … 63.
+            Word type, 0 to 63.
         values
             Field name -> value in the unit of the table. Spare bits that are not given take their pattern.
 

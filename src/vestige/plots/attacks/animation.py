@@ -1,4 +1,4 @@
-"""The correlation function of each epoch as an animation, with the correlations that the detectors found."""
+"""The correlation function of each epoch as an animation, with the signal that each detector found."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from vestige.plots.figure import (
     new_axes,
 )
 
-FRAMES = 120  # largest number of frames; of a longer run every k-th epoch is shown
+FRAMES = 120  # largest number of frames; if a run has more epochs, every k-th epoch is shown
 FRAMES_A_S = 10
 ANIMATION_DPI = 150
 _LINES = {"true signal": GREEN, "spoofer": ORANGE}
@@ -39,11 +39,11 @@ _MARKERS = (("v", BLUE), ("^", RED), ("<", GREY), (">", BLACK))  # marker of eac
 def write_animation(
     results: xarray.Dataset, path: Path | str, *, svid: int | None = None, width_cm: float = WIDTH_CM
 ) -> int:
-    """Write a GIF of magnitude over tap offset and detected correlations, and return its number of frames.
+    """Write a GIF of magnitude against tap offset with the detected signals, and return the number of frames.
 
     Under attack, dashed lines mark the true signal and the strongest spoofing signal.
 
-    The path ends in `.gif`; an inch of width has 150 pixels.
+    `path` ends in `.gif`. The image has 150 pixels per inch of its width.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Figure of all detectors under attack, each below the other, with the attacker's actions [WFO, Sec. VI-B]."""
+"""Figure of all detectors under attack, one below the other, with the attacker's actions [WFO, Sec. VI-B]."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ _LINE: dict[str, Any] = {"linewidth": 0.5, "rasterized": True}
 
 
 def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Axes:
-    """Return the uppermost of the axes: power of the spoofing signals, then the range offset of each detector.
+    """Draw the power of the spoofing signals and, below, the range offset of each detector; return the uppermost axes.
 
     Lines over the range offsets mark the truth: the true signal and each spoofing signal. A spoofing signal without
-    power has no line. A dashed line marks the edge of the bank of correlators if measured offsets come near it.
+    power has no line. A dashed line marks the edge of the bank of correlators if measured offsets come near this edge.
 
     Raises `VestigeError` if the campaign has no attack, or lacks the satellite.
     """

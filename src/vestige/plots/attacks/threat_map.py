@@ -1,4 +1,4 @@
-"""Map of colours of each attack at each mitigation level: the counterpart of [WFO, Fig. 4] with measured numbers.
+"""Coloured map of the outcome of each attack at each mitigation level: [WFO, Fig. 4] with measured numbers.
 
 Green marks a defence that works, red a defence that fails. Words say whether the outcome was expected.
 """
@@ -83,7 +83,7 @@ def threat_map(table: xarray.Dataset) -> Axes:
 
 
 def _lines(table: xarray.Dataset) -> list[tuple[str, int | None]]:
-    """Return the label at the left of each line, and its row of the table, which is None for the name of an attack."""
+    """Return the label of each line of the map, and the row of the table; the row is None for the name of an attack."""
     lines: list[tuple[str, int | None]] = []
     rows = zip(table["threat"].values, table["attack"].values, table["scene"].values, strict=True)
     for (threat, attack), scenes in groupby(enumerate(rows), key=lambda one: (one[1][0], one[1][1])):

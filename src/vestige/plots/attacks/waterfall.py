@@ -28,7 +28,7 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
     Only epochs with RECS are drawn. A long run is thinned: every k-th of these epochs is drawn, without averaging. An
     epoch with RECS but without a correlation is a gap.
 
-    Axes `ax` to draw on have the projection `3d`.
+    `ax` must have the projection `3d`.
 
     Raises
     ------

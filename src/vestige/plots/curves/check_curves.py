@@ -23,10 +23,10 @@ def check_curves(
     log: bool = False,
     ax: Axes | None = None,
 ) -> Axes:
-    """Return axes with a curve for each check, and its confidence interval at each strength.
+    """Return axes with a curve for each check, and the confidence interval at each strength of an attack.
 
-    `seen` has for each check the runs in which it failed, at each strength of the attack, ascending. `label` is the
-    label of the axis of strengths, which is logarithmic if `log`.
+    The strengths ascend. `seen` gives for each check, at each strength, the share of runs in which the check failed.
+    `label` is the label of the axis of strengths. This axis is logarithmic if `log` is true.
     """
     ax = new_axes() if ax is None else ax
     x = np.log(strength) if log else np.array(strength, dtype=np.float64)

@@ -54,18 +54,18 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
     """Return axes with the relative frequency of an event against C/N0, its confidence interval, and theory.
 
     The interval is the Clopper–Pearson interval, which contains the probability in at least 95 % of all sweeps, for any
-    count. In log scale a count of 0 has no dot. An arrow points down from the interval's end. Theory applies to a
-    single correlator that is aligned with the signal. A sweep of several keys has a curve for each combination of the
-    other keys. A sweep that does not vary C/N0 is drawn against the first key with numbers.
+    count. In log scale a count of 0 has no dot, but an arrow that points down from the upper end of the interval.
+    Theory applies to a single correlator that is aligned with the signal. A sweep of several keys has a curve for each
+    combination of the other keys. A sweep that does not vary C/N0 is drawn against the first key with numbers.
 
     Parameters
     ----------
     sweep
-        `cn0_dbhz`, `trials` and `detections` along one dimension (see `sweep.sweep_of`); for false alarms
-        `false_alarm_trials` and `false_alarms`, decisions on noise alone. Theory needs the attributes `integration_s`
-        and `p_fa`.
+        Variables `cn0_dbhz`, `trials` and `detections` along one dimension (see `sweep.sweep_of`). For false alarms the
+        counts are `false_alarm_trials` and `false_alarms`, from decisions on noise alone. Theory needs the attributes
+        `integration_s` and `p_fa`.
     count
-        `detections`, `misses` or `false_alarms`.
+        Event to draw: `detections`, `misses` or `false_alarms`.
 
     Raises
     ------

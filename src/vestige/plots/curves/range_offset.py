@@ -23,16 +23,17 @@ def range_offset(
     limit_m: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Return axes with measured minus predicted E6 range against time, a dot for each epoch; positive is later.
+    """Return axes with the range offset (measured minus predicted E6 range) against time, a dot for each epoch.
 
-    Epochs in which nothing is detected have no offset. They are drawn as ticks in a strip below the offsets. A dashed
-    line marks the edge of the bank of correlators if offsets come near it: a signal beyond has an offset at the edge.
+    An offset is positive if the signal arrives later than predicted. Epochs in which nothing is detected have no offset
+    and are drawn as ticks in a strip below the offsets. A dashed line marks the edge of the bank of correlators if
+    offsets come near this edge, because a signal beyond the edge has an offset at the edge.
 
     Parameters
     ----------
     limit_m
-        Largest range offset in m that passes the range check. Dashed lines on both sides mark it if an offset is
-        larger than half of the limit. Smaller offsets would be hard to tell apart between the two lines.
+        Largest range offset in m that passes the range check. Dashed lines on both sides mark this limit if an offset
+        is larger than half of the limit. With smaller offsets the lines would make the scale of the axis too coarse.
 
     Raises
     ------

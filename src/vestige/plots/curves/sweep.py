@@ -50,10 +50,10 @@ def sweep_of(
 def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     """Return a sweep from a CSV table with a header, for example from `vestige run --sweep`.
 
-    Columns are `cn0_dbhz`, and `trials` and `detections`, or `false_alarm_trials` and `false_alarms`, or all four.
-    Theory needs `integration_s` and `p_fa`, equal in all rows. In place of `detections` there may be a column for each
-    detector, such as `detections_early`. Columns before `cn0_dbhz` are the keys of a sweep, kept as text under `key
-    NAME`. Other columns are ignored.
+    The table has the column `cn0_dbhz`, and the columns `trials` and `detections`, or `false_alarm_trials` and
+    `false_alarms`, or all four. Theory needs `integration_s` and `p_fa`, equal in all rows. In place of `detections`
+    there may be a column for each detector, such as `detections_early`. Columns before `cn0_dbhz` are the keys of a
+    sweep. Their values are kept as text in the variables `key NAME`. Other columns are ignored.
 
     Raises `InputFileError` if the file is no such table.
     """

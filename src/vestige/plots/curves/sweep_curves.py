@@ -21,7 +21,7 @@ _CN0_KEY = "receiver.cn0_dbhz"
 class SweepCurve:
     """Rows of a sweep that differ only in the abscissa."""
 
-    label: str  # the values of all other keys; empty if there is only one curve
+    label: str  # values of the keys that are not the abscissa; empty if there is only one curve
     rows: Int[np.ndarray, " n"]  # numbers of the rows, ascending in the abscissa
 
 

@@ -9,13 +9,13 @@ Doppler f_r:
     L L^H = σ² [R(d_i − d_k)]_ik,   σ² = 1/(C/N0 · T)
     R_e(x) = (1 − f) A_d + f A_{d+1},   d = ⌊|x|⌋, f = |x| − d chips,   A_0 = 1,  A_d ~ N(0, 1/N_c), drawn per epoch
 
-A_d is the self-noise of a random code: linear interpolation between whole chips is exact for rectangular chips. The
-outputs are normalised: the line of sight alone, on a tap, gives 1. The model is the limit of continuous time without a
-front end. A sampled correlation at an incommensurate rate has the same distribution, as the tests show. Behind a filter
-or a quantiser R_n of `front_end_correlation` replaces R, and R_e(x) = Σ_d A_|d| R_h(x − d).
+A_d is the self-noise of a random code. Linear interpolation between whole chips is exact for rectangular chips. The
+outputs are normalised: the line of sight alone gives 1 in a tap at its delay. The model is the limit of continuous time
+without a front end. A sampled correlation at an incommensurate rate has the same distribution, as the tests show.
+Behind a filter or a quantiser R_n of `front_end_correlation` replaces R, and R_e(x) = Σ_d A_|d| R_h(x − d).
 
 Under a sky all other signals are white noise (`other_signals`). Under attack, spoofing signals are further paths.
-Noise, jamming, and paths too far from the tap for A_d come from `disturbance`.
+Noise, jamming, and paths that are farther from a tap than A_d reaches come from `disturbance`.
 
 The noise floor is measured with N_c chips, so it scatters by 1/√N_c. The floor includes the signal's own share.
 """
@@ -33,24 +33,24 @@ from vestige.receiver.front_end.front_end_correlation import noise_correlation, 
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 
-_SELF_NOISE_LAGS = 16  # chips, the largest distance of a path from a tap
-_STEPS_PER_CHIP = 64  # table behind a front end: linear interpolation has an error of 3e-4 of the peak at 20 MHz
+_SELF_NOISE_LAGS = 16  # largest distance of a path from a tap, in chips
+_STEPS_PER_CHIP = 64  # steps of the table of R_h; linear interpolation has an error of 3e-4 of the peak at 20 MHz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draws:
-    """Random draws for a block of banks: R_e with its self-noise, noise of σ = 1 in the taps, scatter of the floor."""
+    """Random draws for a block of banks."""
 
-    correlation: Float[np.ndarray, "n_epochs n_lags"]
-    noise: Complex128[np.ndarray, "n_epochs n_taps"]
-    floor: Float[np.ndarray, " n_epochs"]
+    correlation: Float[np.ndarray, "n_epochs n_lags"]  # R_e with its self-noise
+    noise: Complex128[np.ndarray, "n_epochs n_taps"]  # noise in the taps for σ = 1
+    floor: Float[np.ndarray, " n_epochs"]  # measured noise floor over its mean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatorModel:
     """Model that draws banks of correlators."""
 
-    offsets_m: tuple[float, ...]  # offsets of the taps
+    offsets_m: tuple[float, ...]  # offsets of the taps from the hand-over's prediction
     n_chips: int  # chips of a RECS
     # front end of the samples; None is equivalent to a front end without filter and quantiser
     front_end: FrontEnd | None = None
@@ -104,10 +104,10 @@ class CorrelatorModel:
     ) -> tuple[Complex128[np.ndarray, "n_epochs n_taps"], Float[np.ndarray, " n_epochs"]]:
         """Return taps and measured noise power of a block of epochs.
 
-        C/N0 is that of E6-C's line of sight; −∞ means no signal and noise of variance 1. The first path is the line of
-        sight. Delays of paths count from the hand-over's prediction. Amplitudes are relative to the line of sight, and
-        Dopplers are residual. `other_signals` is the density over N0 of all other signals on air (module
-        `other_signals`).
+        `cn0_dbhz` is the C/N0 of the line of sight on E6-C; −∞ means no signal, and noise of variance 1. The first path
+        is the line of sight. Delays of paths are counted from the hand-over's prediction. Amplitudes are relative to
+        the line of sight, and Dopplers are residual. `other_signals` is the density over N0 of all other signals on air
+        (module `other_signals`).
         """
         absent = np.isneginf(cn0_dbhz)
         variance = 1.0 if absent else 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)

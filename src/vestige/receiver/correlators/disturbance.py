@@ -33,13 +33,13 @@ CHIPS_A_METRE = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """The part of an attack on E6 that is not a path with a delay, over epochs."""
+    """Disturbance of the E6 correlators in n epochs: white noise, jamming waveforms, and chips that do not match."""
 
     white: Float[np.ndarray, " n"]  # density of white noise over N0
-    # jamming waveforms as they appear in the taps, for noise of σ = 1 in the taps
+    # jamming waveforms in the taps, in units of σ (see `correlator_model`)
     waveforms: Complex128[np.ndarray, "n n_taps"]
-    rise: Float[np.ndarray, " n"]  # rise of the noise power by these waveforms, in the same unit
-    unrelated: Float[np.ndarray, "n n_rays n_lags"]  # B of every path, of variance 1
+    rise: Float[np.ndarray, " n"]  # rise of the noise power by these waveforms, in units of σ²
+    unrelated: Float[np.ndarray, "n n_rays n_lags"]  # B of every path, scaled to variance 1
     forged_chips: Bool[np.ndarray, " n_rays"]  # paths whose chips never match
 
 
@@ -52,9 +52,9 @@ def drawn_disturbance(
     first: int,
     labels: tuple[int, ...] = (),
 ) -> Disturbance:
-    """Return the disturbance of the epochs from `first` on; the cut into blocks does not change it.
+    """Return the disturbance of the epochs from `first` on, the same for any cut into blocks.
 
-    `labels` name the owner of the draws, in addition to the block's number.
+    Each block has its own stream of draws. `labels` are further parts of the stream's name, such as an SVID.
     """
     n, chips = effects.white.size, offsets_m * CHIPS_A_METRE
     n_lags = int(np.ceil(np.ptp(chips))) + 2

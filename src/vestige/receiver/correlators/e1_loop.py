@@ -2,43 +2,44 @@
 
 Theory of operation
 -------------------
-R is the autocorrelation. Signal i has the complex amplitude a_i, the delay τ_i and the Doppler f_i. The true signal
-comes first (a = 1, τ = 0). The correlator at x has the mean power
+R is the autocorrelation. Signal i has the complex amplitude a_i, the delay τ_i and the Doppler f_i. The first signal is
+the true signal (a = 1, τ = 0). The correlator at x has the mean power
 
     P(x) = Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)         H_ij = 1/(1 + j 2π(f_i − f_j)/4B)
 
-H is the part of a beat that remains in a loop of noise bandwidth B, with its pole at 4B rad/s. Signals that slip slowly
-add with their phases; signals that slip fast add their powers. The loop settles at a stable zero of P(x − d/2) − P(x +
-d/2). When the signals change, the loop moves to the nearest zero in the direction of its discriminator. So the loop has
-a memory: it stays on one of two peaks. Steps of 0.1 s are small enough for all pull-off rates up to 100 m/s.
+H is the part of a beat that passes a loop of noise bandwidth B, which has its pole at 4B rad/s. If the phase between
+two signals changes slowly, their amplitudes add. If this phase changes fast, their powers add. The loop settles at a
+stable zero of P(x − d/2) − P(x + d/2). When the signals change, the loop moves to the nearest zero in the direction of
+its discriminator. So the loop has a memory: it stays on one of two peaks. Steps of 0.1 s are small enough for all
+pull-off rates up to 100 m/s.
 
-**Capture.** A spoofing signal may start aligned with the true signal and then leave. If the spoofing signal has more
-power than the true signal, the loop follows it at any phase. With equal or less power the spoofing signal never
+**Capture.** A spoofing signal may start aligned with the true signal and then move away. If the spoofing signal has
+more power than the true signal, the loop follows it at any phase. With equal or less power the spoofing signal never
 captures the loop [JWCN18, Eq. 4-6]. A spoofing signal that starts more than a chip away never captures a locked loop.
 
 **Lock.** A receiver acquires the strongest signal if its prompt correlator falls below 20 dBHz, or if an attack
 restarts it (`acquired`). Acquisition takes `reacquisition_s`, during which a signal above 20 dBHz must be present. E1
-has no measurements until the end of the acquisition. So the receiver returns to the true signal when a spoofing signal
-ends. Before its first epoch the receiver has acquired the strongest signal on air.
+has no measurements until the end of the acquisition. When a spoofing signal ends, the receiver acquires the true signal
+again. Before its first epoch the receiver has acquired the strongest signal on air.
 
 `REACQUISITION_S` is the reacquisition time of the tracking receiver on samples (`sample_processor.tracking`). The
 tracking receiver looks for a lost satellite every second. The search takes 0.1 s of samples and the pull-in of the
-carrier 0.2 s. C/N0 and phase lock are good after 0.2 s more. So observations come 0.5 to 1.5 s after the signal
-(`test_reacquisition.py`).
+carrier 0.2 s. C/N0 and phase lock are good after 0.2 s more. So the first observations come 0.5 to 1.5 s after the
+signal (`test_reacquisition.py`).
 
 **Side peaks.** R² of BOC(1,1) has peaks half a chip from the main peak, 6 dB lower. A loop stays on the nearest peak.
-For example, the true signal vanishes, and a signal 170 m later stays. The loop then settles 16 m later, not 170 m. The
-tracking loops on samples also stay on the nearest peak, since they do not look for side peaks. Loops of the model and
-on samples settle a quarter of their early-late spacing before the side peak. The loop of the model has d = 0.1 chip and
-settles 16 m later. On samples of 12.3 MHz d is 0.166 chip, and the loop settles 11 m later.
+For example, the true signal vanishes, and a signal that is 170 m later stays. The loop then moves 16 m later, not 170
+m. The tracking loops on samples also stay on the nearest peak, because these loops do not look for side peaks. Both
+kinds of loops settle a quarter of their early-late spacing before the side peak. The loop of the model has d = 0.1 chip
+and settles 16 m later. On samples of 12.3 MHz d is 0.166 chip, and the loop settles 11 m later.
 
-The model leaves out the carrier loop, the loop's own dynamics, and reflections. The Doppler of the model is that of the
+The model leaves out the carrier loop, the loop's own dynamics, and reflections. The model takes the Doppler of the
 strongest signal in the prompt correlator. The error of reflections is added separately (`e1_multipath`). The tracking
-loops on samples (`sample_processor.tracking`) agree on who captures the code if the spoofing signal has the carrier
-frequency of the true signal. The results differ if the spoofing signal's Doppler fits its pull-off and steps by more
-than the carrier loop's bandwidth. The loops on samples then stay with the true signal (a step of 210 Hz). With a step
-of 26 Hz the loops lose both signals in the beat and acquire the stronger signal. In this case the model favours the
-attacker.
+loops on samples (`sample_processor.tracking`) follow the same signal as the model if the spoofing signal has the
+carrier frequency of the true signal. The results differ if the spoofing signal's Doppler fits its pull-off and steps by
+more than the carrier loop's bandwidth. The loops on samples then stay with the true signal (a step of 210 Hz). With a
+step of 26 Hz the loops lose both signals in the beat and acquire the stronger signal. In this case the model favours
+the attacker.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ from dataclasses import dataclass
 from math import ceil, pi
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 
 from vestige.constants import E1_CARRIER_HZ, SPEED_OF_LIGHT_MPS
 from vestige.receiver.correlators.e1_loop_kernel import follow_peak
@@ -58,9 +59,9 @@ from vestige.signals.pulse import BOC11, autocorrelation
 from vestige.spoofer.spoofer import Spoofer
 
 LOCK_DBHZ = 20.0  # C/N0 below which E1-C is no longer tracked
-REACQUISITION_S = 1.0  # from a signal that can be acquired to the first measurement
+REACQUISITION_S = 1.0  # time from when a signal can be acquired to the first measurement
 _LOCK_RANGE_DB = 6.0  # a weak signal stays locked down to this much below its undisturbed C/N0
-_SPACING_CHIPS = 0.1  # d
+_SPACING_CHIPS = 0.1  # d, the early-late spacing
 _STEP_S = 0.1
 _MAX_STEPS = 300  # steps per epoch
 _PIECE_STEPS = 60_000  # steps computed at a time, which limits the memory
@@ -78,9 +79,9 @@ class E1Tracking:
     error_m: Float[np.ndarray, " n"]  # error of the pseudorange
     worst_error_m: Float[np.ndarray, " n"]  # error of largest magnitude since the previous epoch
     rate_error_mps: Float[np.ndarray, " n"]  # error of the range rate, from the Doppler of the tracked signal
-    gain: Float[np.ndarray, " n"]  # C/N0 of the tracked signal over that of the undisturbed true signal
-    # whether the receiver acquires: it has no measurements, and error and gain are those of the signal that it will
-    # find
+    gain: Float[np.ndarray, " n"]  # C/N0 of the tracked signal over the C/N0 of the undisturbed true signal
+    # whether the receiver acquires and has no measurements; error and gain then belong to the signal that the receiver
+    # will acquire
     acquiring: Bool[np.ndarray, " n"]
     captured: Bool[np.ndarray, " n"]  # whether a spoofing signal is the strongest signal in the prompt correlator
     # whether the strongest signal has the attacker's own navigation data, which are then demodulated
@@ -114,7 +115,7 @@ class E1Loop:
         self._place, self._wait = 0.0, 0
 
     def advance(self, first: int, count: int) -> E1Tracking:
-        """Return the tracking at the next epochs, first … first + count − 1."""
+        """Return the tracking at the next epochs, `first` to `first + count − 1`."""
         if not self._spoofer.attacks:
             zero, never = np.zeros(count), np.zeros(count, bool)
             return E1Tracking(
@@ -140,14 +141,14 @@ class E1Loop:
         before_s = epochs_before * self._interval_s - back_before * (self._interval_s / self._steps)
         effects = self._spoofer.effects(Band.E1, self._svid, times_s)
         one, zero = np.ones((times_s.size, 1)), np.zeros((times_s.size, 1))
-        doppler_hz = np.concatenate([zero, effects.doppler_hz], axis=1)
+        doppler_hz = _joined(zero, effects.doppler_hz)
         noise = 1.0 + effects.rise(Band.E1)
         place, power, dominant, wait = follow_peak(
             self._levels,
             self._place,
             self._wait,
-            np.concatenate([zero, effects.delay_m / _METRES_A_CHIP], axis=1),
-            np.concatenate([one + 0j, effects.amplitude], axis=1),
+            _joined(zero, effects.delay_m / _METRES_A_CHIP),
+            _joined(one + 0j, effects.amplitude),
             doppler_hz,
             self._spoofer.acquired_anew(self._svid, before_s, times_s),
             self._lock * noise,
@@ -173,3 +174,8 @@ class E1Loop:
             captured=(dominant[epoch] > 0) & ~acquiring,
             forged_nav_data=np.concatenate([[False], effects.forged_nav_data])[dominant[epoch]],
         )
+
+
+def _joined(true: Shaped[np.ndarray, "n 1"], others: Shaped[np.ndarray, "n m"]) -> Shaped[np.ndarray, "n sources"]:
+    """Return the values of all sources, row by row in memory, so that the kernel is compiled for one layout only."""
+    return np.ascontiguousarray(np.concatenate([true, others], axis=1))

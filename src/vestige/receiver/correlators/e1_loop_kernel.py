@@ -1,4 +1,7 @@
-"""The compiled E1 loop, which follows the stable zero of early minus late in chips after the true signal."""
+"""The compiled E1 loop, which follows the stable zero of early minus late power.
+
+Positions and delays are in chips after the true signal.
+"""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 
@@ -17,7 +20,7 @@ _TIE = 1e-9  # share of the power below which early and late count as equal
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def correlation(levels, x):
-    """Return R(x) by linear interpolation of its values, which are equidistant over −1 … 1 chip; 0 beyond."""
+    """Return R(x), interpolated linearly between `levels`, its values at equal steps from −1 to 1 chip; 0 beyond."""
     half = (levels.size - 1) // 2
     at = abs(x) * half
     k = int(at)
@@ -49,7 +52,7 @@ def _early_side(levels, x, delay, product, half_spacing):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _next(n_levels, x, delay, half_spacing, direction):
-    """Return the next kink of the correlation functions as the x to test; D is quadratic between kinks."""
+    """Return the next x to test: the next kink of a correlation function, because D is quadratic between kinks."""
     half = (n_levels - 1) // 2
     best = 2.0 * half_spacing / _STEPS_PER_SPACING
     for tau in delay:
@@ -108,21 +111,24 @@ def follow_peak(levels, x, wait, delay, amplitude, doppler_hz, anew, lock_power,
     Parameters
     ----------
     levels
-        R over −1 … 1 chip in equal steps.
+        R at equal steps from −1 to 1 chip.
     x
         Position of the loop before the first step, in chips after the true signal.
     wait
         Wait before the first step.
     delay, amplitude, doppler_hz
-        [n_steps, n_signals] in chips, complex, and Hz; the true signal is the first.
+        Delays in chips, complex amplitudes, and Dopplers in Hz, each [n_steps, n_signals]; the true signal is the
+        first.
     anew
-        Steps at which the receiver is restarted.
+        Whether the receiver is restarted, for each step.
     lock_power
-        Power of the prompt correlator below which lock is lost.
+        Power of the prompt correlator below which lock is lost, for each step.
     acquisition
         Duration in steps of an acquisition that begins at each step; 0 for an immediate acquisition.
-    half_spacing, pole_hz
-        Half the early-late spacing in chips, and the loop's pole, over which beats are averaged.
+    half_spacing
+        Half the early-late spacing in chips.
+    pole_hz
+        Pole of the loop in Hz; beats that are faster than the pole are averaged out.
     """
     n, k = delay.shape
     place, prompt, dominant, waits = np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64)

@@ -8,8 +8,8 @@ power:
 
     D(x) = |S(x − d/2)|² − |S(x + d/2)|² = 0,    D rising through 0
 
-The loop starts on the line of sight. D(0) < 0 means that the late correlator is stronger, and the loop moves later
-until D changes its sign; otherwise it moves earlier. The first change of sign is searched in steps of d/8 and then
+The loop starts on the line of sight. If D(0) < 0, the late correlator is stronger, and the loop moves later until D
+changes its sign. If D(0) > 0, the loop moves earlier. The first change of sign is searched in steps of d/8 and then
 located by the Illinois variant of false position. R is piecewise linear, so D is piecewise quadratic and a few steps
 are enough.
 
@@ -34,7 +34,7 @@ LOOP_REACH_CHIPS = 0.5  # beyond this distance a loop would have lost the peak
 _STEPS_PER_SPACING = 8
 _FALSE_POSITIONS = 40
 _TOLERANCE_CHIPS = 1e-10  # 30 nm
-_KEPT_EPOCHS = 1000  # reflections of more epochs are not kept
+_KEPT_EPOCHS = 1000  # largest number of epochs whose result is cached
 
 
 def e1_multipath_error_m(
@@ -44,7 +44,7 @@ def e1_multipath_error_m(
     spacing_chips: float = 0.1,
     pulse: Pulse = BOC11,
 ) -> Float[np.ndarray, " n"]:
-    """Return the error of the pseudorange in m, positive if it is too long; 0 without reflections.
+    """Return the error of the pseudorange in m, positive if the pseudorange is too long; 0 without reflections.
 
     `amplitude` is relative to the line of sight on this carrier; `spacing_chips` is d.
     """
@@ -59,7 +59,7 @@ def e1_multipath_error_m(
 def _kept_m(
     delay_m: bytes, amplitude: bytes, shape: tuple[int, ...], spacing_chips: float, pulse: Pulse
 ) -> Float[np.ndarray, " n"]:
-    """Return the error from a cache, because scenes with the same seed have the same reflections; arrays are bytes."""
+    """Return the error, cached because scenes with the same seed have the same reflections; arrays are bytes."""
     delays_m, amplitudes = np.frombuffer(delay_m).reshape(shape), np.frombuffer(amplitude, complex).reshape(shape)
     return _settled_m(delays_m, amplitudes, spacing_chips, pulse)
 
@@ -81,7 +81,7 @@ def _settled_m(
 
 @dataclass(frozen=True, slots=True)
 class _Rays:
-    """Reflections of some epochs at a loop, in chips; the reflections are the first axis."""
+    """Reflections of some epochs and the loop that receives them, in chips; the first axis counts the reflections."""
 
     delay: Float[np.ndarray, "n_rays n"]
     amplitude: Complex128[np.ndarray, "n_rays n"]
@@ -128,7 +128,8 @@ _Point = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
 def _false_position(rays: _Rays, before: _Point, after: _Point) -> Float[np.ndarray, " n"]:
     """Return the roots of D between two points (x, D) of opposite sign, by the Illinois method.
 
-    Each epoch stops when its own estimate no longer changes, so its root does not depend on other epochs.
+    The iteration of an epoch stops when the estimate of this epoch no longer changes, so a root does not depend on
+    other epochs.
     """
     (a, value_a), (b, value_b) = before, after
     root, open_ = b.copy(), np.arange(b.size)

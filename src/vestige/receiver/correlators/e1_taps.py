@@ -10,13 +10,13 @@ relative to the true signal, the delay τ_i, and the Doppler f_i relative to the
     z ~ CN(0, 2),   L Lᵀ = [R(dᵢ − dₖ)]ᵢₖ
 
 Without interference the noise has σ = 1 per dimension. ρ is the noise that an attack adds behind the correlator. g is
-the gain control, which keeps the power of the band W constant,
+the gain control, which keeps the power within the bandwidth W constant:
 
     g^{−2} = (1 + Σ r_i η_i + w + J/N) / (1 + Σ r_i),    r_i = C/N0_i / W
     η_i = Σ_jk a_j a_k* e^{jπ Δf T_P} sinc(Δf T_P) R(τ_j − τ_k)
 
-A spoofing signal beats with the true signal while they overlap. The power is averaged over T_P and has the scatter of
-noise, 4.343 dB/√(W T_P). The model has no drift of the front end.
+A spoofing signal and the true signal beat with each other while both overlap. The power is averaged over T_P and has
+the scatter of noise, 4.343 dB/√(W T_P). The model has no drift of the front end.
 
 The model is the limit of continuous time without a front end. On a single line of sight the signal is BOC(1,1), as it
 is in `e1_samples`. Under a sky the signal is CBOC(6,1,1/11), as on air. The correlation of CBOC with BOC(1,1) then
@@ -42,17 +42,17 @@ from vestige.signals.pulse import BOC11, Pulse, autocorrelation, cross_correlati
 from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
 
-TAP_CHIPS = (-0.15, -0.05, 0.0, 0.05, 0.15)  # positions: power–distortion, the loop, prompt
+TAP_CHIPS = (-0.15, -0.05, 0.0, 0.05, 0.15)  # outer pair: power–distortion; inner pair: the loop; 0: prompt
 INTEGRATION_S = 0.1
 POWER_BANDWIDTH_HZ = 2e6  # W
 POWER_AVERAGING_S = 0.01
 _DB_PER_NEPER = 10 / np.log(10)
 _CHIPS_A_METRE = E1C.chip_rate_hz / SPEED_OF_LIGHT_MPS
-_RAY_DOPPLER = E1_CARRIER_HZ / E6_CARRIER_HZ  # reflections have their Doppler on E6
+_RAY_DOPPLER = E1_CARRIER_HZ / E6_CARRIER_HZ  # Doppler of a reflection on E1 over its Doppler on E6
 
 
 class Arriving(NamedTuple):
-    """All signals of one satellite relative to the line of sight, and the state that its loops have settled in."""
+    """All signals of one satellite relative to the line of sight, and the delay and Doppler that its loops follow."""
 
     amplitude: Complex128[np.ndarray, "n k"]
     delay_m: Float[np.ndarray, "n k"]
@@ -128,13 +128,13 @@ def power_with_rays(
     """Return the mean power of the prompt correlator with reflections over the power without them, both without noise.
 
     The line of sight and its reflections beat with each other. Beats that are fast against `averaging_s` are averaged
-    out. Reflections are those of the true signal: when the loop follows a spoofing signal, they lie outside its
-    correlator.
+    out. Only the true signal has reflections. When the loop follows a spoofing signal, these reflections lie outside
+    the prompt correlator.
 
     Parameters
     ----------
     truth
-        True state of the satellite's signals.
+        Truth of the satellite's signals.
     multipath_m
         Error of the pseudorange by reflections.
     averaging_s
@@ -192,7 +192,7 @@ def rise_over_nominal_db(
     effects
         Noise and jamming of an attack in the band.
     cn0_dbhz
-        Power of the lines of sight over N0; NaN out of view.
+        Power of each line of sight over N0, in dBHz; NaN if the satellite is out of view.
     relative_power
         Power of all signals of each satellite over that of its line of sight.
     bandwidth_hz
@@ -213,7 +213,7 @@ def power_with_beat(
     Parameters
     ----------
     truth
-        True state of the satellite's signals.
+        Truth of the satellite's signals.
     overlap
         Function that returns the correlation of two signals from their distance in chips.
     with_rays
@@ -255,6 +255,7 @@ def _noise(seed: int, svid: int, first: int, n: int) -> Complex128[np.ndarray, "
 
     def draw(block: int) -> Complex128[np.ndarray, "n n_taps"]:
         real, imaginary = stream(seed, "E1 taps", block, svid).standard_normal((2, DRAW_BLOCK, len(TAP_CHIPS)))
-        return (real + 1j * imaginary) @ factor.T  # the last bits of a product depend on the number of rows
+        # whole blocks, because the last bits of a product depend on the number of rows
+        return (real + 1j * imaginary) @ factor.T
 
     return drawn_rows(first, n, draw)

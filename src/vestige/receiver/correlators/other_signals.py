@@ -1,9 +1,9 @@
 """Noise of all other signals of a sky behind an E6-C correlator, for banks that are drawn.
 
-Each satellite sends E6-B and E6-C, of C/N0 c_j each, both BPSK(5) with codes that the replica does not have. Behind the
-correlator a code is noise of the density κ C over N0 (`code_noise_density_s`: 0.13 µs in continuous time). A
-satellite's own E6-B is aligned with its E6-C chip by chip, so its noise density is 1/R_c, 3/2 times as much. For
-satellite i
+Satellite j sends E6-B and E6-C as BPSK(5), each with the C/N0 c_j. A replica matches only the E6-C of its own
+satellite. Any other code of power C is noise behind the correlator, of the density κ C over N0 (`code_noise_density_s`:
+0.13 µs in continuous time). A satellite's own E6-B is aligned with its E6-C chip by chip, so its noise density is
+1/R_c, 3/2 times as much. For satellite i
 
     w_i = 2 κ Σ_{j≠i} c_j p_j + c_i p_i / R_c,    p = 1 + power of multipath and spoofing signals over the line of sight
 

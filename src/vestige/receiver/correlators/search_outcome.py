@@ -2,36 +2,38 @@
 
 Theory of operation
 -------------------
-On air are the true signal and all spoofing signals, with amplitudes a_i, delays τ_i and Dopplers f_i. At the delay and
+The true signal and all spoofing signals are on air, with amplitudes a_i, delays τ_i and Dopplers f_i. At the delay and
 Doppler of signal i, a correlator over T receives the sum of all signals,
 
     h_i = Σ_j a_j R(τ_i − τ_j) sinc((f_j − f_i) T),      s_i² = 2 (C/N0) T |h_i|² L_i / (1 + ρ)
 
-So only the remainder of a nulled signal counts. ρ is the noise that an attack adds. L_i is the loss to the nearest cell
-of the grid, drawn for every signal: uniform over a step of code and of Doppler. The strongest cell is tested,
+So only the remainder of a nulled signal counts. ρ is the noise that an attack adds. L_i is the loss by the distance
+from the nearest cell of the grid. This distance is drawn for every signal, uniform over a step of code and of Doppler.
+The strongest cell is tested,
 
     E1          K = 48 squared magnitudes (24 periods, two components), χ²(2K) about the mean Σ s² + 2K
     hand-over   |s + z|,  z ~ CN(0, 2), at the nearest tap; only at the delays of signals found on E1
     exhaustive  |s + z|,  the same samples, so the same z; at any delay
 
-against the threshold of all cells at `p_fa`. The model leaves out that neighbouring cells may win, so P_d is too low by
-about 0.02 near P_d = ½ (docs/vestigial_search.md).
+against the threshold of all cells at `p_fa`. The model leaves out that a neighbouring cell may be the strongest, so P_d
+is too low by about 0.02 near P_d = ½ (docs/vestigial_search.md).
 
-Signals closer than the separation rule count as a single signal, the stronger. On E1 the rule is two chips modulo 4 ms.
-In E6 the rule is one chip. The rule is 2¼ − s/s' chips if the fine search of the weaker signal can end on the flank of
-the stronger signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a signal that is 16 dB below the
-strongest does not count. On E1 every found signal counts as an additional signal. In E6 only a signal with the chips of
-the RECS counts. A false alarm has probability p_fa and lies anywhere in the window.
+Two signals that are closer than the separation rule count as one signal, the stronger. On E1 the rule is two chips
+modulo 4 ms. In E6 the rule is one chip, or 2¼ − s/s' chips if this is larger, with the amplitudes s of the weaker and
+s' of the stronger signal. The reason is that the fine search of the weaker signal can end on the flank of the stronger
+signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a signal that is 16 dB below the strongest does
+not count; every other signal that is found counts. In E6 only a signal with the chips of the RECS counts. A false alarm
+has probability p_fa and lies anywhere in the window.
 
-The earliest signal in E6 is the true signal. A receiver then uses the delay of this signal less the predicted E6 − E1
-delay as a range. The errors of this range are the delay of the signal, ionosphere and group delay as in every
+The earliest signal in E6 is taken as the true signal. A receiver uses the delay of this signal minus the predicted E6 −
+E1 delay as a range. The errors of this range are the delay of the signal, ionosphere and group delay as in every
 hand-over, and the noise of one snapshot. After a hand-over search the range is used if every signal of E1 was found in
 E6. The range is also used if none of these signals could have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip
 off. After an exhaustive search the range is used if there are two signals. A single signal may be the spoofing signal,
 with the true signal lost in noise.
 
-In this model multipath components do not count as signals of their own. The model keeps a satellite that is 16 dB
-weaker than the strongest other satellite.
+In this model multipath components do not count as signals of their own. A satellite that is 16 dB weaker than the
+strongest other satellite is not left out.
 """
 
 from __future__ import annotations
@@ -58,10 +60,10 @@ from vestige.theory.thresholds import correlator_amplitude, probability_of_detec
 
 SURE_PD = 0.9999  # a hand-over that misses a signal of lower P_d proves nothing
 _WORST_CODE_LOSS_DB = 2.5  # a quarter chip off
-WINDOW_S = 15.0  # on either side; a receiver that searches does not trust its clock
+WINDOW_S = 15.0  # half width of the search window; a receiver that searches does not rely on its clock
 HANDOVER_TAPS = 5  # correlators of the hand-over search, at half-chip intervals
 FINE_REACH_CHIPS = 1.25  # reach of `peak_at` about a cell
-_E1_BAND_HZ = 4.096e6  # bandwidth of the E1 search: 86 % of BOC(1,1)
+_E1_BAND_HZ = 4.096e6  # bandwidth of the E1 search, which passes 86 % of the power of BOC(1,1)
 _E1_PHASES = 16384  # code phases of a period in that band, ¼ chip apart
 _E1_BINS, _E1_BIN_HZ = 81, 125.0
 _E6_BINS = 321  # ±5 kHz, 1/(2 T) apart at 16 ms
@@ -77,24 +79,25 @@ class SearchOutcome:
     e1_signals: Float[np.ndarray, " n"]  # number of signals on E1; 0 means none, and no hand-over
     # number of these signals with the encrypted chips in E6; 0 if the hand-over was not run
     handover_carrying: Float[np.ndarray, " n"]
-    # error of the range to the earliest signal in E6, as an E1 range; NaN if no signal was found or no search was run
+    # error of the E1 range that follows from the earliest signal in E6; NaN if no search was run, no signal was found,
+    # or a signal could have been missed
     handover_error_m: Float[np.ndarray, " n"]
     exhaustive_signals: Float[np.ndarray, " n"]  # number of signals in the exhaustive search
-    exhaustive_error_m: Float[np.ndarray, " n"]
+    exhaustive_error_m: Float[np.ndarray, " n"]  # the same error from the exhaustive search; NaN below two signals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandSignals:
     """The signals of one satellite in one band over epochs; the true signal is the first."""
 
-    amplitude: Complex128[np.ndarray, "n k"]  # relative to the true signal, as delay and Doppler; 0 means no signal
+    amplitude: Complex128[np.ndarray, "n k"]  # relative to the true signal, as are delay and Doppler; 0 means no signal
     delay_m: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
     cn0_dbhz: Float[np.ndarray, " n"]  # C/N0 of the true signal, over all noise that is present
 
 
 def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
-    """Return the signals of a band that carry its chips.
+    """Return the signals of a band whose chips match the replica.
 
     `cn0_dbhz` is the C/N0 of the true signal without attack; −∞ or NaN means no signal.
     """
@@ -114,13 +117,14 @@ def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, "
 class SearchDraws:
     """Random draws for the searches of a block of epochs, with a column for each signal."""
 
-    e1_cell: Float[np.ndarray, "n k 2"]  # offset from the nearest cell of code and Doppler, in steps, −½ … ½
+    e1_cell: Float[np.ndarray, "n k 2"]  # offset from the nearest cell of code and Doppler, −½ to ½ step
     e6_cell: Float[np.ndarray, "n k 2"]
     e1_z: Complex128[np.ndarray, "n k"]  # noise of unit variance per dimension in the tested cell
     e6_z: Complex128[np.ndarray, "n k"]
     e1_rest: Float[np.ndarray, "n k"]  # the other K − 1 squared magnitudes of E1, χ²(2K − 2)
     measured: Float[np.ndarray, "n k 2"]  # errors of E1's code phase and of the range in E6, σ = 1
-    # uniform draws; below `p_fa` noise is a false signal on E1, at the hand-over, in the exhaustive search; its delay
+    # uniform draws: three give a false signal if below `p_fa` (on E1, at the hand-over, in the exhaustive search), the
+    # last gives its delay
     alarm: Float[np.ndarray, "n 4"]
 
 
@@ -151,10 +155,10 @@ def search_outcome(
     p_fa: float = SEARCH_P_FA,
     clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
-    """Return the results of the searches in the epochs from `first` on; the cut into blocks does not change them.
+    """Return the results of the searches in the epochs from `first` on, the same for any cut into blocks.
 
-    The two C/N0 are those of undisturbed pilots at nominal strength, before the effect of elevation. `p_fa` is the
-    false-alarm probability of each search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
+    `cn0_e1_dbhz` and `cn0_e6_dbhz` are the C/N0 of the undisturbed pilots, before the effect of elevation. `p_fa` is
+    the false-alarm probability of each search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
     """
     seen_db = np.where(truth.geometry.in_view, 20 * np.log10(truth.geometry.amplitude), -np.inf)
     e1 = band_signals(truth.e1_attack, Band.E1, cn0_e1_dbhz + seen_db)
@@ -190,8 +194,8 @@ def outcome(
 
     `shift_m` is the delay of E6 after E1 that the prediction does not contain. `e1_p_fa` is the false-alarm probability
     of each search of one satellite, on E1 and at the hand-over. `exhaustive_p_fa` is the false-alarm probability of the
-    whole search of E6. `window_s` is the time uncertainty on either side of the time of transmission that a clock with
-    the error `clock_offset_s` gives.
+    whole search of E6. `window_s` is half the width of the search window. The window lies around the time of
+    transmission according to the receiver's clock, which has the error `clock_offset_s`.
     """
     on_e1 = _found_on_e1(e1, draws, e1_p_fa, periods)
     e1_count = on_e1.sum(axis=1) + (draws.alarm[:, 0] < e1_p_fa)
@@ -248,7 +252,7 @@ def _off_tap_chips(
     places_m: Float[np.ndarray, "n l"],
     shift_m: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n l"]:
-    """Return the distance in E6, at most 1 chip, of each signal from the nearest tap around the signals found on E1."""
+    """Return the distance of each E6 signal from the nearest tap around the signals found on E1, at most 1 chip."""
     apart_m = _wrapped(
         places_m[:, :, None] + shift_m[:, None, None] - lines_m[:, None, :], E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS
     )
@@ -300,8 +304,9 @@ def _separate(
 ) -> Bool[np.ndarray, "n k"]:
     """Return the signals that are separate from every stronger signal that is kept.
 
-    The smallest distance is `blind_m`, or, if larger, `fine_m` + `blind_m` (1 − amplitude over that of the stronger
-    signal). Distances count modulo `period_m`.
+    Separate signals are more than `blind_m` apart. If `fine_m` is given, they are also more than `fine_m` + `blind_m`
+    (1 − s/s') apart, with the amplitudes s of the weaker and s' of the stronger signal. Distances count modulo
+    `period_m`.
     """
     order = np.argsort(np.where(found, -strength, np.inf), axis=1)
     rows = np.arange(found.shape[0])
@@ -316,7 +321,7 @@ def _separate(
 
 
 def _wrapped(distance_m: Float[np.ndarray, "*n"], period_m: float) -> Float[np.ndarray, "*n"]:
-    """Return a distance modulo a period, in −½ … ½ of it."""
+    """Return a distance modulo a period, between −½ and ½ period."""
     return distance_m if np.isinf(period_m) else distance_m - period_m * np.round(distance_m / period_m)
 
 

@@ -2,20 +2,20 @@
 
 Theory of operation
 -------------------
-Each satellite sends E1-B and E1-C, of C/N0 c_j each, as CBOC(6,1,1/11) with the signs + and −. A correlator takes E1-C
-as BOC(1,1).
+Satellite j sends E1-B and E1-C, each with the C/N0 c_j, as CBOC(6,1,1/11) with the signs + and −. A correlator takes
+E1-C as BOC(1,1).
 
 **Strangers** are all signals that are not aligned with the replica: signals of other satellites, and the satellite's
-own signals a chip or more away. The power u = Σ c_j p_j of the strangers is that of one component over N0, in Hz. The
-factor p is the power of a satellite's signals over that of its line of sight. The signals are sampled at f_s. In two
+own signals a chip or more away. u = Σ c_j p_j is the power of one component of all strangers over N0, in Hz. p_j is the
+power of all signals of satellite j over the power of its line of sight. The signals are sampled at f_s. In two
 correlators δ apart, the noise of the strangers has the covariance u A(δ) in each dimension. The receiver's own noise
 has the covariance of the replicas instead.
 
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 
 R_B and R_C are the autocorrelations of the two components, and R is the autocorrelation of BOC(1,1). In continuous time
-A(0) is 0.59 µs; at 6.2 MHz it is 18 % more, as sampling folds BOC(6,1) into the band. Seven other satellites of 45 dBHz
-raise the noise by 13 %.
+A(0) is 0.59 µs; at 6.2 MHz A(0) is 18 % more, because sampling folds BOC(6,1) into the band. Seven other satellites of
+45 dBHz raise the noise by 13 %.
 
 **The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips E1-B gives the output of
 E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are random.
@@ -27,7 +27,8 @@ both components,
 
     P(τ) = W/f_s Σ_m [R_B(m/f_s − τ) + R_C(m/f_s − τ)] sinc(W m/f_s)
 
-A satellite thus adds P(0) c η/W to the noise, with η as in `e1_taps`, the overlap P(τ)/P(0), and reflections included.
+A satellite thus adds P(0) c η/W to the noise. η is computed as in `e1_taps`, with the overlap P(τ)/P(0) and with
+reflections.
 
 The model leaves out the filter of the front end: filtered samples (`front_end.bandwidth_hz`) have rounder correlators.
 """
@@ -57,7 +58,7 @@ from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11, autocorrelation
 from vestige.streams import stream
 
-_GRID_CHIPS = np.linspace(-4.0, 4.0, 801)  # beyond, the filtered signals do not overlap
+_GRID_CHIPS = np.linspace(-4.0, 4.0, 801)  # filtered signals that are farther apart do not overlap
 
 
 def sky_power(truth: TruthBlock, *, with_rays: bool, sample_rate_hz: float) -> Float[np.ndarray, " n"]:
@@ -139,7 +140,7 @@ def code_noise(
 
     def draw(block: int) -> Complex128[np.ndarray, "n n_taps_and_1"]:
         real, imaginary = stream(seed, "E1 codes", block, svid).standard_normal((2, DRAW_BLOCK, len(TAP_CHIPS) + 1))
-        # the last bits of a product depend on the number of rows
+        # whole blocks, because the last bits of a product depend on the number of rows
         strangers = (real[:, :-1] + 1j * imaginary[:, :-1]) @ factor.T
         return np.concatenate([strangers, real[:, -1:] + 0j], axis=1)
 

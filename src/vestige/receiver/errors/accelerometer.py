@@ -27,7 +27,7 @@ class Accelerometers:
     Attributes
     ----------
     sigma_bias_mps2
-        Standard deviation of the bias of an axis: 1 mg.
+        Standard deviation of the bias of an axis; the default is 1 mg.
     walk_mps_per_sqrt_s
         N, velocity random walk.
     """

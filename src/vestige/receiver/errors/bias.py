@@ -2,9 +2,9 @@
 
     b(t) = b_BGD + b_HW + r_HW t
 
-b_BGD belongs to the satellite: it is the residual of the broadcast group delay times γ − 1, constant over the run. b_HW
-and its drift r_HW, from the temperature of the front ends, belong to the receiver and are common to all satellites.
-b_BGD, b_HW and r_HW are drawn once and are Gaussian.
+b_BGD belongs to the satellite: the residual of the broadcast group delay times γ − 1, constant over the run. b_HW
+belongs to the receiver and is common to all satellites. The temperature of the front ends causes the drift r_HW of
+b_HW. b_BGD, b_HW and r_HW are drawn once and are Gaussian.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vestige.receiver.errors.error_process import Streams
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BiasResiduals:
-    """Gaussian residuals of group delay and hardware; the default is none, as after calibration.
+    """Gaussian residuals of group delay and hardware delay; by default all are 0, as after calibration.
 
     Without calibration the standard deviation of the hardware delay is about 3 m [WFO, Sec. II-B]. Without a group
     delay file the standard deviation of BGD is 1.5 m [SASLIB].
@@ -62,5 +62,5 @@ class BiasProcess:
     drift_mps: float
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return b(t), part of E6 − E1, in m."""
+        """Return b(t) in m, a part of the delay E6 − E1."""
         return self.satellite_m + (self.hardware_m + self.drift_mps * times_s)

@@ -82,7 +82,7 @@ class ClockProcess:
         self._last_s = self._bias_m = self._drift_mps = 0.0
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Return clock error in m and its rate in m/s at later times; both are 0 at the scenario's start.
+        """Return the clock error in m, positive if ahead, and its rate in m/s at later times; both are 0 at the start.
 
         Raises `ValueError` if time runs backwards.
         """

@@ -81,6 +81,6 @@ def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
 
 
 def _text(path: Path) -> str:
-    """Return a regular file of limited size as text, one character a byte."""
+    """Return a regular file of limited size as text, one character for each byte."""
     data = read_bytes(path, at_most=LARGEST_FILE)
     return data.removeprefix(b"\xef\xbb\xbf").decode("latin-1").replace("\r\n", "\n")

@@ -1,9 +1,9 @@
 """Common base of the receiver's error models: named streams of random numbers, and times that only increase.
 
 A model is a frozen record of parameters. `model.process(streams)` starts a realisation of the model. `advance(times_s)`
-continues that realisation to later times, with one value per epoch. The values of every model do not depend, to the
-last bit, on the cut of the epochs into calls. So a model asks for one stream per variable and draws the same number of
-values for every epoch.
+continues that realisation to later times, with one value per epoch. The values of every model are the same to the last
+bit, however the epochs are divided among calls. So a model asks for one stream per variable and draws the same number
+of values for every epoch.
 
 The streams of clock and front ends belong to the receiver. All other streams belong to a satellite,
 `named_streams(seed, svid)`.
@@ -63,7 +63,7 @@ class ClockModel(Protocol):
 
 @runtime_checkable
 class IonosphereModel(Protocol):
-    """The differential ionosphere E6 − E1 of a satellite.
+    """Model of the differential ionospheric delay E6 − E1 of a satellite.
 
     Under a sky, vestige multiplies the residual by the obliquity. A process may have a method `shared(receiver,
     share)`, as `IonosphereProcess` has. `share` is the share of the variance that all satellites have in common.
@@ -136,7 +136,7 @@ def named_streams(seed: int, *labels: str | int) -> Streams:
 
 
 def steps_s(last_s: float | None, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the time since the previous epoch, for each epoch in s; 0 for the first epoch of all, without `last_s`.
+    """Return the time in s since the previous epoch, for each epoch; 0 for the first epoch if `last_s` is None.
 
     Raises `ValueError` if time runs backwards.
     """

@@ -11,7 +11,7 @@ The process of second order is critically damped and has the rate v of z as a se
 
     z'' + 2 z'/a + z/a² = white noise,    E[z(t) z(t + s)] = (1 + s/a) e^{−s/a},    E[v²] = 1/a²
 
-This process, too, is stationary and exact. The change over a short step h is v h, with the standard deviation h/a.
+This process is also stationary and exact. The change over a short step h is v h, with the standard deviation h/a.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class GaussMarkovProcess:
             keep[0], gain[0] = 0.0, 1.0
         z = self._z
         values = []
-        # Python floats: this recursion is fast enough without a compiled loop (6 ms for 100,000)
+        # Python floats: this recursion is fast enough without a compiled loop (6 ms for 100,000 epochs)
         for rho, kick in zip(keep.tolist(), (gain * drive).tolist(), strict=True):
             z = rho * z + kick
             values.append(z)

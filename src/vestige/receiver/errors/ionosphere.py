@@ -8,16 +8,16 @@ residual e comes from the early tail −(u + Exp(β)). Far out on the late side
 
     P(e > x) = ps · e^{−(x−u)/β}
 
-The tail is a straight line in a logarithmic histogram, as the right flank in [WFO, Sec. VI-A]. One Gaussian z per epoch
-gives the value through the inverse distribution function, e = F⁻¹(Φ(z)). So e has the distribution F for any memory of
-z.
+The tail is a straight line in a logarithmic histogram, like the right flank in [WFO, Sec. VI-A]. One Gaussian z per
+epoch gives the value through the inverse distribution function, e = F⁻¹(Φ(z)). So e has the distribution F for any
+memory of z.
 
 * `iid`: all epochs are independent, for histograms.
 * `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation along a Galileo pass. A run of 100,000 s
   then has only about 14 independent values. In a second the residual changes by 1.7 % of its spread, or 2 cm: half a
   radian of the E6 carrier. So carrier phases need `smooth`.
-* `smooth`: z is a Gauss-Markov process of second order with the same τ, so it has a rate: 0.03 % of its spread in a
-  second, 0.4 mm. E6 carrier phases can be compared with those of E1.
+* `smooth`: z is a Gauss-Markov process of second order with the same τ, so z has a rate. In a second the residual
+  changes by 0.03 % of its spread, or 0.4 mm. E6 carrier phases can be compared with E1 carrier phases.
 
 A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are the difference between two such models,
 NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Each tail of this difference has a
@@ -41,9 +41,9 @@ from vestige.receiver.errors.error_process import Streams
 from vestige.receiver.errors.gauss_markov import GaussMarkovProcess, SmoothGaussMarkovProcess
 
 Correlation = Literal["iid", "gauss-markov", "smooth"]
-PASS_TAU_S = 7200.0  # 1/e at 110 min along Galileo passes, NeQuick-G minus NTCM-G
+PASS_TAU_S = 7200.0  # the measured correlation falls to 1/e in 110 min along Galileo passes, NeQuick-G minus NTCM-G
 
-_HALVINGS = 52  # halvings of an interval: to the last bit
+_HALVINGS = 52  # halvings of an interval, down to the last bit of a float64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,12 +62,14 @@ class HeavyTailedIonosphere:
         s, share of p in the late tail, 0 to 1: 0.5 is symmetric, 1 has no early tail.
     truncated
         Whether the core is cut at ±u, so that P(|e| > u) is exactly p. Otherwise the core also reaches beyond u.
-    correlation, tau_s
-        Memory, and its correlation time τ in s.
+    correlation
+        Memory of z: `iid`, `gauss-markov` or `smooth`.
+    tau_s
+        Correlation time τ of z in s.
     code_only
-        Whether the residual delays the codes and leaves the carriers alone. A real ionosphere advances the carriers.
-        With `iid`, however, the draws stand for different times, and the carriers would jump by whole cycles from epoch
-        to epoch.
+        Whether the residual delays the codes and has no effect on the carriers. A real ionosphere advances the
+        carriers. With `iid`, however, the draws stand for different times, and the carriers would jump by whole cycles
+        from epoch to epoch.
     """
 
     core_sigma_m: float
@@ -91,12 +93,12 @@ class HeavyTailedIonosphere:
 
     @classmethod
     def solar_maximum_2014(cls) -> HeavyTailedIonosphere:
-        """Return the residual of 2014, elevation 5 to 30°: rms 1.73 m, and |e| > 10 m with 1e-4 on each side."""
+        """Return the residual of 2014, elevation 5 to 30°: rms 1.73 m, and P(|e| > 10 m) is 1e-4 on each side."""
         return cls(core_sigma_m=1.24, tail_start_m=2.65, tail_scale_m=1.17)
 
     @classmethod
     def solar_maximum_2014_late(cls) -> HeavyTailedIonosphere:
-        """Return the residual of 2014 without its early tail: in the paper's histogram the right flank is higher."""
+        """Return the residual of 2014 without its early tail: the paper's histogram has a higher right flank."""
         both = cls.solar_maximum_2014()
         return replace(both, tail_probability=both.tail_probability / 2, late_tail_share=1.0)
 
@@ -139,7 +141,7 @@ class HeavyTailedIonosphere:
         return self.tail_probability * (self.late_tail_share if late else 1 - self.late_tail_share)
 
     def _side(self, upper: Float[np.ndarray, " n"], *, late: bool) -> Float[np.ndarray, " n"]:
-        """Return the x ≥ 0 that a side exceeds with the probability `upper`."""
+        """Return the x ≥ 0 that the residual exceeds on one side with the probability `upper`."""
         p, u, tail = self.tail_probability, self.tail_start_m, self._tail(late=late)
         core_end = (1 - p) * float(self._core_exceedance(np.array([u]))[0]) + tail
         size = np.zeros_like(upper)
@@ -172,12 +174,12 @@ class HeavyTailedIonosphere:
         return np.maximum(-self.core_sigma_m * ndtri(np.minimum(upper, 0.5)), 0.0)
 
     def _tail_quantile(self, upper: Float[np.ndarray, " n"], *, late: bool) -> Float[np.ndarray, " n"]:
-        """Return the x ≥ u that is exceeded with `upper`, in closed form, or by bisection if the core goes beyond u."""
+        """Return the x ≥ u that is exceeded with the probability `upper`; by bisection if the core goes beyond u."""
         tail = self._tail(late=late)
         p, u, beta, sigma = self.tail_probability, self.tail_start_m, self.tail_scale_m, self.core_sigma_m
         if self.truncated or sigma == 0 or p == 1:
             return u + beta * np.log(np.maximum(tail / upper, 1.0))
-        # Above `high` each of the two terms is at most half of `upper`.
+        # Above `high` each of the two terms of `exceedance` is at most half of `upper`.
         low = np.full_like(upper, u)
         high = np.maximum(
             u + beta * np.log(np.maximum(2 * tail / upper, 1.0)), -sigma * ndtri(np.minimum(upper / (2 * (1 - p)), 0.5))

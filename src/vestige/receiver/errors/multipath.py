@@ -12,11 +12,12 @@ Theory of operation
   v/L + 1/T for a mean life of L metres of travel or T seconds. Another, independent reflection follows.
 * Number: fixed, or Poisson with a maximum. The number is drawn anew at the same rate as the reflections.
 
-A reflection has the same coefficient on E1, but the phase of the E1 carrier. The phase differs by (f1 − f6) τ cycles,
-one cycle for each metre of excess delay. So the errors of E1 and E6 are practically independent.
+A reflection has the same strength on E1 and E6, but another phase. The phases differ by (f1 − f6) τ cycles, one cycle
+for each metre of excess delay. So the errors of E1 and E6 are practically independent.
 
 These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681], without the
-channel's houses and trees. The power of the presets is calibrated to the only result in [WFO]: 52 misses in 100,000.
+houses and trees that this channel also models. The power of the presets is calibrated to the only result in [WFO]: 52
+misses in 100,000.
 """
 
 from __future__ import annotations
@@ -77,11 +78,10 @@ class RayBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LmsLiteMultipath:
-    """Reflections that begin and end.
+    """Model of reflections that begin and end.
 
-    A life of 0 makes every epoch independent. Mind the Doppler: a reflection whose phase changes by f T cycles in an
-    integration time is weaker by sinc(f T). At speeds above about 10 m/s, 16 ms of E6 therefore show little of the
-    multipath.
+    A life of 0 makes every epoch independent. A reflection whose phase changes by f T cycles in the integration time T
+    is weaker by the factor sinc(f T). At speeds above about 10 m/s, 16 ms of E6 therefore show little of the multipath.
 
     Attributes
     ----------

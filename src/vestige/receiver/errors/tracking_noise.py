@@ -152,7 +152,7 @@ class TrackingNoiseProcess:
 def noise_growth(
     model: TrackingModel, nominal_dbhz: float, gain_db: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the factors by which code and Doppler noise grow if the C/N0 is `gain_db` above the nominal C/N0.
+    """Return the factors by which code and Doppler noise change if the C/N0 is `gain_db` above the nominal C/N0.
 
     Between whole dB the logarithms of the factors are interpolated, with an error of 1e-3.
     """

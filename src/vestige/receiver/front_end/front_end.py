@@ -81,7 +81,7 @@ class FrontEnd:
 
     @property
     def power_bandwidth_hz(self) -> float:
-        """Bandwidth in which the power is measured: that of the filter, or the whole bandwidth of the samples."""
+        """Bandwidth in which the power is measured: that of the filter, or without a filter the sampling rate."""
         return self.bandwidth_hz or self.sample_rate_hz
 
     @property
@@ -102,7 +102,7 @@ class FrontEnd:
         return (n_samples - 1) * self.oversampling + 1 + 2 * self.margin_samples
 
     def filter_taps(self) -> Float32[np.ndarray, " n_taps"]:
-        """Return the impulse response, even, of unit energy."""
+        """Return the even impulse response of the filter, with unit energy."""
         if self.bandwidth_hz is None:
             return np.ones(1, np.float32)
         n = np.arange(-self.margin_samples, self.margin_samples + 1)
@@ -140,7 +140,7 @@ class FrontEnd:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _sum_of_squares(x):  # type: ignore[no-untyped-def]
-    """Return Σ x², summed in float32 within 1024 numbers and in float64 over these sums."""
+    """Return Σ x², summed in float32 within each group of 1024 numbers and in float64 over the groups."""
     total = 0.0
     for first in range(0, x.size, 1024):
         part = x[first : first + 1024]

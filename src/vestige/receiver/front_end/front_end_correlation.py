@@ -52,7 +52,7 @@ def noise_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"])
 def code_noise_density_s(front_end: FrontEnd) -> float:
     """Return κ in s: behind a correlator, another code of power C is noise of the density κ C over N0.
 
-    r[m] is the autocorrelation of the filter at the input rate, of which every f_i/f_s-th lag is used:
+    r[m] is the autocorrelation of the filter at the input rate. The sum takes every f_i/f_s-th lag:
 
         κ = 1/f_s Σ_m (Λ ∗ r)[m] Λ(m/f_s) / ((Σ h)² R_n(0))
 
@@ -72,11 +72,11 @@ def code_noise_density_s(front_end: FrontEnd) -> float:
 
 
 def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
-    """Return how many metres a range offset grows with each metre of delay; 1 without a filter.
+    """Return by how many metres a range offset grows with each metre of delay; 1 without a filter.
 
     The range offset assumes that three taps lie on a triangle [WFO, Sec. III-C], but behind a filter the peak is round.
-    The slope is that of the least-squares line over delays up to a quarter of the spacing, where nearly all offsets
-    lie.
+    The result is the slope of the least-squares line over delays up to a quarter of the spacing, where nearly all
+    offsets lie.
     """
     delay_m = np.linspace(-spacing_m / 4, spacing_m / 4, 41)
     offsets_m = spacing_m * np.array([-1.0, 0.0, 1.0])
@@ -88,7 +88,7 @@ def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
 
 @lru_cache(maxsize=4)
 def spread(front_end: FrontEnd, n_lags: int, steps_per_chip: int) -> Float[np.ndarray, "n_lags n_grid"]:
-    """Return the share of each whole-chip lag of a code's even autocorrelation in the output at |x|, on a fine grid."""
+    """Return how much each whole-chip lag ±d of a code's autocorrelation adds to the output at |x|, on a fine grid."""
     last = (n_lags - 1) * steps_per_chip
     table = signal_correlation(front_end, np.arange(-last, 2 * last + 1) / steps_per_chip)
     rows = [table[last - lag * steps_per_chip :][: last + 1] for lag in range(n_lags)]  # R_h(x − lag)

@@ -63,7 +63,8 @@ class Quantiser:
         return np.where(rho >= 1, power, low) / squares[1]
 
 
-# Steps of 2 and 3 bits (Thompson, Emerson, Schwab 2007, table 1). 8 bits: 16 steps per σ lose 0.001 dB and leave 18 dB.
+# Steps of 2 and 3 bits (Thompson, Emerson, Schwab 2007, table 1). 8 bits: 16 steps per σ lose 0.001 dB and leave 18 dB
+# above σ.
 QUANTISERS = {
     1: Quantiser(step_sigma=1.0, outermost=1, zero=False, full_scale_sigma=inf),
     2: Quantiser(step_sigma=0.996, outermost=3, zero=False, full_scale_sigma=2 * 0.996),

@@ -1,17 +1,17 @@
 """An attack in a recording: each spoofing signal is an additional satellite in the sky, with its own path.
 
 A spoofing signal has the delay τ at the receiver. The spoofing signal left the satellite together with the true signal
-that arrived τ earlier. The receiver's clock is that at the arrival of the spoofing signal:
+that arrived τ earlier. The clock error is the error at the arrival of the spoofing signal:
 
     P'(t) = s(t − τ) + clock(t) + c τ
 
 The additional phase of the spoofing signal's carrier is in the phasor of its propagation. This phase is zero for a
-delay line (`Coherent`), while a locked or slipping carrier diverges from its code. The time of the profiles is that of
-transmission, as in a run. Signals sent before the scenario's start have the profile values of the start.
+delay line (`Coherent`), while a locked or slipping carrier diverges from its code. Profiles are evaluated at the time
+of transmission, as in a run. Signals sent before the scenario's start have the profile values of the start.
 
 In a stretch of the recorder delay and phase are parabolas through their values at its begin, its middle and its end.
-The amplitude is a straight line between begin and end. So no value steps between stretches, also where a profile has a
-corner. A signal that is switched on or off begins or ends with a stretch.
+The amplitude is a straight line between begin and end. So no value has a step between stretches, even where a profile
+has a corner. A signal that is switched on or off begins or ends with a stretch.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class ReceivedSpoofingSignal:
     spoofer: Spoofer
     number: int  # number of the attack in the spoofer
     band: Band
-    stretch_s: float  # duration of a stretch of the recorder, about whose middle all times are
+    stretch_s: float  # duration of a stretch of the recorder; all given times are middles of stretches
     _motions: dict[int, tuple[float, float]] = field(default_factory=dict, repr=False, compare=False)
     _delays: dict[bytes, Float[np.ndarray, "3 n"]] = field(default_factory=dict, repr=False, compare=False)
 
@@ -62,7 +62,7 @@ class ReceivedSpoofingSignal:
         return geometry.rate_mps(t_s - delay_m / SPEED_OF_LIGHT_MPS) * slower + drift_mps + rate_mps
 
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return d²P'/dt² in m/s², with the mean bend of the delay in the stretch about each time."""
+        """Return d²P'/dt² in m/s², with the mean second derivative of the delay in the stretch."""
         delay_m, rate_mps, bend_mps2 = self._delay(t_s)
         geometry, then_s = self.path.line_of_sight, t_s - delay_m / SPEED_OF_LIGHT_MPS
         change_mps2 = self.path.acceleration_mps2(t_s) - geometry.acceleration_mps2(t_s)
@@ -95,11 +95,12 @@ class ReceivedSpoofingSignal:
         )
 
     def _turned(self, effects: BandEffects, cycles: Float[np.ndarray, " 3"], half_s: float) -> Float[np.ndarray, " 2"]:
-        """Return the cycles that the carrier turns beyond its pseudorange in both halves of a stretch.
+        """Return the phase change of the carrier in each half of a stretch in cycles, without the part of the range.
 
-        `cycles` is this phase at the begin, the middle and the end, without whole cycles. The whole cycles follow from
-        the Dopplers: where the delay has a corner, the Doppler of a delay line beyond the pseudorange has no step, and
-        the own Doppler of any other carrier has none.
+        `cycles` is this phase, without the part of the pseudorange, at the begin, the middle and the end; whole cycles
+        are removed. The whole cycles are computed from a Doppler that has no step where the delay has a corner. For a
+        delay line this is the Doppler without the part of the pseudorange. For any other carrier this is the Doppler of
+        the phase law.
         """
         to_cycles, k = CARRIER_HZ[self.band] / SPEED_OF_LIGHT_MPS, self.number
         own_hz = effects.doppler_hz[:, k]
@@ -111,9 +112,9 @@ class ReceivedSpoofingSignal:
         return about + np.remainder(np.diff(cycles) - about + 0.5, 1.0) - 0.5
 
     def _delay(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, "3 n"]:
-        """Return the delay in m in the middle of the stretches about some times, its mean rate and its mean bend."""
+        """Return the delay in m at some times, and its mean first and second derivatives in the stretch about each."""
         key = t_s.tobytes()
-        known = self._delays.get(key)  # range, rate and acceleration are asked for at the same times
+        known = self._delays.get(key)  # range, rate and acceleration are requested for the same times
         if known is None:
             half_s = self.stretch_s / 2
             at_s = np.concatenate([t_s - half_s, t_s, t_s + half_s])
@@ -146,7 +147,7 @@ class ReceivedSpoofingSignal:
 
 
 def _straight(strength: Float[np.ndarray, " 3"], stretch_s: float) -> tuple[float, float]:
-    """Return the strength in the middle of a stretch and its relative growth per s; no growth if it is switched."""
+    """Return the strength in the middle of a stretch and its relative growth per s; 0 if the signal is switched."""
     begin, middle, end = (float(one) for one in strength)
     if not (begin and middle and end):
         return middle, 0.0
@@ -172,7 +173,7 @@ def spoofing_satellites(
     true, path, spoofer, band
         The true signal, its truth, the attacker, and the band.
     forged_chips
-        Signal that an attacker invents in place of the true one.
+        Component with chips that an attacker invents in place of the true chips.
     forged_data
         E1-B with an attacker's own data.
     stretch_s

@@ -1,7 +1,7 @@
 """The truth of a simulation between its epochs, for recordings without gaps.
 
-`Simulation` knows its errors at every epoch t_k, the time at which a RECS is sent, and applies them at its reception. A
-recording goes through all epochs in one piece:
+A `Simulation` has errors at every epoch t_k, the time at which a RECS is sent. The simulation applies these errors when
+the RECS is received. A recording covers all epochs without a gap:
 
     P(t) = s(t) + clock(t) + troposphere(t)      geometry as it is; clock: the cubic through t_k with the drift as slope
     E1:  code later by I, carrier earlier by I   ionosphere I = iono_diff/(γ − 1) + broadcast model, only under a sky
@@ -12,7 +12,7 @@ recording goes through all epochs in one piece:
 In the middle of the reception of an epoch's chips, all errors have the values of the epoch, and change slowly. Between
 two such moments the errors change to the values of the next epoch without a step. Delays and strengths follow half a
 cosine. The phase of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the
-recording is therefore that of `Simulation.snapshot`, except for the carrier phase and for micrometres of range.
+recording therefore equals the RECS of `Simulation.snapshot`, except for the carrier phase and for micrometres of range.
 Tracking loops see a channel without jumps.
 """
 
@@ -36,11 +36,11 @@ from vestige.signals.definitions import CARRIER_HZ
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContinuousTruth:
-    """A truth at any time."""
+    """The truth of one satellite at any time."""
 
     line_of_sight: RangeHistory
     truth: TruthBlock  # truth at the epochs: at least two, which enclose all requested times
-    e1_multipath: bool  # whether the reflections are in E1 too
+    e1_multipath: bool  # whether the reflections are also in E1
     # delay of E6 relative to E1 that the receiver is told, in addition to the truth's residuals, in m
     group_delay_m: float = 0.0
     atmosphere: AtmosphericDelay | None = None  # atmosphere with the troposphere of P(t); None for none
@@ -81,7 +81,7 @@ class ContinuousTruth:
         return bend_mps2 if self.atmosphere is None else bend_mps2 + self.atmosphere.troposphere_rates(system_s)[1]
 
     def _system_time(self, t_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the time of orbits; on a single line of sight it is the receiver's time."""
+        """Return the time at which orbits are evaluated; on a single line of sight this is the receiver's time."""
         return t_s - clock_m / SPEED_OF_LIGHT_MPS if self.sky else t_s
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
@@ -109,7 +109,10 @@ class ContinuousTruth:
         return t_s
 
     def propagation(self, band: Band, duration_s: float) -> ContinuousPropagation:
-        """Return the propagation in a band; while an epoch's RECS (`duration_s`) arrives, the epoch's propagation."""
+        """Return the propagation in a band, which has the values of an epoch while the epoch's RECS arrives.
+
+        `duration_s` is the duration of a RECS.
+        """
         return ContinuousPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
 
     def _clock(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], ...]:
@@ -156,7 +159,7 @@ class ContinuousPropagation:
         left = min(max(int(np.searchsorted(knots, t_s, side="right")) - 1, 0), knots.size - 2)
         span_s = float(knots[left + 1] - knots[left])
         place = (t_s - float(knots[left])) / span_s
-        u = min(max(place, 0.0), 1.0)  # before the first and after the last epoch, all but the phases is constant
+        u = min(max(place, 0.0), 1.0)  # before the first and after the last epoch, only the phases change
         share, slope = (1 - np.cos(np.pi * u)) / 2, np.pi / 2 * np.sin(np.pi * u) / span_s
         to_cycles = CARRIER_HZ[self.band] / SPEED_OF_LIGHT_MPS
 

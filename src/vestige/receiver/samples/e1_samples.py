@@ -7,9 +7,9 @@ Theory of operation
 For each epoch and satellite T = 0.1 s of E1-C is synthesised: line of sight, multipath, spoofing signals, noise and
 jamming. The processor's own correlator processes the samples. BOC(1,1) is then a code of twice the chip rate, in which
 each chip is followed by its opposite. Epochs are sent at whole tenths of a second, where the secondary code begins.
-Time zero is the delay at which the loop has settled, so a signal of delay τ lies at τ − x₀. Sample phase and Doppler,
-on code and carrier, are those of the pseudorange. With M = f_s T samples of noise 1, the mean over these samples times
-√(2M) is ξ.
+Time zero is the delay at which the loop has settled, so a signal of delay τ lies at τ − x₀. The sampling phase and the
+Dopplers of code and carrier follow from the pseudorange. With M = f_s T samples of noise 1, the mean over these samples
+times √(2M) is ξ.
 
 The samples of each satellite have their own noise, which differs from that of a recording. The power of the band comes
 from further samples with all satellites, W of them per second. The mean square of these samples is 1 + Σ r_i without an
@@ -48,7 +48,7 @@ _PERIOD_CHIPS = 2 * E1C.code_length * E1C.secondary_length
 _SPARE_CHIPS = 64  # on either side of the segment, 9 km
 _MARGIN_S = 5e-6
 _ANY_TIME = GalileoTime(0, 0)  # the samples of an epoch need no real time
-_NOISE = 1  # stream number on E1; the streams of a satellite start after `_STREAMS_A_SATELLITE`
+_NOISE = 1  # number of the noise stream; each satellite has `_STREAMS_A_SATELLITE` streams, from `_E1` on
 _STREAMS_A_SATELLITE, _E1 = 1 << 16, 1 << 32
 
 
@@ -116,9 +116,9 @@ def sampled_power_rise_db(
     seed: int,
     first: int,
 ) -> Float[np.ndarray, " n"]:
-    """Return the power of the band over that without attack, from samples, in dB.
+    """Return the power of the band over the power without attack, from samples, in dB.
 
-    Parameters are those of `power_rise_db`.
+    Parameters are those of `band_power_rise_db`.
     """
     share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / POWER_BANDWIDTH_HZ
     rise_db = np.empty(cn0_dbhz.shape[0])

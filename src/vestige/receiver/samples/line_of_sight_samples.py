@@ -30,7 +30,7 @@ class LineOfSightSamples:
     def around(self, row: int) -> tuple[SampleBatch, FrontEndStatus]:
         """Return the samples around RECS number `row` of the block, and the status of the front end.
 
-        The time of the samples is that of a clock that no attacker moves.
+        The time tags of the samples do not contain the time offset that an attacker causes.
         """
         of, truth, number = self.simulation, self.truth, self.first + row
         sent = of.transmit_time(number)

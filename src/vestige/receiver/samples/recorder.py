@@ -2,16 +2,16 @@
 
 Theory of operation
 -------------------
-**Stretches.** A band is made in stretches of about 10 ms, whole blocks of the synthesis kernel. About the middle t_m of
-a stretch the pseudorange is P + v x + ½ a x². The third derivative j adds j x³/6 within 5 ms, less than a micrometre
-for any receiver on Earth. The chip that arrives at t_m was sent at t − P(t)/c. The chip's number is counted from the
-Galileo second in integers, and the chip arrives x after t_m. Stretches are cut on the sample counter, so two recordings
-of the same scenario have the same bits where they overlap.
+**Stretches.** The samples of a band are made in stretches of about 10 ms, a whole number of blocks of the synthesis
+kernel. About the middle t_m of a stretch the pseudorange is P + v x + ½ a x². The third derivative j adds j x³/6 within
+5 ms, less than a micrometre for any receiver on Earth. The chip that arrives at t = t_m + x was sent at t − P(t)/c.
+Chips are numbered from the Galileo second, in integers. Stretches are cut on the sample counter, so two recordings of
+the same scenario have the same bits where they overlap.
 
 **Propagation.** All effects in addition to the pseudorange are computed once per stretch. A group delay moves the code
 of the line of sight and not its carrier. An ionosphere moves the carrier the other way. Both delays change over a
-stretch with their rates at its middle, so that a tracking loop meets no step. The amplitude of a spoofing signal
-changes in steps of a block of the synthesis kernel.
+stretch with their rates in the middle of the stretch, so that a tracking loop has no step. The amplitude of a spoofing
+signal changes in steps of a block of the synthesis kernel.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ from vestige.time import GalileoTime
 
 STRETCH_S = 0.01
 _NOISE = {Band.E1: 61, Band.E6: 66}  # stream numbers
-_AHEAD = 8  # stretches that are in work or wait for the consumer
-_TOGETHER = 20  # stretches whose geometry is computed together
+_AHEAD = 8  # number of stretches that are being made or wait for the consumer
+_TOGETHER = 20  # number of stretches whose geometry is computed together
 _MARGIN_S = 2e-5  # duration of chips on either side of a stretch: 6 km, for reflections and group delay
 
 
@@ -54,14 +54,14 @@ class Propagation:
     """Propagation between satellite and receiver in addition to the pseudorange, about the middle of a stretch."""
 
     delay_m: float  # group delay of the line of sight in addition to the pseudorange, in m
-    at_s: float  # receiver time after the reference to which all amplitudes refer
+    at_s: float  # receiver time of all amplitudes, in s after the reference
     ray_delay_m: Float[np.ndarray, " n_rays"]  # excess delay relative to the line of sight
     ray_amplitude: Complex128[np.ndarray, " n_rays"]  # relative to the line of sight
     ray_doppler_hz: Float[np.ndarray, " n_rays"]  # relative to the line of sight
     amplitude: complex = 1.0 + 0j  # amplitude of the line of sight, in addition to its C/N0; 0 means no signal
     growth_per_s: float = 0.0  # relative growth of this amplitude
-    doppler_hz: float = 0.0  # Doppler of the line of sight, in addition to that of its pseudorange
-    doppler_rate_hz_per_s: float = 0.0  # rate of all Dopplers, in addition to that of the pseudorange
+    doppler_hz: float = 0.0  # Doppler of the line of sight, in addition to the Doppler of its pseudorange
+    doppler_rate_hz_per_s: float = 0.0  # rate of all Dopplers, in addition to the rate from the pseudorange
     delay_rate_mps: float = 0.0  # rate of the group delay
 
 
@@ -88,9 +88,9 @@ class ReceivedSatellite:
     """One satellite in one band."""
 
     svid: int
-    components: tuple[Component, ...]  # components in the band, counted from the reference
+    components: tuple[Component, ...]  # components in the band; their chips are counted from the reference
     cn0_dbhz: float  # C/N0 of each component
-    pseudorange: RangeHistory  # P(t) against receiver time in s after the reference, which moves code and carrier
+    pseudorange: RangeHistory  # P(t), which moves code and carrier, at receiver times in s after the reference
     propagation: Callable[[float], Propagation]  # propagation at a receiver time in s after the reference
 
     @cached_property
@@ -115,7 +115,7 @@ class BandRecorder:
     band: Band
     sky: tuple[ReceivedSatellite, ...]  # all satellites that the band receives
     reference: GalileoTime  # receiver-clock time of sample 0, a whole second
-    front_end: FrontEnd  # with its sampling rate; a filter or an oversampling costs time
+    front_end: FrontEnd  # front end and its sampling rate; a filter or oversampling makes it slower
     noise_key: np.uint64 | None  # key of the noise; None for none
     interference: Interference | None = None  # noise and jamming; None for none
 
@@ -258,7 +258,7 @@ class _Middles:
                 self._motion = {known: motion for known, motion in self._motion.items() if known[0] >= block - 1}
                 t_s = self._times_s(block)
                 path = satellite.pseudorange
-                rate_mps = path.rate_mps(t_s)  # first, because its line of sight also gives the range
+                rate_mps = path.rate_mps(t_s)  # first, because the line of sight also gives the range
                 self._motion[key] = np.stack([path.range_m(t_s), rate_mps, path.acceleration_mps2(t_s)])
             return self._motion[key][:, place]
 

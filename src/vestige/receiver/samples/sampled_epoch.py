@@ -1,10 +1,10 @@
 """One epoch at the `samples` fidelity: the received signal, and the E6 samples around it.
 
-The server sends at `sent`. The line of sight arrives dt later, the solution of
+The first chip of the RECS is sent at `sent` and arrives dt later by the line of sight. dt is the solution of
 
     dt = P6(sent + dt)/c
 
-Doppler and Doppler rate are those of the arrival. P6 is the range of the code. The carrier phase is −f6 L6/c. L6 lacks
+Doppler and Doppler rate are taken at the arrival. P6 is the range of the code. The carrier phase is −f6 L6/c. L6 lacks
 the bias, which belongs to the code, and has the ionosphere with the other sign (`TruthBlock.carrier_advance_m`). A
 recording has the same phase in the middle of each RECS (`continuous`).
 """
@@ -32,7 +32,7 @@ from vestige.streams import stream_key
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
-SUBFRAMES_BEFORE = 12  # subframes needed before the run: the slow tags of ADKD 12 come a subframe and ten more later
+SUBFRAMES_BEFORE = 12  # subframes before the run: a key for ADKD 12 comes 12 subframes after the data
 _MARGIN_S = 5e-6  # duration of samples on either side of the RECS: 1.5 km, for taps, reflections and errors
 
 
@@ -103,12 +103,12 @@ class Window:
     expected_s: float  # time at which the receiver expects the RECS, after transmission
     first: int  # number of the first output sample, counted from the time of transmission at the output rate
     n_samples: int  # number of output samples
-    start_s: float  # after transmission; from here to `stop_s` signals are needed, including the filter's margins
-    stop_s: float
+    start_s: float  # start of the signals that are needed, in s after transmission, with the filter's margin
+    stop_s: float  # end of the signals that are needed, in s after transmission, with the filter's margin
 
 
 def recorded_until_s(expected_s: Float[np.ndarray, " n"], n_chips: int, front_end: FrontEnd) -> Float[np.ndarray, " n"]:
-    """Return the time of the last sample of RECS; all times are in s after transmission."""
+    """Return the time of the last sample of each RECS; all times are in s after transmission."""
     first = np.floor((expected_s - _MARGIN_S) * front_end.sample_rate_hz)
     return (first + _n_samples(n_chips, front_end)) / front_end.sample_rate_hz
 
@@ -118,7 +118,7 @@ def _n_samples(n_chips: int, front_end: FrontEnd) -> int:
 
 
 def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
-    """Return the samples from a little before a RECS is expected to a little after its end."""
+    """Return the window of samples from a little before a RECS is expected to a little after its end."""
     rate_hz = front_end.sample_rate_hz
     first = math.floor((expected_s - _MARGIN_S) * rate_hz)
     n_samples = _n_samples(n_chips, front_end)

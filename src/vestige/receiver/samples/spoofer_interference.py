@@ -20,9 +20,9 @@ _STREAMS = {Band.E1: 161, Band.E6: 166}  # first stream numbers of the waveforms
 class SpooferInterference:
     """The noise and jamming that the attacks of a simulation add to a band, the same for all satellites.
 
-    The band has one front end. A repeater adds the noise of its reception once. Decisions on the chips of several
-    satellites add the sum of their noises, which each satellite's SCER attack has (`vestige.spoofer.scer`). The sum is
-    white and Gaussian, so it is part of the receiver's own stream of noise.
+    The band has one front end. A repeater adds the noise of its reception once. An SCER attack that decides on the
+    chips of several satellites adds the sum of the noises of these decisions (`vestige.spoofer.scer`). The sum is white
+    and Gaussian, so the sum is part of the receiver's own stream of noise.
     """
 
     simulation: Simulation  # simulation of any satellite of the receiver

@@ -15,10 +15,10 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Staircase:
-    """A rate that gives the correlation steps of `tread_m`; `good_rate_hz` is the next rate without such steps."""
+    """The steps that a sampling rate gives the correlation function."""
 
-    tread_m: float
-    good_rate_hz: float
+    tread_m: float  # size of the steps in m
+    good_rate_hz: float  # next higher rate without such steps
 
 
 _LARGEST_P = 16  # steps of 1/16 chip, 3.7 m on E6, do no harm
@@ -29,9 +29,9 @@ _GRID_HZ = 1e5  # good rates are multiples of 0.1 MHz
 def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircase | None:
     """Return the size in m of the steps that sampling gives the correlation function; None if there are none.
 
-    f_s/R_c lies within 1e-3 of p/q, p ≤ 16: the step is 1/p chip. f_s is the rate of the samples that are correlated,
-    since the replica's chips fall on p phases of these samples. So neither a filter nor a higher rate before the filter
-    removes the steps.
+    The steps have 1/p chip if f_s/R_c lies within 1e-3 of p/q with p ≤ 16. f_s is the rate of the samples that are
+    correlated, because the replica's chips fall on p phases of these samples. So neither a filter nor a higher rate
+    before the filter removes the steps.
     """
     p = _phases(sample_rate_hz / chip_rate_hz)
     if p is None:

@@ -77,7 +77,7 @@ class AtmosphericDelay:
     def ionosphere_e1_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the delay of the code on E1 by the ionosphere in m.
 
-        The day of the year is that of the scenario's start, so that the delay has no step at midnight.
+        The day of the year is taken at the scenario's start, so that the delay has no step at midnight.
         """
         ionosphere = self.atmosphere.ionosphere
         if ionosphere is None:

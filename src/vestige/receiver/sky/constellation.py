@@ -68,7 +68,7 @@ def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElevationCn0:
-    """C/N0 against elevation: the antenna gain falls by `fall_db` from the zenith to the horizon, as sin(elevation).
+    """C/N0 against elevation: from the zenith to the horizon the gain falls by `fall_db`, linearly in sin(elevation).
 
     Attributes
     ----------

@@ -4,7 +4,7 @@ Theory of operation
 -------------------
     strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation works with the C/N0 at the first epoch, and the
                   line of sight has √ of the later gain as its amplitude
-    reflections          relative amplitude of `navigation.elevation_model`
+    reflections   relative amplitude of `navigation.elevation_model`
     ionosphere    obliquity M(e)/M(17.5°) of `navigation.elevation_model`
 
 The satellites of one receiver have a part of the ionosphere in common. z₀ is the receiver's and zᵢ the satellite's own
@@ -34,8 +34,8 @@ from vestige.signal_generator.range_model import RangeHistory
 from vestige.time import GalileoTime
 
 _KEPT_TIMES = 5000  # limit of the cache: a line of sight at more times would take megabytes for each satellite
-_KEPT_RANGES = 128  # times, in as many calls as eight runs of a sky make
-_KEPT_SIGHTS = 16  # range, rate and acceleration of a delayed signal through a troposphere need six
+_KEPT_RANGES = 128  # largest number of times in a cached call; the cache has space for eight runs of a sky
+_KEPT_SIGHTS = 16  # cached lines of sight; range, rate and acceleration of a delayed signal in a troposphere need six
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,7 +125,7 @@ class SatelliteRange:
 
 @lru_cache(maxsize=4096)
 def _kept_range_m(path: SatelliteRange, times: bytes) -> Float[np.ndarray, " n"]:
-    """Return ranges from a cache, because scenes with the same seed have the same ranges; `times` are bytes."""
+    """Return ranges, cached because scenes with the same seed have the same ranges; `times` are given as bytes."""
     t_s = np.frombuffer(times)
     return range_less_clock_m(path.ephemeris, path.start, t_s, path.trajectory.motion(t_s))
 
@@ -148,7 +148,7 @@ class ElevationEffects:
 
     @property
     def nominal_db(self) -> float:
-        """Nominal C/N0 over that at the zenith."""
+        """Nominal C/N0 over the C/N0 at the zenith, in dB."""
         return float(self.antenna.cn0_dbhz(np.array([self.first_rad]))[0]) - self.antenna.zenith_dbhz
 
     def seen(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> SatelliteMotion:
@@ -174,7 +174,7 @@ class ElevationEffects:
     def broadcast_ionosphere_e1_m(
         self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]
     ) -> Float[np.ndarray, " n"]:
-        """Return the message's ionosphere on E1 in m, at epochs on the receiver's clock; 0 without a model."""
+        """Return the ionospheric delay on E1 that the message describes, in m, at epochs on the receiver's clock."""
         if self.atmosphere is None:
             return np.zeros_like(time_s)
         return self.atmosphere.ionosphere_e1_m(time_s - clock_m / SPEED_OF_LIGHT_MPS)

@@ -1,12 +1,12 @@
 """The path over a meaconer's antenna: the delay of each satellite's signal relative to the direct signal.
 
-A meaconer at the position r_a retransmits the signals received at this position. So the signal of satellite s arrives
-at the victim, at r,
+A meaconer at the position r_a retransmits the signals received at this position. The victim is at r. The signal of
+satellite s is later than the direct signal by
 
     |s − r_a| + |r_a − r| − |s − r|
 
-later than the direct signal. The second term and the repeater's own delay are common to all satellites and move the
-victim's clock. The other two terms move the victim's position to r_a.
+The second term and the repeater's own delay are common to all satellites and move the victim's clock. The other two
+terms move the victim's position to r_a.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import Profile, Table
 from vestige.spoofer.repeaters import Meaconing, Place
 
-# Cubics between exact delays and rates at this step are exact to 2 µm for a static receiver, and on a circle of 40 m at
-# 20 m/s.
+# Step of the points with exact delays and rates. The cubics between these points have an error of 2 µm for a static
+# receiver, and on a circle of 40 m at 20 m/s.
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
-_AROUND_S = 20.0  # before and after the run
+_AROUND_S = 20.0  # time before and after the run that the cubics also cover
 
 
 def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: float) -> tuple[Attack, ...]:
@@ -51,7 +51,7 @@ def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Curve(Table):
-    """Cubics through points with given rates: value and rate are continuous. Outside the points the ends are kept."""
+    """Cubics through points with given rates, continuous in value and rate; the first and last values hold outside."""
 
     rates: tuple[float, ...] = ()
     _points: Float[np.ndarray, "3 n"] = field(init=False, repr=False, compare=False)  # times, values and rates
@@ -87,11 +87,11 @@ class _Curve(Table):
 class PlacedMeaconing(Meaconing):
     """A meaconer with an antenna, for one satellite."""
 
-    late_m: _Curve  # delay against the true signal: the excess of the path over the antenna, and the repeater's own
+    late_m: _Curve  # delay relative to the true signal: excess of the path over the antenna, plus the repeater's own
 
     @property
     def delay_m(self) -> Profile:
-        """Delay against the true signal in m."""
+        """Delay relative to the true signal in m."""
         return self.late_m
 
 
@@ -101,7 +101,7 @@ def _placed(attack: Meaconing, antenna: Place, path: SatelliteRange, duration_s:
 
 
 def _delay_over(antenna: Place, path: SatelliteRange, duration_s: float, delay_s: float) -> _Curve:
-    """Return the delay over an antenna in m: the excess over the direct path `delay_s` before each time, and this."""
+    """Return the delay over an antenna in m: c · `delay_s`, plus the excess over the direct path that much earlier."""
     fixed = StaticTrajectory(
         latitude_deg=antenna.latitude_deg, longitude_deg=antenna.longitude_deg, height_m=antenna.height_m
     )

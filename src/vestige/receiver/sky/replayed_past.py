@@ -1,17 +1,17 @@
 """Geometry of a replay under a sky: its signals come from earlier positions of the satellites.
 
-A spoofing signal with the delay τ brings the signal that the receiver could have received τ earlier. ρ is the range of
-the line of sight. At t the spoofing signal has, relative to the direct signal, the
+A spoofing signal with the delay τ is the signal that the receiver could have received τ earlier. ρ is the range of the
+line of sight. At t the spoofing signal has, relative to the direct signal, the
 
     delay    c τ + ρ(t − τ) − ρ(t)
-    rate     its derivative, and the carrier with it
+    rate     derivative of this delay, for code and carrier
 
 The receiver computes the satellite's position at t − τ − ρ/c, so all ranges are consistent, as in samples
 (`samples.attacked_sky`). For a delay of 5 s the correction of the range is up to 4 km. Delays up to 10 µs are not
 changed, because their correction is less than 1 cm. Strength, ionosphere and multipath keep their values at t.
 
 A single line of sight does not need this correction. The receiver has no other clock than the signal (`snapshots.e1`),
-so the receiver's time is that of the replay. At that time the range, too, is that of the replay.
+so the receiver's clock shows the time of the replay. At that time the range equals the range of the replay.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from vestige.spoofer.spoofer import BandEffects, Spoofer
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
 
-# Cubics between exact ranges and rates at this step are exact to 1 µm for a static receiver, to 2 mm where 4 m/s²
-# begin.
+# Step of the points with exact ranges and rates. The cubics between these points have an error of 1 µm for a static
+# receiver, and of 2 mm where an acceleration of 4 m/s² begins.
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
 _LEAST_DELAY_M = 1e-5 * SPEED_OF_LIGHT_MPS
 _FIXED_POINT_STEPS = 3  # ρ changes by less than 1 km/s: each step gains five decimals
@@ -93,9 +93,10 @@ class SpooferUnderSky(Spoofer):
         return moved_m, moved_mps
 
     def tracked(self, times_s: Float[np.ndarray, " n"], loop: E1Tracking) -> E1Tracking:
-        """Return the signal that E1 tracking follows under the sky, from the loop's position among the delays.
+        """Return the E1 tracking under the sky, from the tracking of the loop without the geometry of the replay.
 
-        Signals that are late enough for a change of geometry are far apart, so the loop follows a single signal.
+        A signal that is late enough for a change of geometry is far from all other signals, so the loop follows a
+        single signal.
         """
         late_m = np.stack([loop.error_m, loop.worst_error_m], axis=1)
         late_mps = np.repeat(loop.rate_error_mps[:, None], 2, axis=1)
@@ -109,7 +110,7 @@ class SpooferUnderSky(Spoofer):
 
 
 def _curve(path: SatelliteRange, first_s: float, last_s: float) -> CubicHermiteSpline:
-    """Return the range between two system times; its knots do not depend on these times, so a cut changes no bit."""
+    """Return the range between two system times; the knots lie on a fixed grid, so a cut into blocks changes no bit."""
     from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415  (loads slowly, and few runs replay the past)
 
     step_s = _STANDING_STEP_S if isinstance(path.trajectory, StaticTrajectory) else _MOVING_STEP_S

@@ -1,7 +1,7 @@
 """Trajectories of the receiver: static, on a circle, or through waypoints.
 
 Every trajectory gives consistent position, velocity and acceleration at any time. So range, range rate and range
-acceleration are consistent, too. A natural cubic spline joins the waypoints without a jump in the acceleration. Two
+acceleration are also consistent. A natural cubic spline joins the waypoints without a jump in the acceleration. Two
 waypoints give uniform motion along a straight line.
 """
 

@@ -1,8 +1,8 @@
 """The C/N0 that E1 tracking reports, which is an estimate over a second.
 
 The estimate uses the K = 50 prompt correlators ξ_k of a second, with T = 20 ms each, in standard deviations of their
-noise per dimension. A code that no satellite sends measures the noise density at the same time; its error is neglected.
-The estimate
+noise per dimension. A code that no satellite sends measures the noise density at the same time; the error of this noise
+density is neglected. The estimate
 
     Ĉ = (1/(2K) Σ_k |ξ_k|² − 1)/T,        Σ_k |ξ_k|² ~ χ²(2K) about the mean 2 K C T,  non-central
 
@@ -11,7 +11,7 @@ is (z + √λ)² + χ²(2K − 1), so each estimate needs two draws.
 
 The tracking receiver estimates the noise from its own prompts (`sample_processor.tracking`). So the tracking receiver
 loses 0.9 dB to its replica and to other codes, and counts a beat of two signals as noise. The estimate of this model
-has neither loss, so it is higher.
+has neither of the two effects, so this estimate is higher.
 """
 
 from __future__ import annotations

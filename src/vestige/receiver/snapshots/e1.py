@@ -62,7 +62,7 @@ def tracked_cn0_dbhz(simulation: Simulation, truth: TruthBlock) -> Float[np.ndar
 
 
 def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return by how much the receiver's clock, and every time tag, follows the attacker, times c."""
+    """Return how far the attacker moves the receiver's clock, and with it every time tag, times c."""
     return simulation.seconds_late_m(truth) if simulation.elevation is None else np.zeros(truth.time_s.size)
 
 
@@ -107,7 +107,7 @@ def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple
 
 
 def pseudorange_m(of: ReceiverTruth) -> Float[np.ndarray, "n m"]:
-    """Return the E1 pseudoranges."""
+    """Return the E1 pseudoranges in m."""
     error_m = of.e1_error_m + of.each(_clock_error_m)
     return (
         of.each(lambda _, truth: truth.range_m + truth.clock_m)
@@ -141,7 +141,7 @@ def range_acceleration_mps2(simulation: Simulation, truth: TruthBlock) -> Float[
 def reported_cn0_dbhz(
     simulation: Simulation, truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, first: int
 ) -> Float[np.ndarray, " n"]:
-    """Return the C/N0 that tracking estimates over the second of each epoch, in dBHz; it fades with reflections.
+    """Return the C/N0 that tracking estimates over the second of each epoch, in dBHz, faded by reflections.
 
     Parameters
     ----------
@@ -181,8 +181,8 @@ def _each_alone(
 ) -> tuple[Complex128[np.ndarray, "n m n_taps"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return correlators of a single line of sight before the gain control, drawn or from its samples.
 
-    The further results, in dB, are the power of the band over that without attack, and the receiver's reading of this
-    power.
+    The further results, in dB, are the power of the band over the power without attack, and the receiver's reading of
+    this ratio.
     """
     received_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
     if fidelity == "samples":
@@ -208,7 +208,7 @@ def _each_alone(
 def _drawn_sky(
     of: ReceiverTruth, nominal_dbhz: Float[np.ndarray, "n m"]
 ) -> tuple[Complex128[np.ndarray, "n m n_taps"], Float[np.ndarray, " n"]]:
-    """Return correlators of a sky before the gain control, and the power over that without attack in dB, drawn."""
+    """Return drawn correlators of a sky before the gain control, and the power over the power without attack in dB."""
     with_rays, rate_hz = of.simulations[0].models.e1_multipath, folding_rate_hz(of.simulations[0].front_end)
     received_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
     relative_power = of.each(lambda _, truth: sky_power(truth, with_rays=with_rays, sample_rate_hz=rate_hz))

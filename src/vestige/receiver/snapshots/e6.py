@@ -27,7 +27,7 @@ _LIGHT_TIME_STEPS = 4  # as in the hand-over: each step gains five decimals
 
 @dataclass(frozen=True, eq=False)
 class DrawnE6:
-    """E6 of the fidelity `correlators`: it draws the results of samples and needs no chips."""
+    """E6 of the fidelity `correlators`: banks are drawn from their distribution, without chips."""
 
     of: ReceiverTruth
 
@@ -75,7 +75,7 @@ class DrawnE6:
         return other_signals_density(np.stack(cn0_dbhz, axis=1), np.stack(power, axis=1), of.simulations[0].front_end)
 
     def front_end(self) -> FrontEndBlock:
-        """Return the state of the front end: the power of the band; the banks are those before the gain."""
+        """Return the power of the band, with a gain of 0 dB, because banks are drawn before the gain control."""
         of, simulation = self.of, self.of.simulations[0]
         power_db, gain_db = np.full((2, of.n), np.nan)
         if of.recs_rows.size:
@@ -129,9 +129,9 @@ class SimulatedE6Samples:
         return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
 
     def samples(self, epoch: int, column: int) -> SampleBatch:
-        """Return the samples around the RECS of one satellite and one epoch, with the time that E1 gives them.
+        """Return the samples around the RECS of one satellite and one epoch, with the time tags that follow from E1.
 
-        If E1 is seconds late under a sky, these seconds are subtracted (`_without_delay`).
+        If the signal on E1 is seconds late under a sky, these seconds are subtracted (`_without_delay`).
         """
         of = self.of
         simulation, row = of.simulations[column], (epoch - of.rows.start) // of.every
@@ -170,9 +170,10 @@ class SimulatedE6Samples:
         return float(truth.time_s[row] + arrived.dt_s[row] + self._repeated_later_m[column][row] / SPEED_OF_LIGHT_MPS)
 
     def _time_off_s(self, expected_s: float, epoch: int, column: int) -> float:
-        """Return the correction of the sample times in s, which subtracts a meaconer's delay like `_without_delay`.
+        """Return the correction of the time tags of samples in s, which subtracts a meaconer's delay of seconds.
 
-        During these seconds the receiver's clock drifts, while the hand-over has the clock of the epoch.
+        `_without_delay` corrects the hand-over in the same way. During the delay the receiver's clock drifts. The
+        correction also subtracts this drift, because the hand-over has the clock error of the epoch.
         """
         if not self._seconds_late_m[column][epoch]:
             return 0.0
@@ -184,11 +185,11 @@ class SimulatedE6Samples:
     def _without_delay(self, handover: Handover, epoch: int, column: int) -> Handover:
         """Return a hand-over as it would be without a meaconer's delay of seconds.
 
-        A hand-over extrapolates the observation of the epoch to the reception of the RECS. For a meaconer the reception
-        is seconds later, and the clock drifts in these seconds. A real receiver uses the observation of that later
-        time, when satellite and clock agree with the RECS. So the model uses the hand-over of the true signal, and the
-        seconds are subtracted from the time tags of the samples. On a single line of sight the clock follows the
-        attacker, which has the same effect.
+        A hand-over extrapolates the observation of the epoch to the reception of the RECS. With a meaconer the
+        reception is seconds later, and the clock drifts in these seconds. A real receiver uses the observation at the
+        later time, which has the same satellite position and clock error as the RECS. So the model uses the hand-over
+        of the true signal, and the seconds are subtracted from the time tags of the samples. On a single line of sight
+        the clock follows the attacker, which has the same effect.
         """
         simulation, late_m = self.of.simulations[column], float(self._seconds_late_m[column][epoch])
         if simulation.elevation is None or not late_m:
@@ -207,12 +208,12 @@ class SimulatedE6Samples:
         )
 
     def _without_growth(self, handover: Handover, epoch: int, column: int) -> Handover:
-        """Return a hand-over whose error by an attack is that of the epoch.
+        """Return a hand-over that has the error by an attack at the epoch, without its growth over the travel time.
 
-        The errors of an epoch belong to the reception of its RECS: the RECS and the E1 signal that arrive together were
-        sent together, at the epoch, so the attacker's delay is that of the epoch. A hand-over extrapolates the
-        observation over the travel time and thereby adds the growth of this delay, 0.7 m at 9 m/s. An observation of a
-        real receiver is earlier by this growth. A hand-over of `_without_delay` has no growth.
+        The errors of an epoch belong to the reception of its RECS. The RECS and the E1 signal arrive together and were
+        sent together at the epoch, so both have the attacker's delay at the epoch. A hand-over extrapolates the
+        observation over the travel time and thereby adds the growth of this delay, 0.7 m at 9 m/s. In an observation of
+        a real receiver the delay is smaller by this growth. A hand-over of `_without_delay` has no growth.
         """
         truth, start = self.of.truth[column], self.of.simulations[column].start
         growth_mps = float(truth.e1.rate_error_mps[epoch])
@@ -249,7 +250,7 @@ class SimulatedE6Samples:
         return rows_of(self.of.truth[column], slice(epoch, epoch + 1))
 
     def front_end(self) -> FrontEndBlock:
-        """Return the front end's state around all satellites' RECS: mean power and gain, and whether any clipped."""
+        """Return the front end's status around the RECS of all satellites: mean power and gain, and any clipping."""
         of = self.of
         power_db, gain_db = np.full((2, of.n), np.nan)
         saturated = np.zeros(of.n, np.bool_)
@@ -273,7 +274,7 @@ class SimulatedE6Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrontEnds(Mapping[Band, FrontEndBlock]):
-    """Power and gain of the front ends by band; those of E6 are computed on request."""
+    """Power and gain of the front ends by band; the values of E6 are computed on request."""
 
     e1: FrontEndBlock | None
     e6: DrawnE6 | SimulatedE6Samples

@@ -1,8 +1,8 @@
 """OSNMA under a sky: which pages of each satellite are received, and whether the key of a RECS is received.
 
-A page is lost with the probability that belongs to the C/N0 of the signal that E1 tracks at the epoch. The key of a
-RECS comes up to a minute later. So this C/N0 is corrected for the noise of an attack at the time of the page. An attack
-that withholds OSNMA destroys every page that is on air at the same time.
+The C/N0 of the signal that E1 tracks at the epoch gives the probability that a page is lost. The key of a RECS comes up
+to a minute later. So this C/N0 is corrected for the noise of an attack at the time of the page. An attack that
+withholds OSNMA destroys every page that is on air at the same time.
 
 An E1 loop on a spoofing signal with the attacker's own navigation data demodulates these data, with good checksums. No
 key in these data validates, and no tag covers these data. A spoofing signal that repeats the satellite's data has the
@@ -10,8 +10,9 @@ true data. Whether a later key is received depends on the signal that the loop f
 
 If E1 acquires a satellite at an epoch, the page that has just ended is lost.
 
-Data count as authenticated by the key that opens the RECS. A receiver may still have authenticated data of half an hour
-ago, but the model neglects these data. So a satellite whose pages are lost is left out of the authenticated fix.
+Data count as authenticated if the key that decrypts the RECS authenticates these data. A receiver may still have
+authenticated data of half an hour ago, but the model neglects these data. So a satellite whose pages are lost is left
+out of the authenticated fix.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ class OsnmaReception:
         return np.array([simulation.osnma.withholds(svids, time) for time in times], np.bool_)[place]
 
     def pages(self, interval_s: float) -> PagesReceived:
-        """Return the received pages and those of a second channel, which has the pages of every satellite in view."""
+        """Return the received pages, and the pages of a second channel, which receives every satellite in view."""
         start = self.of.simulations[0].start
         page = pages_due(self.week_s, interval_s)
         return PagesReceived(
@@ -117,7 +118,7 @@ class PagesReceived:
     """Pages of n epochs and m satellites, received and sent."""
 
     start: GalileoTime  # start of the scenario
-    interval_s: float  # between epochs
+    interval_s: float  # time between epochs
     page: Int64[np.ndarray, "n 15"]  # pages as returned by `pages_due`
     in_view: Bool[np.ndarray, "n m"]  # whether a second channel receives the satellite
     received: Bool[np.ndarray, "n m 15"]  # pages that were received
@@ -125,7 +126,7 @@ class PagesReceived:
 
     @property
     def block(self) -> OsnmaBlock:
-        """The pages in pieces of subframes, as the processor takes them."""
+        """The pages, grouped by epoch and subframe, as the processor takes them."""
         row, place = np.nonzero(self.page >= 0)
         number = self.page[row, place] // PAGES_A_SUBFRAME
         pieces, piece = np.unique(np.stack([row, number], axis=1), axis=0, return_inverse=True)
@@ -184,7 +185,7 @@ def _page_loss(
 
 
 def _withheld(simulation: Simulation, end_s: Float[np.ndarray, " q"]) -> Bool[np.ndarray, " q"]:
-    """Return whether an attack destroys pages at any C/N0."""
+    """Return whether an attack destroys the page that ends at each time, at any C/N0."""
     if not simulation.spoofer.attacks:
         return np.zeros(end_s.size, np.bool_)
     return np.array([simulation.spoofer.withholds_osnma(one - PAGE_S, one) for one in end_s.tolist()], np.bool_)

@@ -89,7 +89,7 @@ class ReceiverTruth:
 
     @cached_property
     def received_s(self) -> Float[np.ndarray, "n m"]:
-        """Reception of the last sample of each RECS, in s after the start; the epoch itself without a RECS."""
+        """Reception time of the last sample of each RECS, in s after the start; at epochs without RECS, the epoch."""
         elapsed_s = np.repeat(self.truth[0].time_s[:, None], self.shape[1], axis=1)
         for column, (simulation, truth) in enumerate(zip(self.simulations, self.of_recs, strict=True)):
             if self.recs_rows.size:

@@ -1,10 +1,10 @@
 """The vestigial searches of a block, drawn from the model in `receiver/correlators/search_outcome.py`.
 
-The results are drawn at both fidelities: in samples an exhaustive search of 30 s takes minutes. E6 has a result only if
-the receiver has the key, and if the earliest signal provably arrived before the key was disclosed. E1 has a result also
-without the key. The detections of each epoch are drawn for the false-alarm probability that the processor asks for, or
-come from stored results. Stored results belong to a single false-alarm probability. This module decides which
-detections may be reported.
+The results are drawn at both fidelities, because an exhaustive search of 30 s of samples takes minutes. E6 has a result
+only if the receiver has the key, and if the earliest signal provably arrived before the key was disclosed. E1 has a
+result also without the key. The detections of each epoch are drawn for the false-alarm probability that the processor
+asks for, or come from stored results. Stored results belong to a single false-alarm probability. This module decides
+which detections may be reported.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchFinds:
-    """Results that the searches would have in each of n epochs, if they were made.
+    """Results that searches in each of n epochs would have.
 
     The values are NaN without RECS, out of view, and while E1 acquires. In these cases the receiver has no time tag of
     the satellite, so no search is made.
@@ -47,12 +47,12 @@ class SearchFinds:
 
     p_fa: float  # false-alarm probability of one search
     e1_signals: Float[np.ndarray, "n m"]  # signals on E1
-    handover_carrying: Float[np.ndarray, "n m"]  # number of these with the encrypted chips
+    handover_carrying: Float[np.ndarray, "n m"]  # number of these signals with the encrypted chips in E6
     # delay of the earliest of several signals relative to its range on E1; NaN for a single signal
     handover_earliest_m: Float[np.ndarray, "n m"]
     exhaustive_signals: Float[np.ndarray, "n m"]  # signals in an exhaustive search of E6
-    exhaustive_earliest_m: Float[np.ndarray, "n m"]  # delay of the earliest signal in the exhaustive search
-    # reception of the earliest signal's last sample, in s after the scenario's start
+    exhaustive_earliest_m: Float[np.ndarray, "n m"]  # the same delay from the exhaustive search
+    # reception time of the last sample of the earliest signal's RECS, in s after the scenario's start
     earliest_s: Float[np.ndarray, "n m"]
 
 
@@ -122,7 +122,7 @@ class DrawnSearches:
     """Search results of a block, drawn for all its RECS at the first request of each false-alarm probability."""
 
     of: ReceiverTruth
-    # reception of the last sample of each RECS, in s after the scenario's start
+    # reception time of the last sample of each RECS, in s after the scenario's start
     received_s: Float[np.ndarray, "n m"]
 
     def e1(self, request: SearchRequest) -> SearchBlock:

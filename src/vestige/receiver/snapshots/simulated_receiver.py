@@ -34,10 +34,10 @@ class SimulatedReceiver:
 
     simulations: tuple[Simulation, ...]  # simulation of each satellite, by ascending SVID
     fidelity: Fidelity  # whether E6, and E1's correlators and power, are drawn or made as samples
-    interval_s: float  # between epochs
+    interval_s: float  # time between epochs
     every: int = 1  # number of epochs from one RECS to the next
     accelerometers: Accelerometers | None = None  # None for none; only under a sky
-    with_taps: bool = True  # whether E1 is tracked between RECS: its correlators and the power of its band
+    with_taps: bool = True  # whether E1 is tracked between RECS, which gives correlators and power of E1
 
     @property
     def assistance(self) -> SimulatedAssistance:
@@ -57,7 +57,7 @@ class SimulatedReceiver:
         return self.fidelity == "samples" and self.simulations[0].elevation is not None
 
     def truth(self) -> tuple[TruthProcess | TruthAround, ...]:
-        """Return the initial truth of each satellite; samples of a sky also need the epochs around a block."""
+        """Return the truth process of each satellite; samples of a sky also need the epochs around a block."""
         if not self._samples_of_a_sky:
             return tuple(one.truth() for one in self.simulations)
         return tuple(self._truth_around(one) for one in self.simulations)

@@ -41,7 +41,7 @@ class SkyE1(NamedTuple):
     """E1 of a sky in n epochs of m satellites: correlators, power and saturation."""
 
     taps: Complex128[np.ndarray, "n m n_taps"]  # ξ before the gain control, NaN where no correlation was requested
-    rise_db: Float[np.ndarray, " n"]  # power over that without attack
+    rise_db: Float[np.ndarray, " n"]  # power over the power without attack, in dB
     saturated: Bool[np.ndarray, " n"]  # whether the front end clips
 
 
@@ -88,7 +88,7 @@ def _correlated(sky: SkySamples, begin_s: float, handover: Handover) -> Complex1
 
 
 def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
-    """Return the starts of the replicas in s, with cycles of the line of sight, Doppler and Doppler rate."""
+    """Return the starts of the replicas in s, the phase of the line of sight in cycles, Doppler and Doppler rate."""
     found = []
     to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
     for path, truth, multipath_m in zip(sky.paths, sky.of.truth, sky.of.e1_multipath_m.T, strict=True):
@@ -110,7 +110,7 @@ def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
 
 
 def _nominal_power(sky: SkySamples, cn0_dbhz: Float[np.ndarray, "n m"], width_hz: float) -> Float[np.ndarray, " n"]:
-    """Return the power within a bandwidth about the carrier over the noise in it, without attack."""
+    """Return the power within a bandwidth about the carrier over the noise in this bandwidth, without attack."""
     rate_hz = folding_rate_hz(sky.of.simulations[0].front_end)
     passed = passed_components(np.zeros(1), bandwidth_hz=width_hz, sample_rate_hz=rate_hz)
     return 1 + passed * np.sum(10 ** (cn0_dbhz / 10), axis=1) / width_hz

@@ -29,7 +29,7 @@ from vestige.receiver.truth import TruthBlock
 from vestige.receiver.truth_around import TruthWithin
 from vestige.records import Band, FrontEndStatus, SampleBatch
 
-_KEPT = 16  # stretches, of 1 MB each at 12.5 MHz
+_KEPT = 16  # number of stretches that are kept, of 1 MB each at 12.5 MHz
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -82,7 +82,7 @@ class FileTrust:
 
     @classmethod
     def load(cls, public_keys: Sequence[Path], merkle_tree: Path | None) -> FileTrust:
-        """Return the keys of public key files and of a Merkle tree file, verified against the tree if there is one.
+        """Return the trust anchors in public key files and a Merkle tree file; the tree, if given, verifies each key.
 
         Raises `AuthenticationError` if a key does not lead to the root of the tree. Raises `InputFileError` or
         `UnsupportedError` if a file is not usable.
@@ -96,17 +96,17 @@ class FileTrust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Settings that the readers of files need beside the file."""
+    """Settings for the readers of all files of a folder."""
 
     trust: FileTrust | None = None  # trust anchors to which OSNMA keys must lead; None if there are none
     # keys of the assistance server; if there are any, one of these keys must have signed each RECS and BGD file
     server_keys: Sequence[EllipticCurvePublicKey] = ()
     # signature files by folder and name of the signed file
     signatures: Mapping[Path, Mapping[str, tuple[Path, ...]]] = field(default_factory=dict)
-    reference: GalileoTime | None = None  # time that resolves 12-bit weeks
-    # verified root keys of the folder's key files, for the message that the receiver itself decodes
+    reference: GalileoTime | None = None  # approximate time, which resolves the 12-bit weeks in files
+    # verified root keys of the folder's key files; the keys in the receiver's own message may lead to them
     roots: tuple[RootKey, ...] = ()
-    # first and last time of transmission of the RECS that are kept
+    # first and last time of transmission of the RECS to keep; None to keep all RECS
     window: tuple[GalileoTime, GalileoTime] | None = None
 
 
@@ -149,7 +149,7 @@ def assistance_kind(path: Path) -> FileKind | None:
 
 
 def read_recs(path: Path, settings: Settings) -> Contents:
-    """Return the RECS of a file, within the window."""
+    """Return the RECS of a file whose times of transmission are in the window."""
     data, signature = _signed(path, settings, recs_file.MAX_RECS_FILE_BYTES)
     file = recs_file.parse_recs_file(data, path, reference=settings.reference)
     segments = file.segments
@@ -172,7 +172,10 @@ def read_group_delays(path: Path, settings: Settings) -> Contents:
 
 
 def read_keys(path: Path, settings: Settings) -> Contents:
-    """Return the validated keys of a key file, which the writer of the file received."""
+    """Return the validated keys of a key file.
+
+    These keys also count as received OSNMA keys, because the writer of the file received them.
+    """
     trust = _trust(path, settings)
     file = load_key_file(path, trust.public_keys, trust.tree)
     return Contents(
@@ -185,16 +188,16 @@ def read_keys(path: Path, settings: Settings) -> Contents:
 
 
 def read_navigation_pages(path: Path, settings: Settings) -> Contents:
-    """Return the keys that the OSNMA in recorded navigation pages proves, including the keys of lost subframes.
+    """Return the keys that OSNMA in recorded navigation pages validates, including the keys of lost subframes.
 
-    The demodulated keys are returned, too, because a forged key would be among them. The root keys are returned because
-    a root key may withdraw keys of other files.
+    The demodulated keys are also returned, because a forged key would be one of them. The root keys are returned,
+    because a root key may withdraw keys of other files.
     """
     return contents_of_pages(path, read_pages(path), settings)
 
 
 def contents_of_pages(path: Path, pages: Iterable[InavPage], settings: Settings) -> Contents:
-    """Return the same contents for pages from any source; `path` names the source in messages."""
+    """Return what `read_navigation_pages` returns, for pages of any source; messages name this source as `path`."""
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
     receiver.learn(settings.roots)
@@ -204,7 +207,7 @@ def contents_of_pages(path: Path, pages: Iterable[InavPage], settings: Settings)
 
 
 def contents_of_receiver(receiver: OsnmaReceiver) -> Contents:
-    """Return the keys, the root keys and the demodulated data of the pages that an OSNMA receiver has so far."""
+    """Return the keys, root keys and demodulated data from the pages that an OSNMA receiver has processed so far."""
     report, keys = receiver.report(), receiver.filled_keys()
     return Contents(
         summary=f"{report.n_pages} pages, {len(keys)} validated keys",
@@ -219,7 +222,8 @@ def contents_of_receiver(receiver: OsnmaReceiver) -> Contents:
 def read_receiver(path: Path, _settings: Settings) -> Contents:
     """Return the receiver's corrections."""
     bias_s = read_hardware_bias(path)
-    return Contents(summary=f"E6 front end {bias_s * 1e9:+.3f} ns later than that of E1", hardware_bias_s=bias_s)
+    summary = f"delay of the E6 front end minus the E1 front end: {bias_s * 1e9:+.3f} ns"
+    return Contents(summary=summary, hardware_bias_s=bias_s)
 
 
 def read_ionosphere_delays(path: Path, _settings: Settings) -> Contents:
@@ -228,7 +232,7 @@ def read_ionosphere_delays(path: Path, _settings: Settings) -> Contents:
     return Contents(summary=f"predicted delays of {len(delays)} satellites", ionosphere_e1_m=delays)
 
 
-# Trust anchors are read before all files of these kinds, see `FileTrust.load`.
+# Files of trust anchors have no reader here: `FileTrust.load` reads them before all other files.
 READERS: Mapping[FileKind, Callable[[Path, Settings], Contents]] = {
     FileKind.RECS: read_recs,
     FileKind.GROUP_DELAY: read_group_delays,
@@ -240,7 +244,7 @@ READERS: Mapping[FileKind, Callable[[Path, Settings], Contents]] = {
 
 
 def _signed(path: Path, settings: Settings, at_most: int) -> tuple[bytes, SignatureStatus]:
-    """Return the bytes of a file and the status of the signature of these very bytes."""
+    """Return the bytes of a file, and the status of the signature of exactly these bytes."""
     data = read_bytes(path, at_most=at_most)
     signatures = settings.signatures.get(path.parent, {}).get(path.name, ())
     status = verify_data(data, path, signatures, settings.server_keys)

@@ -35,12 +35,12 @@ def write_assistance(
     assistance
         RECS, group delays and keys to write. Group delays are rounded to 2⁻³² s.
     roots
-        Verified root keys to which the keys lead; every key file needs them.
+        Verified root keys to which the keys lead; at least one if there are keys.
     alerts
         Subframes in which an alert message was verified.
     """
     if assistance.keys and not roots:
-        raise ValueError("keys are written with the root keys that they lead to")
+        raise ValueError("found keys without root keys, expected in `roots` the root keys to which they lead")
     written = write_recs(folder, assistance.segments)
     delays = sorted(assistance.group_delays, key=lambda delay: (delay.valid_from, delay.svid))
     for _, same_time in groupby(delays, key=lambda delay: delay.valid_from):
@@ -75,7 +75,10 @@ def write_recs(folder: Path, segments: Sequence[EncryptedSegment]) -> list[Path]
 
 
 def _runs(segments: Sequence[EncryptedSegment]) -> Iterator[list[EncryptedSegment]]:
-    """Yield the segments of each file: segments of one kind at equal intervals, as many as the header can count."""
+    """Yield the segments of each file, as many as the header can count.
+
+    The segments of a file are at equal intervals, and have the same satellite, length, key delay and random offset.
+    """
 
     def alike(segment: EncryptedSegment) -> tuple[int, int, int, int]:
         return segment.svid, segment.n_chips, segment.key_delay, segment.random_offset
@@ -96,7 +99,7 @@ def _runs(segments: Sequence[EncryptedSegment]) -> Iterator[list[EncryptedSegmen
 
 
 def _fits(epochs: Sequence[int], epoch: int) -> bool:
-    """Return whether `epoch` continues a run of epochs (ds) at equal intervals, within the limits of a header."""
+    """Return whether `epoch` continues the equally spaced times `epochs` (ds) within the limits of a header."""
     period = epoch - epochs[-1]
     if not 0 < period <= recs_file.MAX_PERIOD_DS or (len(epochs) + 1) * period > recs_file.MAX_DURATION_DS:
         return False

@@ -2,9 +2,9 @@
 
 `vestige.recording.assistance.assistance_files` lists the files that may be in the folder or in a direct subfolder. Only
 validated files are used. A key must lead to the public key or the Merkle tree. When certificates are given, one of them
-must have signed each RECS or BGD file. Certificates are never taken from the folder itself. Where two files contradict
-each other, neither is used. A key that a signed root key of any file withdraws is not used either. A damaged file is
-reported as a problem, and all other files stay in use.
+must have signed each RECS or BGD file. Certificates are never taken from the folder itself. If two files contradict
+each other, neither value is used. If a signed root key of any file withdraws a key, this key is not used. A damaged
+file is reported as a problem, and all other files stay in use.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from vestige.validated_key import ValidatedKey
 T = TypeVar("T")
 
 Message = tuple[Path, Callable[[Settings], Contents | None]]  # source and reader of the message
-FileCache = dict[Path, tuple[tuple[object, ...], Contents]]  # state and content of each file when read
+FileCache = dict[Path, tuple[tuple[object, ...], Contents]]  # state of each file when it was read, and its content
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,9 +75,9 @@ class AssistanceFolder:
     missing
         One line for each kind of data that the processor needs and the folder lacks.
     navigation
-        Navigation data of the receiver's own message that OSNMA tags verified.
+        Navigation data from the receiver's own message, if OSNMA tags verified these data.
     other_times
-        The RECS of other times if no RECS in the folder is in the window; None otherwise.
+        The RECS outside the window, if all RECS in the folder are outside; None otherwise.
     """
 
     assistance: Assistance
@@ -88,14 +88,14 @@ class AssistanceFolder:
     other_times: RecsOfOtherTimes | None = None
 
     def missing_for(self, span: tuple[GalileoTime, GalileoTime] | None) -> tuple[str, ...]:
-        """Return `missing` for a recording from one time to another: all RECS may be of other times."""
+        """Return `missing` for a recording with a time span; if all RECS are of other times, a line says so."""
         if span is None or self.other_times is None:
             return self.missing
         return (self.other_times.line(*span), *(line for line in self.missing if line != NO_RECS))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings to read before trusting a verdict: data for which the folder itself is the only evidence."""
+        """Warnings about data for which the folder itself is the only evidence; a verdict relies on such data."""
         anchors = [file.path.name for file in self.files if file.kind in (FileKind.PUBLIC_KEY, FileKind.MERKLE_TREE)]
         corrections = [file for file in self.files if file.kind in (FileKind.RECEIVER, FileKind.IONOSPHERE)]
         trust = f"the only proof of the OSNMA keys is in the assistance folder itself ({', '.join(anchors)}); "
@@ -142,7 +142,7 @@ def read_assistance(
     Parameters
     ----------
     folder
-        Folder of RECS, group delays, OSNMA keys and corrections; its direct subfolders are read too.
+        Folder of RECS, group delays, OSNMA keys and corrections; its direct subfolders are also read.
     public_key, merkle_tree
         Files of OSNMA's public key (XML or PEM) and Merkle tree (XML). If such a file is given, the keys and trees in
         the folder are not used.
@@ -152,15 +152,16 @@ def read_assistance(
     reference
         Approximate time, at most 39 years off, which resolves 12-bit weeks if a file's name does not.
     window
-        First and last time of transmission of the RECS to keep, because a week of RECS fills gigabytes.
+        First and last time of transmission of the RECS to keep; None to keep all. A week of RECS fills gigabytes.
     strict
         Raise the first problem instead of collecting it.
     cache
         Cache of the files that an earlier call read. The cache is updated, and RECS and BGD files that did not change
         are not read again.
     message
-        Message that the receiver itself has decoded, and the recording that is its source. Keys in the message are used
-        like keys of a file of navigation pages. Such keys may lead to the signed root keys of a key file.
+        The recording, and a function that reads the message that the receiver itself decoded from the recording. Keys
+        in the message are used like keys of a file of navigation pages. Such keys may lead to the signed root keys of a
+        key file.
 
     Raises
     ------
@@ -274,7 +275,7 @@ def _sorted_files(folder: Path, problems: _Problems) -> dict[FileKind, list[Path
 
 
 def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
-    """Return the trust anchors in the folder itself; None if there are none, or two Merkle trees."""
+    """Return the trust anchors in the folder itself; None if there are none. Two trees are an error."""
     public_keys, trees = files[FileKind.PUBLIC_KEY], files[FileKind.MERKLE_TREE]
     if len(trees) > 1:
         raise InputFileError(trees[1], "Merkle tree", f"a second tree beside {trees[0]}", "one tree; give yours")
@@ -282,7 +283,7 @@ def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
 
 
 def _trust_content(files: Mapping[FileKind, Sequence[Path]]) -> Iterator[AssistanceFile]:
-    """Yield the content of each file of public keys; a repeated key is named as the key of its first file."""
+    """Yield the content of each file of public keys; a key that an earlier file contains refers to that file."""
     tree = next(iter(files[FileKind.MERKLE_TREE]), None)
     named: dict[bytes, Path] = {}
     for kind, paths in files.items():
@@ -330,7 +331,7 @@ def _usable_keys(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> 
     register = ChainRegister()
     roots = (root for _, contents in read for root in contents.roots)
     for root in sorted(roots, key=lambda root: root.received_at):
-        with suppress(RevokedKeyError):  # a revoked key was taken only from a file that did not contain the revocation
+        with suppress(RevokedKeyError):  # another file may revoke the key that signed this root key
             register.add(root)
     for _, contents in read:
         for time in contents.alerts:
@@ -350,7 +351,7 @@ def _usable_keys(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> 
 
 
 def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problems) -> tuple[T, ...]:
-    """Return values in the order of their keys, without the keys for which two files give different values."""
+    """Return values in the order of their keys; a key for which two files give different values is left out."""
     found: dict[Any, tuple[T, Path]] = {}
     contradicted = set()
     between: Counter[tuple[Path, Path]] = Counter()

@@ -1,9 +1,9 @@
 """An assistance folder that still receives files: RECS from the server, keys from the receiver.
 
 The folder is read again when a file in the folder has changed. An unchanged RECS or BGD file is not read again. Only
-the RECS of the next quarter of an hour are kept, also where the recording is far ahead. Reading takes a fifth of the
-time at most, however large the files are. A file with a fault may be half written, so the fault is reported only if it
-persists.
+the RECS of the next quarter of an hour are kept, even if the samples already reach much further. Reading takes at most
+a fifth of the time, however large the files are. A file with a fault may be half written, so a fault is reported only
+if it persists.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from vestige.recording.assistance.folder import AssistanceFolder, FileCache, rea
 from vestige.records import Assistance
 from vestige.time import GalileoTime
 
-AHEAD_S, RENEWED_S = 900.0, 60.0  # time for which RECS are read ahead, and remaining time at which they are read again
+# RECS are read up to `AHEAD_S` ahead, and read again when less than `RENEWED_S` of this time is left.
+AHEAD_S, RENEWED_S = 900.0, 60.0
 BEHIND_S = 1.0
-PATIENCE_S = 5.0  # longer than the time to write a file
-REST = 4.0  # shortest pause as a multiple of the reading time
+PATIENCE_S = 5.0  # time after which a fault is reported; longer than the time to write a file
+REST = 4.0  # shortest pause after reading, as a multiple of the reading time
 
 _Stamp = tuple[frozenset[tuple[Path, int, int]], int]
 
@@ -43,8 +44,8 @@ class LiveMessage(Protocol):
 class GrowingAssistance:
     """Assistance folder that still receives files.
 
-    `message` is the navigation message that the receiver decodes itself. `warn` is called once with each fault of a
-    file. All other parameters are the parameters of `read_assistance`.
+    `message` is the navigation message that the receiver decodes itself. `warn` gets each persistent fault of a file at
+    every look, so the same fault comes several times. All other parameters are the parameters of `read_assistance`.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class GrowingAssistance:
         self._warn = warn
         self._cache: FileCache = {}
         self._stamp: _Stamp | None = None
-        self._window = (GalileoTime(0, 1), GalileoTime(0, 0))  # none
+        self._window = (GalileoTime(0, 1), GalileoTime(0, 0))  # an empty window
         self._not_before_s = 0.0
         self._wrong: dict[str, tuple[float, VestigeError]] = {}  # time since which each fault persists, and the fault
         self.found = AssistanceFolder(assistance=Assistance(), files=(), problems=(), missing=())
@@ -75,9 +76,10 @@ class GrowingAssistance:
         return self._window[1]
 
     def look(self, first: GalileoTime, last: GalileoTime, *, at_once: bool = False) -> bool:
-        """Update `found` for RECS from one time to another; return whether something changed.
+        """Update `found` for the RECS from `first` to `last`; return whether something changed.
 
-        A change soon after reading is read later, unless `at_once` is true.
+        If a file changes soon after the last reading, the change is read at a later look. With `at_once` the change is
+        read now.
 
         Raises `VestigeError` as `read_assistance`.
         """
@@ -124,12 +126,12 @@ class GrowingAssistance:
         self._window = window
 
     def tell(self) -> None:
-        """Warn of all present faults at once."""
+        """Warn of all present faults now, even if they have not persisted for `PATIENCE_S`."""
         for _, problem in self._wrong.values():
             self._warn(problem)
 
     def _files(self) -> _Stamp:
-        """Return a value that changes with each file of the folder and its subfolders, and with the message."""
+        """Return a value that changes if the message, or a file in the folder or its subfolders, changes."""
         found = set()
         for path in (*self.path.glob("*"), *self.path.glob("*/*")):
             try:

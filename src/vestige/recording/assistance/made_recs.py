@@ -1,9 +1,9 @@
 """RECS for a recording whose E6-C was not encrypted, so that the whole chain can run on a real signal.
 
-The transmitted E6-C chips (primary ⊕ secondary code) replace the encrypted code: these chips are the ECS. The ECS
-re-encrypted under an OSNMA key becomes a RECS, as a server would publish it. The times of transmission are whole
-deciseconds, where E6-C's secondary code starts. The processor gets no other information from these files. Such a test
-cannot show secrecy, because anybody knows these chips.
+The transmitted E6-C chips (primary ⊕ secondary code) replace the encrypted code: these chips are the ECS. The ECS is
+encrypted under an OSNMA key, and becomes a RECS as a server would publish it. The times of transmission are whole
+deciseconds, because a period of E6-C's secondary code starts there. The processor reads these files like the files of a
+server. Such a test cannot show secrecy, because anybody knows these chips.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ OPEN_CODE = "these RECS contain the open E6-C code, which everybody knows: they 
 def transmit_times(
     first: GalileoTime, last: GalileoTime, *, travel_s: Iterable[float], duration_s: float, interval_s: float
 ) -> tuple[GalileoTime, ...]:
-    """Return the times of transmission in ds at which the samples contain the complete segments of all satellites.
+    """Return the times of transmission, whole deciseconds, whose segments of all satellites are in the samples.
 
     The samples lie between the receiver-clock times `first` and `last`. `travel_s` are the apparent travel times of the
-    satellites.
+    satellites in s. `duration_s` is the duration of a segment, and `interval_s` is the time between two segments.
     """
     travel = tuple(travel_s)
     step = round(interval_s * 10)
@@ -93,7 +93,7 @@ def open_code_warning(
 ) -> str | None:
     """Return a warning about RECS of the open E6-C code; None if no RECS contains that code.
 
-    The check decrypts the first RECS of each satellite that has a key. `folder` is the source of the RECS.
+    For each satellite the first RECS with a known key is decrypted. The warning names `folder`, the source of the RECS.
     """
     by_time = {key.time: key for key in keys}
     first: dict[int, EncryptedSegment] = {}
@@ -129,7 +129,7 @@ def make_assistance(
     """Make the assistance folder of a recording with open E6-C: RECS, zero group delays, keys, trust anchor and a note.
 
     Raises `InputFileError` if the folder exists, or a file is not usable. Raises `VestigeError` if no satellite is
-    seen, no segment fits into the recording, or no key belongs to its time.
+    seen, no segment fits into the recording, or no key belongs to the time of the recording.
 
     `keys_path` is a key file, or navigation pages with OSNMA. The key file and the trust anchors are copied into the
     folder. Without `svids` RECS are made for the satellites that are found on E1. `progress` is called with the number

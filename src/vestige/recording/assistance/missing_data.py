@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from vestige.recording.assistance.folder import AssistanceFile
 
 # RECS are published up to a week ahead [WFO, Sec. II-A], together with the group delays. Older group delays are used
-# with a warning, because the validity of a file is not public.
+# with a warning, because it is not published how long a BGD file is valid.
 OLDEST_GROUP_DELAY_S = 7 * DAY_S
 
 NO_RECS = "RECS: none"
@@ -60,9 +60,9 @@ def _of_another_time(assistance: Assistance) -> Iterator[str]:
         since = [delay.valid_from for delay in assistance.group_delays if delay.svid == svid]
         ages_s = [sent - one for one in since if one <= sent]
         if since and not ages_s:
-            yield f"group delays: those of E{svid:02d} begin at {min(since)}, after its RECS; taken as 0"
+            yield f"group delays of E{svid:02d} are valid from {min(since)} on, after its RECS; taken as 0"
         elif ages_s and min(ages_s) > OLDEST_GROUP_DELAY_S:
             yield (
-                f"group delays: those of E{svid:02d} are {min(ages_s) / DAY_S:.0f} days older than its RECS, expected "
-                f"at most {OLDEST_GROUP_DELAY_S / DAY_S:g}; get the BGD file that belongs to them"
+                f"group delays of E{svid:02d} are {min(ages_s) / DAY_S:.0f} days older than its RECS, expected at most "
+                f"{OLDEST_GROUP_DELAY_S / DAY_S:g}; get the BGD file that the server gave with these RECS"
             )

@@ -1,7 +1,7 @@
-"""RECS in the assistance folder that were not sent during the recording, and what may be wrong with its start.
+"""RECS in the assistance folder that were not sent during the recording, and the probable error of its start.
 
-A common mistake is a start that was read from a UTC clock, but has no `UTC` after it. Such a time is taken as GST, and
-is 18 s early [IERS Bulletin C]. Then the folder has the right RECS, but none of them was sent in these 18 s.
+A common mistake is a start that was read from a UTC clock, but is written without `UTC`. Such a start is taken as GST,
+and is 18 s too early [IERS Bulletin C]. Then the folder has the right RECS, but the time window has none of them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from vestige.constants import DAY_S
 from vestige.time import GalileoTime
 
 OTHER_TIMES = "no RECS for this time"  # beginning of the line for the user
-_CLOCK_S = 1.0  # error of a start that was typed in whole seconds
+_CLOCK_S = 1.0  # largest error of a start that was typed in whole seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,11 +26,13 @@ class RecsOfOtherTimes:
         Number of RECS, at least 1.
     first, last
         Times of transmission of the first and of the last RECS.
-    before, after
-        Times of the last RECS before the window and of the first RECS after it; None without such a RECS.
+    before
+        Time of transmission of the last RECS before the window; None if there is no such RECS.
+    after
+        Time of transmission of the first RECS after the window; None if there is no such RECS.
     leap_s
-        GST − UTC in s if RECS would be in the window if it were that much later; the negative value if the window would
-        have to be earlier; 0 otherwise.
+        Probable error of the window in whole seconds. It is GST − UTC if a RECS is in the window moved later by this
+        time, −(GST − UTC) if a RECS is in the window moved earlier, and 0 if neither move helps.
     """
 
     n: int
@@ -59,7 +61,7 @@ class RecsOfOtherTimes:
         )
 
     def __or__(self, other: RecsOfOtherTimes) -> RecsOfOtherTimes:
-        """Return the RECS of two files for the same window."""
+        """Return the RECS of two files that lie outside the same window."""
         return RecsOfOtherTimes(
             n=self.n + other.n,
             first=min(self.first, other.first),

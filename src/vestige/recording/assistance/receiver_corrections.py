@@ -1,6 +1,6 @@
 """Corrections from the user: front-end delay and ionosphere, as two small files beside the assistance.
 
-`receiver.toml` contains the calibrated delay of the E6 front end minus that of E1, in one of two units::
+`receiver.toml` contains the calibrated delay of the E6 front end minus the delay of the E1 front end, in m or in s::
 
     hardware_bias_e1_e6_m = -20.6         # or hardware_bias_e1_e6_s = -6.87e-8; E6 minus E1
 
@@ -31,7 +31,7 @@ _UNIT_S = {"hardware_bias_e1_e6_s": 1.0, "hardware_bias_e1_e6_m": 1 / SPEED_OF_L
 
 
 def read_hardware_bias(path: Path) -> float:
-    """Return the delay of the E6 front end minus that of E1 in s that `receiver.toml` gives.
+    """Return the hardware bias in `receiver.toml`: delay of the E6 front end minus delay of the E1 front end, in s.
 
     Raises `InputFileError` if the file is not TOML, or does not contain exactly one of the two keys with a number of at
     most ± 1 ms.
@@ -47,9 +47,9 @@ def read_hardware_bias(path: Path) -> float:
 
 
 def read_ionosphere(path: Path) -> Mapping[int, float]:
-    """Return the predicted slant ionospheric delay on E1 in m by SVID that `ionosphere.csv` gives.
+    """Return the predicted slant ionospheric delays on E1 in `ionosphere.csv`, in m by SVID.
 
-    Raises `InputFileError` if the file is not such a table, names a satellite twice, or contains a delay beyond 0 …
+    Raises `InputFileError` if the file is not such a table, names a satellite twice, or contains a delay outside 0 to
     1000 m.
     """
     delays: dict[int, float] = {}
@@ -75,7 +75,7 @@ def read_ionosphere(path: Path) -> Mapping[int, float]:
 
 
 def write_hardware_bias(folder: Path, bias_s: float) -> Path:
-    """Write `receiver.toml` with the delay of the E6 front end minus that of E1 in s, and return its path."""
+    """Write the hardware bias (E6 front end minus E1 front end) in s to `receiver.toml`, and return its path."""
     path = folder / RECEIVER_NAME
     with replacement(path) as part:
         part.write_text(f"hardware_bias_e1_e6_s = {float(bias_s)!r}\n", encoding="ascii", newline="\n")

@@ -6,7 +6,7 @@ E1-B, E1-C and E6-B are real signals on a carrier. If the carrier is at 0 Hz, th
 signals at Dopplers of the opposite sign. But the code rate changes by the factor 1 + f_d/f_c in either sense of the
 spectrum. So the code phases of two windows give a Doppler of each satellite that does not depend on the sense of the
 spectrum. The slope of the code Dopplers over the carrier Dopplers is +1, or −1 for a reversed spectrum. The slope does
-not change if the samples jump, because all satellites jump alike.
+not change if the samples jump, because the code phases of all satellites jump by the same time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
 
 CODE_WINDOW_S = 0.06  # duration of samples for one code phase: the shortest in which E1 can be measured
-APART_S = (0.02, 0.2)  # shortest and longest time between the windows; the code must stay within the taps
+APART_S = (0.02, 0.2)  # shortest and longest time between the windows; the code must stay within the correlators
 CODE_SIGMA_S = 2e-8  # error of one code phase in such a window at 40 dBHz
 SIGNIFICANCE = 4.0  # least number of standard deviations between a slope of 0 and a slope of 1
 _SLOPES = (-1.6, -0.4)  # range of the slope for a reversed spectrum
@@ -36,7 +36,7 @@ class E1Satellite:
     svid: int
     doppler_hz: float
     cn0_dbhz: float
-    snapshot: E1Snapshot | None  # None if the samples are too short for a measurement; then the values above are rough
+    snapshot: E1Snapshot | None  # None if the samples are too short for a measurement; Doppler and C/N0 are rough then
 
 
 def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bool:
@@ -47,7 +47,8 @@ def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bo
     file
         The E1 file, read as for the measurement of the satellites.
     satellites
-        At least two satellites with a measurement; the test needs a sum of Dopplers of some kHz in 100 ms.
+        At least two satellites with a measurement. For windows 100 ms apart, the root of the sum of the squared
+        Dopplers must be about 2 kHz or more.
     """
     whole = head(file, CODE_WINDOW_S + APART_S[1])
     if whole is None:
@@ -87,7 +88,7 @@ def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bo
 
 
 def _at(one: E1Satellite, snapshot: E1Snapshot, ahead_s: float) -> Acquisition:
-    """Return the satellite in samples that start `ahead_s` after its measurement, exact to half a chip in 0.2 s."""
+    """Predict the acquisition in samples that start `ahead_s` after the measurement, exact to half a chip in 0.2 s."""
     period_s = E1_CODE_PERIOD_S
     phase_s = snapshot.transmit_phase_s + ahead_s
     return Acquisition(

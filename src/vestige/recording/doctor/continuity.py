@@ -32,7 +32,7 @@ from vestige.signals.definitions import E6B
 from vestige.time import GalileoTime
 
 SHORTEST_S = 0.112  # two windows in which E1 can be measured
-# smallest jump, and its increase for each second between two positions, because the oscillator drifts
+# smallest reported jump in s, and its increase for each second between two positions, because the oscillator drifts
 TOLERANCE_S = (1e-6, 1e-8)
 _SATELLITES = 3
 _DOPPLER_SPAN_HZ = 1000.0  # largest change of the Doppler during the recording
@@ -45,7 +45,7 @@ _E6_S = 0.022  # duration of E6 samples in which a code phase is found
 class MeasuredPlace:
     """E1 measurements at one position in the file."""
 
-    first: int  # sample, on the counter
+    first: int  # number of the first sample, on the counter
     snapshots: dict[int, E1Snapshot]
 
 
@@ -80,7 +80,8 @@ def examine_continuity(
         try:
             place = _place(reader, first, count, followed)
         except InputFileError as error:
-            yield fault(FindingKind.NOT_FINITE, reader.band, f"E1: {error}", "record again, or cut the file before it")
+            advice = "record again, or cut the file before this sample"
+            yield fault(FindingKind.NOT_FINITE, reader.band, f"E1: {error}", advice)
             return
         if place is None:
             at_s = (first - reader.first_sample) / reader.file.sample_rate_hz
@@ -138,10 +139,10 @@ def _e6_jump(
 
 
 def _e6_shift_s(reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
-    """Return the time in s by which E6 is ahead of its counter at the later position.
+    """Return the jump of the E6 signals against the counter between two positions, in s; positive if they jump ahead.
 
-    The code phases of E6 and the Dopplers of E1 give this time. None if E6 is not ahead, or no satellite is seen at
-    both positions.
+    The code phases of E6 and the Dopplers of E1 give this time. None if the jump is below the tolerance, or no
+    satellite is seen at both positions.
     """
     before, after = _e6_phases(reader, earlier), _e6_phases(reader, later)
     shifts, span_s = [], 0.0
@@ -158,7 +159,7 @@ def _e6_shift_s(reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPla
 
 
 def _e6_phases(reader: SampleReader, place: MeasuredPlace) -> dict[int, tuple[GalileoTime, float]]:
-    """Return the times of transmission that E6-B shows, modulo 1 ms, and the times of their samples."""
+    """Return by satellite the time of a sample, and its time of transmission on E6-B in s, modulo 1 ms."""
     found: dict[int, tuple[GalileoTime, float]] = {}
     for svid, snapshot in place.snapshots.items():
         rate = reader.file.sample_rate_hz
@@ -225,7 +226,7 @@ def _near(batch: SampleBatch, one: E1Satellite) -> tuple[Acquisition, ...]:
 
 
 def _shift_s(earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
-    """Return the time in s by which the signals are ahead of the counter at the later position, or None."""
+    """Return the jump of the E1 signals against the counter in s, positive if they jump ahead; None without a jump."""
     shifts = []
     span_s = 0.0
     for svid, before in earlier.snapshots.items():

@@ -32,12 +32,12 @@ SVIDS = range(1, MAX_SVID + 1)
 READING_PFA = 1e-4  # probability that noise alone shows a satellite in one reading of the samples
 WIDE_STEP_HZ = 10_000.0  # step of the Doppler centre if no satellite is found within ±5 kHz
 WIDE_HZ = 60_000.0  # largest Doppler centre
-STANDING_HZ = 3_500.0  # largest mean Doppler of all satellites together if the receiver's clock is good
+STANDING_HZ = 3_500.0  # largest median Doppler of all satellites if the receiver's clock is good
 _STRETCHES = 8  # number of code periods for the list of satellites, down to about 33 dBHz
 _TRY_STRETCHES = 2  # number of code periods for each reading, down to about 38 dBHz
-_STRONGER_DB = 0.5  # least gain in C/N0 over the simpler reading before
-_TRY_BINS = 2  # every second Doppler bin takes half of the time and loses 1 dB on average
-_RATES = 8  # number of usual sampling rates
+_STRONGER_DB = 0.5  # smallest gain in C/N0 with which a reading replaces an earlier, simpler reading
+_TRY_BINS = 2  # step of the Doppler bins; every second bin takes half of the time and loses 1 dB on average
+_RATES = 8  # largest number of sampling rates to try
 
 Progress = Callable[[str, int, int], None]
 
@@ -141,7 +141,7 @@ def _satellite(batch: SampleBatch, found: Acquisition) -> E1Satellite:
 
 
 def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading | None:
-    """Return the reading of complex samples as real, or the reverse, if it makes the strongest signal stronger."""
+    """Return the reading of complex samples as real, or the reverse, if the strongest signal is stronger with it."""
     best = max(found, key=lambda one: one.cn0_dbhz)
     least = best.cn0_dbhz + 1.0  # I and Q read as real samples at twice the rate lose half of the signal's power
     stronger = None
@@ -153,7 +153,7 @@ def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading 
 
 
 def _standing_offset(file: BandFile, found: tuple[Acquisition, ...]) -> Iterator[Finding]:
-    """Yield a line if all Dopplers lie on one side of zero, which is impossible for a real sky."""
+    """Yield a finding if all Dopplers have the same sign and a large median, which no real sky has."""
     dopplers = sorted(one.doppler_hz for one in found)
     middle = dopplers[len(dopplers) // 2]
     if len(dopplers) >= 3 and abs(middle) > STANDING_HZ and dopplers[0] * dopplers[-1] > 0:
@@ -171,7 +171,7 @@ _Hit = tuple[Reading, tuple[Acquisition, ...]]
 def _first_that_fits(
     file: BandFile, other: BandFile | None, limit: TimeLimit, progress: Progress
 ) -> tuple[_Hit | None, list[str]]:
-    """Return the reading that shows signals, these signals, and the kinds of mistakes whose readings were all tried."""
+    """Return the reading that shows signals, with its signals, and the kinds of mistakes that were tried completely."""
     tried: list[str] = []
     for name, tells, hits in _groups(file, other):
         strongest: _Hit | None = None
@@ -189,9 +189,10 @@ def _first_that_fits(
 
 
 def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Callable[[], str], Iterator[_Hit | None]]]:
-    """Yield the name of each kind of mistake, the words for its values, and its readings with their signals, or None.
+    """Yield for each kind of mistake its name, a function for the text of its tried values, and its readings.
 
-    The words are known after the readings.
+    Each reading comes with its signals; None stands for a reading without signals. The text is known only after the
+    readings were tried.
     """
 
     def named(name: str, hits: Iterator[_Hit | None]) -> tuple[str, Callable[[], str], Iterator[_Hit | None]]:
@@ -200,7 +201,7 @@ def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Calla
     yield named("reversed spectrum", _tried(reversed_readings(file)))
     if other is not None:
         yield named("swapped bands", _tried(swapped_readings(file, other)))
-    # The formats are compared together, because the high bytes of other numbers give weak signals, too.
+    # All formats are compared with each other, because the high bytes of larger numbers also give weak signals.
     formats = chain(layout_readings(file), format_readings(file))
     yield named("real or complex and number formats", _tried(formats))
     rates_hz: list[float] = []

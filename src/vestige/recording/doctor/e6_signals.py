@@ -1,4 +1,4 @@
-"""Check of E6 against the satellites of E1: whether the description of E6 is right, and E6-C is encrypted."""
+"""Examine E6 with the satellites of E1: whether the description of E6 is right, and whether E6-C is encrypted."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _LOOKED_AT = 6  # number of satellites to search for, the strongest on E1
 _TRIED = 3  # number of satellites tried with each other description
 _TRY_S = 0.012
 PREDICTED_SPAN_HZ = 400.0  # Doppler span around the prediction of E1
-_WIDE_HZ = 60_000.0  # range of the centre of the Dopplers, for a wrong centre frequency
+_WIDE_HZ = 60_000.0  # Doppler span if the centre frequency may be wrong
 _BLIND_SPAN_HZ = 5000.0  # Doppler span without E1
 _BLIND_STRETCHES = 12
 
@@ -52,7 +52,7 @@ class E6Satellite:
     svid: int
     cn0_dbhz: float  # C/N0 of E6-B; NaN if the samples hold no complete code period
     e6c_open: bool  # whether the primary code of E6-C repeats every millisecond
-    secondary_fits: bool | None  # whether its signs agree with the secondary code; None if the samples are too short
+    secondary_fits: bool | None  # whether the signs of E6-C are its secondary code; None if the samples are too short
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +113,7 @@ def examine_e6(
 
 
 def expected_start_s(snapshot: E1Snapshot, batch: SampleBatch) -> float:
-    """Return the time from the first sample of E6 to the first start of a code period that E1 predicts, modulo 1 ms."""
+    """Return the time in s from the first E6 sample to the next start of a code period, as E1 predicts, modulo 1 ms."""
     ahead_s = batch.start - snapshot.time
     phase_s = snapshot.transmit_phase_s + ahead_s * (1 + snapshot.doppler_hz / E1_CARRIER_HZ)
     return -phase_s % E6B.period_s
@@ -197,7 +197,7 @@ def _satellites(
 
 
 def _offset(batch: SampleBatch, e1: Sequence[E1Satellite], acquired: dict[int, E6Acquisition]) -> Iterator[Finding]:
-    """Yield a line if the delay between E6 and E1 is too large for hardware."""
+    """Yield a finding if the delay between E6 and E1 is too large to come from hardware."""
     period_s = E6B.period_s
     apart = [
         (acquired[one.svid].code_start_s - expected_start_s(one.snapshot, batch) + period_s / 2) % period_s

@@ -1,9 +1,9 @@
 """Examination of a recording: its satellites, and the faults of its samples or of their description.
 
 The given description is tried first. If this description shows no signal, descriptions that differ by one mistake are
-tried. This search takes at most `TRY_S` of processor time in each band, which is half as much time on two idle cores.
-The search uses the first 100 ms, and windows of 100 ms in the middle and at the end. All samples of float32 are read,
-for at most `READ_S` of processor time. The reason is that every other command stops at a sample that is not a number.
+tried. This search takes at most `TRY_S` of processor time in each band. On two idle cores it lasts half as long.
+The examination uses the first 100 ms, and windows of 100 ms in the middle and at the end. Float32 samples are all read,
+for at most `READ_S` of processor time, because every other command stops at a sample that is not a finite number.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def _satellites(e6: E6Result | None) -> tuple[E6Satellite, ...]:
 
 
 def _e6_files(e6: BandFile, e1: BandFile | None, result: E1Result | None) -> list[BandFile]:
-    """Return the descriptions of E6 to try, which include that of the E1 file if E1 was found in the E6 file."""
+    """Return the descriptions of E6 to try; if E1 was found in the E6 file, E6 is searched for in the E1 file."""
     if e1 is None or result is None or result.file.path == e1.path:
         return [e6]
     return [reading.file for reading in swapped_readings(e6, e1)]
@@ -162,7 +162,7 @@ def _not_a_number(band: Band, error: InputFileError) -> Finding:
 
 
 def _not_finite(reader: SampleReader, limit: TimeLimit) -> Iterator[Finding]:
-    """Yield the first sample of float32 that is not finite, and how far the file was read if not to its end."""
+    """Yield a fault for the first float32 sample that is not finite, or a remark if `limit` is over before the file."""
     if reader.file.form.component != "float32":
         return
     for first in range(reader.first_sample, reader.end_sample, _READ_SAMPLES):

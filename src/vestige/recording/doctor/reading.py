@@ -28,7 +28,7 @@ class Reading:
 
     kind: FindingKind  # kind of the mistake in the given description
     file: BandFile
-    says: str  # difference, in the words of the evidence: "the spectrum reversed"
+    says: str  # difference from the given description, as words for the evidence: "with the spectrum reversed"
     change: str  # change to make in the description
 
     def fault(self, evidence: str) -> Finding:
@@ -99,7 +99,10 @@ def swapped_readings(file: BandFile, other: BandFile) -> Iterator[Reading]:
 
 
 def _has_intermediate_frequency(file: BandFile) -> bool:
-    """Return whether samples can be real: around 0 Hz the noise of real samples exceeds an acquisition's threshold."""
+    """Return whether the carrier is far enough from 0 Hz for real samples.
+
+    Near 0 Hz the noise of real samples exceeds the threshold of the acquisition.
+    """
     return abs(CARRIER_HZ[file.band] - file.center_frequency_hz) >= _LEAST_IF * file.sample_rate_hz
 
 
@@ -154,8 +157,9 @@ def format_readings(file: BandFile) -> Iterator[Reading]:
 
 
 def better_sibling(file: BandFile) -> Reading | None:
-    """Return the reading with or without sign if the given format puts all values at the ends of the scale.
+    """Return the reading with signed instead of unsigned numbers, or the reverse, if the given format must be wrong.
 
+    The given format is wrong if all its values lie at the ends of the scale, and the other format has smaller values.
     Signed numbers read as offset binary, or the reverse, have the right sign and a wrong magnitude. The signals are
     still found, about 2 dB weaker.
     """
@@ -194,8 +198,8 @@ def centre_reading(file: BandFile, offset_hz: float) -> Reading:
         kind=FindingKind.CENTRE_FREQUENCY,
         file=replace(file, center_frequency_hz=center_hz),
         says=f"{offset_hz / 1e3:+.1f} kHz away from the frequency in the description",
-        change=f"set center_frequency_hz = {center_hz:.0f} (to ±4 kHz), or correct the oscillator, which is "
-        f"{-offset_hz / CARRIER_HZ[file.band] * 1e6:+.1f} ppm off if the frequency is the one that was set",
+        change=f"set center_frequency_hz = {center_hz:.0f} (to ±4 kHz); if the frequency in the description was set, "
+        f"correct the oscillator, which is {-offset_hz / CARRIER_HZ[file.band] * 1e6:+.1f} ppm off",
     )
 
 
@@ -208,7 +212,7 @@ def _components(file: BandFile) -> np.ndarray | None:
 
 
 def _implausibility(file: BandFile) -> float | None:
-    """Return the difference of the components' kurtosis from noise; None if the components cannot be samples."""
+    """Return the distance of the kurtosis from 3, the value of Gaussian noise; None if the values cannot be samples."""
     values = _components(file)
     if values is None or values.size < 256:
         return None

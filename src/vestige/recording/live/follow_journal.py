@@ -1,11 +1,11 @@
 """Journal of a receiver that follows a recording: after any interruption the receiver continues where it was.
 
 `verdicts.jsonl` has one line for each verdict and each change of state. `state.json` contains the number of valid bytes
-in `verdicts.jsonl`, the SHA-256 of these bytes, the last epoch, and the receiver's state with a SHA-256 of its own.
+in `verdicts.jsonl`, the SHA-256 of these bytes, the last snapshot, and the receiver's state with a SHA-256 of its own.
 `state.json` is replaced as a whole after the lines were written. If a run is killed between the two writes, the newest
-lines are not valid yet. The next run cuts these lines off, processes the epoch again from the same state and writes the
-same lines. No line is lost, and no line appears twice. If the valid lines or the state differ from what was written,
-the journal raises an error and cuts nothing off.
+lines are not valid yet. The next run cuts these lines off, processes the snapshot again from the same state, and writes
+the same lines. No line is lost, and no line appears twice. If the valid lines or the state were changed, the journal
+raises an error and cuts nothing off.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class FollowProgress:
     index: _Count  # number of the last snapshot
     sent: GalileoTime  # time of transmission of its RECS
     state: ReceiverState  # receiver state after the snapshot
-    time_tag_error_s: float = 0.0  # error of the samples' time tag in s, positive if it is late
+    time_tag_error_s: float = 0.0  # error of the samples' time tag in s, positive if ahead of Galileo System Time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,14 +61,15 @@ _PROGRESS = TypeAdapter(FollowProgress | None)
 
 
 def _hash_of(progress: FollowProgress | None) -> str:
-    """Return the SHA-256 of a progress as JSON, so that a number that was changed by hand is found."""
+    """Return the SHA-256 of `progress` as JSON; it shows whether a number was changed by hand."""
     return hashlib.sha256(json.dumps(_PROGRESS.dump_python(progress, mode="json")).encode()).hexdigest()
 
 
 class FollowJournal:
     """Journal folder, open for one writer; a context manager.
 
-    `settings` lists the settings on which the verdicts depend, in words. A folder with other settings is refused.
+    `settings` has the name and the text of each setting on which the verdicts depend. A folder with other settings is
+    refused.
 
     Raises `InputFileError` if the folder contains other files, was made with other settings, is damaged, or is in use.
     """
@@ -126,7 +127,7 @@ class FollowJournal:
         return state
 
     def record(self, lines: Sequence[str], progress: FollowProgress) -> None:
-        """Store the lines of an epoch and the progress; after a kill either both are stored or neither is."""
+        """Store the lines of a snapshot and the progress; after a kill, either both are stored or neither."""
         data = "".join(f"{line}\n" for line in lines).encode()
         with naming(self._folder / LINES):
             self._lines.write(data)

@@ -1,26 +1,26 @@
-"""Iterator over a recording that is still being written: yields each RECS epoch as soon as its data are complete.
+"""Yield the snapshots of a recording that is still being written, each as soon as its data are complete.
 
 Theory of operation
 -------------------
-An epoch needs its RECS (downloaded days ago), its samples, the E1 observations around it, and the OSNMA key. The key is
-complete half a minute to a minute after the samples were taken. With a second channel or with accelerometers, the epoch
-also waits for the keys and the accelerations of its time. Then the snapshot is the same as from the finished recording,
-bit for bit. The samples cover the range of every search, and more observations would change nothing
+A snapshot needs its RECS (downloaded days ago), its samples, the E1 observations around it, and the OSNMA key. The key
+is complete half a minute to a minute after the samples were taken. With a second channel or with accelerometers, the
+snapshot also waits for the keys and the accelerations of its time. Then the snapshot is the same as from the finished
+recording, bit for bit. Its samples cover the range of every search, and later observations would change nothing
 (`ObservationTrack.settled`).
 
-Epochs are yielded in the order of time, because the receiver state passes from each epoch to the next. An epoch that
-waits for its key delays the later epochs, whose keys come later anyway. A missing key must not stop the receiver. So an
-epoch is yielded at the latest `wait_s` after its samples; if its key is missing, the verdict says so.
+Snapshots are yielded in the order of time, because the receiver state passes from each snapshot to the next. A snapshot
+that waits for its key delays the later snapshots, but their keys come later anyway. A missing key must not stop the
+receiver. So a snapshot is yielded at the latest `wait_s` after its samples; if its key is missing, the verdict says so.
 
-If E1 is tracked in the samples, tracking also gives the observations, the keys and the time of the recording. An epoch
-waits until a message has told the time. A key counts as missing if `wait_s` of signal after the epoch was tracked
-without it, however fast a file is read.
+If E1 is tracked in the samples, tracking also gives the observations, the keys and the time of the recording. A
+snapshot waits until a message has told the time. A key counts as missing if it has not come when tracking is `wait_s`
+after the snapshot. This limit is in the time of the signal, so it does not depend on the speed at which a file is read.
 
-Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` gets the epochs that still need
-samples. Every decision about samples refers to the state at that look.
+Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` gets the snapshots that still need
+samples. Every decision about samples refers to the data at that look.
 
-A file does not say that it is finished. A recording counts as finished after `idle_s` without new data, or at the end
-of a pipe. Then the remaining epochs are yielded with the available data, as from a finished recording.
+A file has no mark of its end. So a recording counts as finished after `idle_s` without new data, or at the end of a
+pipe. Then the remaining snapshots are yielded with the available data, as from a finished recording.
 """
 
 from __future__ import annotations
@@ -48,45 +48,45 @@ from vestige.time import GalileoTime
 class WaitLimits:
     """Limits of the waiting times, in s."""
 
-    poll_s: float = 1.0  # time between two looks
-    wait_s: float = 180.0  # longest wait for the key and the observations of an epoch whose samples are complete
+    poll_s: float = 1.0  # time between two looks for new data
+    wait_s: float = 180.0  # longest wait for the key and the observations of a snapshot with all samples
     idle_s: float | None = None  # time without new data that ends the recording; None to wait for ever
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedEpoch:
-    """A RECS epoch that is ready."""
+    """A snapshot that is ready."""
 
     sent: GalileoTime  # time of transmission of its RECS
     snapshot: Snapshot
     assistance: Assistance  # assistance that is known so far
-    # OSNMA of the second channel so far, and the accelerations since the epoch before
+    # OSNMA of the second channel so far, and the accelerations since the previous snapshot
     channels: OtherChannels
-    time_tag_error_s: float = 0.0  # error of the snapshot's receiver-clock time in s, positive if it is late
+    time_tag_error_s: float = 0.0  # error of the receiver clock in s, positive if ahead of Galileo System Time
 
 
 @dataclass(slots=True, kw_only=True)
 class Following:
-    """The epochs of a recording that grows, for a single iteration."""
+    """The snapshots of a recording that grows, for a single iteration."""
 
     live: LiveRecording
     folder: GrowingAssistance
     second: GrowingAssistance | None = None  # folder of OSNMA keys of the second channel
     accelerations: GrowingAccelerations | None = None  # file of inertial sensors
-    time_uncertainty_s: float  # upper limit of the receiver clock's error
-    searchable: bool  # same as for `RecordingSource`, like the next
-    cn0_estimator: str = NOISE_FLOOR
-    hardware_bias_s: float | None = None  # delay of E6 minus E1 in the receiver, in place of the folder's value
+    time_uncertainty_s: float  # upper limit of the receiver clock's error in s
+    searchable: bool  # see `RecordingSource`
+    cn0_estimator: str = NOISE_FLOOR  # see `RecordingSource`
+    hardware_bias_s: float | None = None  # delay of E6 minus E1 in the receiver in s, in place of the folder's value
     patience: WaitLimits
     index: int = 0  # number of the next snapshot
     after: GalileoTime | None = None  # time of the last RECS that no longer needs a snapshot, None at first
 
     def __iter__(self) -> Iterator[FollowedEpoch]:
-        """Yield the epochs in the order of time; raises the errors of the files that are read."""
+        """Yield the snapshots in the order of time; raises the errors of the files that are read."""
         complete_since: dict[GalileoTime, float] = {}
         news_s = time.monotonic()
         while True:
-            if self._look(complete_since) or self.live.full:  # a full buffer stops the pipe
+            if self._look(complete_since) or self.live.full:  # a full buffer stops the pipe: no new data can come
                 news_s = time.monotonic()
             while (epoch := self._next(complete_since, finished=False)) is not None:
                 yield epoch
@@ -150,26 +150,26 @@ class Following:
         return sorted({one.transmit_time for one in segments[low:high]})
 
     def _next(self, complete_since: dict[GalileoTime, float], *, finished: bool) -> FollowedEpoch | None:
-        """Return the next epoch if it is ready, or if no more data will come."""
+        """Return the next snapshot if it is ready, or if no more data will come."""
         sent = next(iter(self._to_come()), None)
         if sent is None:
             return None
         if not finished:
             waited_s = time.monotonic() - complete_since.get(sent, math.inf)
-            overdue = waited_s >= self.patience.wait_s and not self.live.is_behind  # samples that wait may hold the key
+            overdue = waited_s >= self.patience.wait_s and not self.live.is_behind  # the key may be in waiting samples
             if not self._is_ready(sent):
                 if not (overdue or self._is_passed(sent)):
                     return None
-                self._look_at_folder(at_once=True)  # data that would be missing may have come
+                self._look_at_folder(at_once=True)  # missing data may have come
         return self._handed_out(sent)
 
     def _is_passed(self, sent: GalileoTime) -> bool:
-        """Return whether tracking is so far ahead of an epoch that its key should have come."""
+        """Return whether tracking is so long after a snapshot that its key should have come."""
         tracked = self.live.tracked
         return tracked is not None and self.live.complete(sent) and tracked - sent >= self.patience.wait_s
 
     def _is_ready(self, sent: GalileoTime) -> bool:
-        """Return whether all data that the finished recording will have for an epoch are available."""
+        """Return whether all data that the finished recording will have for a snapshot are available."""
         return self.live.complete(sent) and self._has_keys(sent) and self._is_observed(sent) and self._is_sensed(sent)
 
     def _has_keys(self, sent: GalileoTime) -> bool:

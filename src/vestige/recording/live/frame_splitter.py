@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-WAITING_BYTES = 1 << 20  # limit for each channel; the buffers of the streams are elsewhere
+WAITING_BYTES = 1 << 20  # largest number of waiting bytes of a channel, beside the buffers of the streams
 _BLOCK_FRAMES = 1 << 15
 
 
@@ -24,8 +24,8 @@ class FrameSplitter:
     Parameters
     ----------
     read
-        Function that reads at most the given number of bytes from the pipe, none at the end; it may wait, and raise
-        `OSError`.
+        Function that returns at most the given number of bytes from the pipe, and no byte at the end of the pipe. The
+        function may wait, and may raise `OSError`.
     sample_bytes
         Bytes of one sample, the same for all channels.
     n_channels
@@ -86,7 +86,7 @@ class FrameSplitter:
         return any(len(part) >= WAITING_BYTES for part in self._parts.values())
 
     def _take(self) -> None:
-        """Read some frames; only one thread reads at a time, and no other thread waits for the lock meanwhile."""
+        """Read some frames; only one thread reads at a time, and this thread does not hold the lock while it reads."""
         block, error = b"", None
         try:
             block = self._read(_BLOCK_FRAMES * self._n_channels * self._sample_bytes)

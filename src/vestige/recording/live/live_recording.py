@@ -1,9 +1,9 @@
 """A recording that another process is still writing: the samples so far, in files or pipes.
 
-`look` finds new data, and until the next look the state of the object does not change. Any window of a file can be read
-at any time. For a pipe, `keep` names the RECS that still need a snapshot; all other samples are dropped.
+Only `look` finds new data; between two looks the state of the object does not change. Any window of a file can be read
+at any time. For a pipe, `keep` gets the RECS that still need a snapshot, and drops all other samples.
 
-Times in this module are corrected: if E1 is tracked, a message tells the error of the samples' time tag.
+If E1 is tracked, a message tells the error of the samples' time tag. All times in this module are corrected for it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ BEFORE_S = SEGMENT_WINDOW_S - TRAVEL_TIME_S[0] + 0.1
 AFTER_S = SEGMENT_WINDOW_S + TRAVEL_TIME_S[1] + E1_WINDOW_S + 0.1
 OBSERVED_BEFORE_S = 2.0  # duration of observations that are kept before a RECS, for the interpolation
 MOVED_S = 0.1  # largest move of a kept window when a message tells the error of the time tag
-ROOM = 1.5  # least size of a buffer, in windows
+ROOM = 1.5  # smallest size of a buffer, as a multiple of the window of a RECS
 
 
 class LiveRecording:
@@ -48,7 +48,7 @@ class LiveRecording:
     observations
         The file of E1 observations, which need not exist yet; None to measure E1 in the samples.
     replaceable
-        Whether E1 is measured in the samples if that file stays empty, as in a finished recording.
+        Whether E1 is measured in the samples if the file of observations stays empty, as in a finished recording.
     streams
         The samples of the bands that come from pipes.
     tracking
@@ -56,14 +56,14 @@ class LiveRecording:
     told
         Whether the time tag is known to be right to 40 ms, without tracking.
     uncertainty_s
-        Largest distance of a RECS from its expected position that a search covers, in s.
+        Largest time in s between a RECS and its expected time in the samples that a search covers.
     warn
         Function that gets the faults of lines of observations, the dropped samples, and the waits of a pipe's writer.
 
     Attributes
     ----------
     n_dropped
-        Number of snapshots so far whose samples were read out of a pipe and dropped.
+        Number of snapshots so far whose samples came out of a pipe and were dropped.
     full
         Whether a pipe cannot be read further before a waiting RECS has its snapshot.
     """
@@ -137,11 +137,11 @@ class LiveRecording:
 
     @property
     def time_tag_error_s(self) -> float:
-        """Error of the samples' time tag in s, positive if it is late, as far as known."""
+        """Error of the samples' time tag in s, positive if ahead of Galileo System Time; 0 while it is unknown."""
         return 0.0 if self.tracking is None else self.tracking.time_tag_error_s or 0.0
 
     def observed(self) -> ObservationTrack | None:
-        """Return the observations for an epoch that no longer waits; None to measure E1 in the samples.
+        """Return the observations for a snapshot that no longer waits; None to measure E1 in the samples.
 
         Raises `InputFileError` if the recording has ended without any observation.
         """
@@ -218,7 +218,7 @@ class LiveRecording:
 
     @property
     def ended(self) -> bool:
-        """Whether no more samples can come, and all of E1 is tracked; a file does not say that it is finished."""
+        """Whether no more samples can come and all of E1 is tracked; False for a file, which has no mark of its end."""
         return bool(self._read) and all(state.ended for state in self._read.values()) and not self.is_behind
 
     @property
@@ -243,7 +243,7 @@ class LiveRecording:
         return late and len(ends) > 1
 
     def say_held_up(self, least_s: float) -> None:
-        """Warn once if the samples of a band end much earlier than those of the other band."""
+        """Warn once if the samples of a band end much earlier than the samples of the other band."""
         ends = self._ends
         for band, end in ends.items():
             behind_s = max(ends.values()) - end
@@ -251,8 +251,8 @@ class LiveRecording:
                 self._told_held_up.add(band)
                 self._warn(
                     VestigeError(
-                        f"{self.description.bands[band].path}: {band.name} samples are {behind_s:.1f} s behind those "
-                        "of the other band; a RECS without both has no verdict, or NOT_AVAILABLE"
+                        f"{self.description.bands[band].path}: {band.name} samples are {behind_s:.1f} s behind the "
+                        "other band; a RECS without samples of both bands has no verdict, or NOT_AVAILABLE"
                     )
                 )
 
@@ -297,7 +297,7 @@ class LiveRecording:
         readers = dict(self._readers)
         for band, stream in self._streams.items():
             found = stream.cut(*self._window(sent, band))
-            if found is None:  # a search in a part of a window would be in vain
+            if found is None:  # a search needs the whole window
                 if band is Band.E6:
                     self._say_dropped(stream, sent)
                 found = stream.nothing()
@@ -322,7 +322,7 @@ class LiveRecording:
             return
         if self.full:
             then = (
-                "the program that writes the pipe has to wait (a receiver that cannot wait: --real-time)"
+                "the program that writes the pipe has to wait (for a receiver that cannot wait, give --real-time)"
                 if stream.can_wait
                 else "samples are dropped"
             )
@@ -369,7 +369,7 @@ class LiveRecording:
 
     @property
     def _most_clock_s(self) -> float:
-        """Clock error up to which windows fit into the buffer; an absurd observation must not fill the buffer."""
+        """Largest clock error in s for which the buffer has room, so that an absurd observation cannot fill it."""
         if not self._streams:
             return math.inf
         capacity_s = min(

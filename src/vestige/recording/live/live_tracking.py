@@ -34,7 +34,7 @@ from vestige.time import GalileoTime
 
 AT_ONCE_S = 2.0  # duration of samples that are tracked before other input is read
 WITHOUT_PERIODS_S = 200.0  # duration of observations that wait for the time, which a message tells after 30 s
-RETRACKED_S = 600.0  # time before the last verdict, long enough for a root key, ephemerides and the time
+RETRACKED_S = 600.0  # time before the last verdict at which tracking resumes, to get a root key, orbits and the time
 
 
 class TrackableSamples(Protocol):
@@ -56,7 +56,7 @@ class StreamSamples:
     end_sample: int  # number of the last sample plus 1, at the time of a look
 
     def read(self, first: int, count: int) -> SampleBatch:
-        """Return samples that are still kept; if samples of a stretch were dropped, return those after the gap."""
+        """Return samples that are still kept; if samples of a stretch were dropped, return the part after the gap."""
         found = self.stream.cut(first, first + count)
         while found is None:
             first = self.stream.next_after(first)
@@ -72,7 +72,7 @@ class LiveTracking:
     file
         The E1 samples.
     message
-        Message that takes the pages.
+        Message to which the pages are added.
     settings
         Loop settings, the same for all channels.
     workers
@@ -85,11 +85,12 @@ class LiveTracking:
     track
         The observations at any time for which they are kept.
     time_tag_error_s
-        Error of the samples' time tag in s, positive if it is late; None as long as no message has told the time.
+        Error of the samples' time tag in s, positive if ahead of Galileo System Time; None until a message tells the
+        time.
     end_sample
         Number of the last tracked sample plus 1.
     first_observed
-        Time of the first epoch with an observation, by the receiver's clock; None before.
+        Time of the first epoch with an observation, by the receiver's clock; None if there is no such epoch yet.
     seen
         Satellites that were observed so far.
     """
@@ -123,11 +124,11 @@ class LiveTracking:
 
     @property
     def tracked_s(self) -> float:
-        """Time that was tracked so far."""
+        """Duration of the samples that were tracked so far, in s."""
         return (self.end_sample - self._first) / self._file.sample_rate_hz
 
     def resume(self, seconds: float) -> None:
-        """Begin the given time after the first sample, less `RETRACKED_S`; earlier samples have their verdicts."""
+        """Begin tracking `seconds` − `RETRACKED_S` after the first sample; earlier samples already have verdicts."""
         stretches = max(math.floor((seconds - RETRACKED_S) / TRACKED_STRETCH_S), 0)
         self._first = self.end_sample = self._file.first_sample + stretches * self._count
 
@@ -186,7 +187,7 @@ class LiveTracking:
         self._epochs.place(self._receiver.time_tag_error_s)
 
     def release(self, before: GalileoTime) -> None:
-        """Drop the observations of an earlier time."""
+        """Drop the observations before a time."""
         self._epochs.release(before)
 
 
@@ -203,7 +204,7 @@ class _KeptEpochs:
         self._without_code_periods.extend(epochs)
 
     def add(self, epochs: Sequence[ObservationEpoch]) -> None:
-        """Keep epochs with resolved times: a satellite whose own message told the time has the time of that message."""
+        """Keep epochs with resolved times; if the own message of a satellite told the time, this time counts for it."""
         self._placed.extend(epochs)
 
     def place(self, time_tag_error_s: float) -> None:

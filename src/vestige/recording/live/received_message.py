@@ -1,4 +1,4 @@
-"""The message that tracking decodes while a recording grows: OSNMA keys and ephemerides, in constant memory.
+"""The message that tracking decodes while a recording grows: OSNMA keys and ephemerides, in limited memory.
 
 Pages are verified as they come, so a new key costs the work of its own subframe. Keys and pages older than `KEPT_S` are
 dropped, because a RECS needs a key of the next minutes. Signed root keys and the chain are kept.

@@ -21,7 +21,7 @@ def read_pages(
     """Yield the E1-B I/NAV pages of an SBF or a test-vector CSV file; the content tells the format.
 
     `start` is the start of the first page of a test vector. By default the start is read from the navigation words. An
-    SBF file tells the time itself, and fills `counts`.
+    SBF file contains the times of its pages. `counts` gets the numbers of its blocks.
 
     Raises `InputFileError` if the file has another format, or is so damaged that nothing can be read.
     """

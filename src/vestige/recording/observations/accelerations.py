@@ -37,7 +37,7 @@ ACCELERATION_COLUMNS: Mapping[str, tuple[float, float]] = {
 GRAVITY_MPS2 = 9.8  # 9.78 at the equator to 9.83 at the poles
 _GRAVITY_TOLERANCE_MPS2 = 0.2
 _GRAVITY_S = 20.0  # no receiver accelerates at 1 g in one direction for half of this time
-_TOLD = 4  # numbers of a row that are kept: elapsed time and acceleration
+_TOLD = 4  # number of values of a row that are kept: elapsed time and three accelerations
 
 
 def read_accelerations(path: Path) -> Accelerations:

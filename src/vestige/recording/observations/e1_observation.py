@@ -2,9 +2,9 @@
 
 `measure_e1` gives each satellite's time of transmission modulo 100 ms, the period of E1-C's secondary code. Satellites
 in view differ by less than 25 ms in travel time, so they share a common multiple of 100 ms. The chosen multiple puts
-the median travel time nearest to that of a medium orbit. This choice is right if the error of the recording's time tag
-is below `TIME_TAG_TOLERANCE_S`, or is known from the hand-over search (`time_tag_search`). A receiver with a tracking
-loop reads the time of week from I/NAV instead.
+the median travel time nearest to 86 ms, the median travel time from Galileo's orbit. This choice is right if the error
+of the recording's time tag is below `TIME_TAG_TOLERANCE_S`, or is known from the hand-over search (`time_tag_search`).
+A receiver with a tracking loop reads the time of week from I/NAV instead.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ def observe(
 ) -> tuple[GalileoTime, dict[int, E1Observation]]:
     """Return a time and the E1 observations of `svids` at that time, without the satellites that are not found.
 
-    The best duration of the batch is 100 ms. `time_tag_error_s` is the known error of the batch's time tag, positive if
-    it is late. `progress` is called with the number of satellites searched so far and the number of all satellites.
+    The best duration of the batch is 100 ms. `time_tag_error_s` is the known error of the batch's time tag in s,
+    positive if the time tag is ahead of Galileo System Time. `progress` is called with the number of satellites
+    searched so far and the number of all satellites.
     """
     acquired = acquire(batch, svids, progress=progress)
     tried = (measure_e1(batch, one, cn0_estimator=cn0_estimator) for one in acquired)
@@ -50,8 +51,8 @@ def observe(
 def place_travel_times(phases_s: Mapping[int, float], median_s: float = MEDIAN_TRAVEL_TIME_S) -> dict[int, float]:
     """Return travel times in s from travel times modulo 100 ms, with a common multiple for all satellites.
 
-    `phases_s` are reception minus transmission modulo 100 ms. `median_s` is the expected median travel time, with an
-    error below 50 ms.
+    `phases_s` are the times of reception minus the times of transmission in s, modulo 100 ms. `median_s` is the
+    expected median travel time in s, with an error below 50 ms.
     """
     if not phases_s:
         return {}

@@ -1,7 +1,7 @@
 """E1 observations from a file that a receiver is still writing.
 
-A line counts when its end is written. A RINEX epoch counts with its last record, a CSV epoch when the next epoch
-begins. A complete line that is damaged is left out and reported.
+A line counts when its end is written. A RINEX epoch counts when its last record is written. A CSV epoch counts when the
+next epoch begins. A complete line that is damaged is left out and reported.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class GrowingObservations:
         return InputFileError(self.path, "line 1", found, FIRST_LINE)
 
     def end(self) -> None:
-        """Mark the file as complete, and so its last epoch."""
+        """Mark the file as complete, which also completes its last epoch."""
         self.ended = True
 
 

@@ -8,7 +8,8 @@ With u = (t - t_a)/T:
 * Phase φ is the cubic through φ_a and φ_b with the slopes -f_a and -f_b (Hermite): exact for constant acceleration and
   constant jerk. Without a phase, or across a cycle slip, φ is the integral of the Doppler, which is exact for constant
   acceleration. Then no phase is returned.
-* Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)): the mean of the two codes, carried along the phase.
+* Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)): the weighted mean of both pseudoranges, each moved
+  along the phase to the time t.
 
 Missing values are computed first. A missing Doppler comes from the phases of the neighbouring epochs (the parabola
 through three, the line through two). A missing Doppler rate comes from the Dopplers of these epochs. A Doppler rate
@@ -87,7 +88,7 @@ def _is_final(track: list[tuple[float, E1Observation]], last: float, max_gap_s: 
     observation = track[here][1]
     if not math.isnan(observation.doppler_hz + observation.doppler_rate_hz_per_s):
         return True
-    # The next point supplies missing values of this point, and the point after it those of the next point.
+    # Missing values of this point come from the next point; missing values of the next point, from the point after.
     known_next = len(track) > here + 1 and not math.isnan(track[here + 1][1].doppler_hz)
     return known_next or len(track) > here + 2 or last - track[-1][0] > max_gap_s
 
@@ -131,7 +132,7 @@ def _between(a: _Point, b: _Point) -> E1Observation | None:
 
 
 def _joined(a: _Point, b: _Point) -> bool:
-    """Return whether the carrier phase of `b` continues that of `a`."""
+    """Return whether the carrier phase at `b` continues the carrier phase at `a`."""
     first, last, duration = a.observation, b.observation, b.t - a.t
     change = last.carrier_phase_cycles - first.carrier_phase_cycles
     if b.slipped or math.isnan(change):

@@ -34,7 +34,7 @@ class EpochParser(Protocol):
 
     @property
     def begun(self) -> bool:
-        """Whether the header was read; an error before means that the file is of another kind."""
+        """Whether the header was read; an error before the end of the header means that the file is of another kind."""
         ...
 
     def take(self, number: int, line: str) -> ObservationEpoch | None:

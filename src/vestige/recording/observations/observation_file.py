@@ -63,7 +63,8 @@ def kind_of_line(line: str) -> str | None:
 def open_observations(path: Path) -> ObservationFile:
     """Return the observation file at `path`.
 
-    Raises `InputFileError` if its first line is not that of RINEX observations or of a CSV table of observations.
+    Raises `InputFileError` if its first line is neither a RINEX observation header nor the header of a CSV table of
+    observations.
     """
     kind = observation_kind(path)
     if kind is None:
@@ -72,7 +73,9 @@ def open_observations(path: Path) -> ObservationFile:
 
 
 class ObservationTrack:
-    """E1 observations at any time from a file. Advancing times need one pass; an earlier time starts another pass.
+    """E1 observations at any time from a file.
+
+    If the requested times increase, the file is read once. For an earlier time the file is read again from its begin.
 
     Parameters
     ----------

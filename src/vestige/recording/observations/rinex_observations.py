@@ -113,8 +113,9 @@ class RinexParser:
     """An `EpochParser` of RINEX observations; the last record of an epoch completes the epoch.
 
     After an error the parser skips everything until the next epoch record. Epochs without a Galileo satellite are
-    empty. A field that is blank or zero was not measured. Doppler rates are NaN, because RINEX has none. A cycle slip
-    is set by the loss-of-lock indicator, by a power failure, and by a change of the signal that is taken.
+    empty. A field that is blank or zero was not measured. Doppler rates are NaN, because RINEX has none. A satellite
+    has a cycle slip if its loss-of-lock indicator is set, after a power failure, or if another signal is taken than
+    before.
 
     Raises `InputFileError` if the file has another format, is cut off, or time does not advance. Raises
     `UnsupportedError` for RINEX 2, compact RINEX, GLONASS time and scaled observations.

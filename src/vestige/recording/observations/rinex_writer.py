@@ -27,7 +27,7 @@ def write_rinex_observations(
     *,
     approximate_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> None:
-    """Write epochs, which are in time order, in Galileo System Time.
+    """Write epochs, which must be in time order, with times in Galileo System Time.
 
     Raises `ValueError` if there is no epoch, an epoch is not a multiple of 0.1 µs, or a value does not fit its field.
 
@@ -74,7 +74,7 @@ def _calendar(time: GalileoTime) -> tuple[datetime, str]:
     """Return the calendar time to the minute and the seconds with seven decimals."""
     ticks = round(time.fraction * TICKS_PER_S)
     if abs(time.fraction * TICKS_PER_S - ticks) > TICK_TOLERANCE:
-        raise ValueError(f"epoch {time} + {time.fraction} s is not a multiple of 0.1 µs, which is all that RINEX keeps")
+        raise ValueError(f"epoch {time} + {time.fraction} s is not a multiple of 0.1 µs, the step of RINEX")
     carry, ticks = divmod(ticks, TICKS_PER_S)
     whole = GalileoTime.normalized(time.week, time.second + carry).calendar
     return whole, f"{whole.second:d}.{ticks:07d}"

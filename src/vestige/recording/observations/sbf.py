@@ -53,8 +53,8 @@ class SbfCounts:
 def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
     """Yield the E1-B pages of an SBF file, in the order of the file.
 
-    Pages that failed the receiver's own check are yielded too, because the caller checks their checksum again. `counts`
-    is filled while the file is read.
+    Pages whose checksum was wrong for the receiver are also yielded, because the caller tests the checksum again.
+    `counts` is filled while the file is read.
 
     Raises `InputFileError` if the file cannot be read, or contains no GALRawINAV block of E1-B.
     """

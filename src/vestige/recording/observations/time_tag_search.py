@@ -34,7 +34,9 @@ from vestige.signals.open_e6c import repeated_after_s
 class LabelSearch:
     """Result of the search for the error of a time tag."""
 
-    error_s: float | None  # error in s, positive if late, to within 10 ms of travel time; None if no RECS was found
+    # error in s, positive if the time tag is ahead of Galileo System Time, uncertain by 10 ms of travel time; None if
+    # no RECS was found
+    error_s: float | None
     decisions: tuple[VestigialDecision, ...]  # a decision for each RECS that was searched for
 
 
@@ -48,7 +50,7 @@ def search_label(
 ) -> LabelSearch:
     """Return the error of a recording's time tag from the RECS in its samples.
 
-    `uncertainty_s` is the upper limit of the time tag's error.
+    `uncertainty_s` is the upper limit of the time tag's error in s.
     """
     e1, e6 = recording.e1, recording.e6
     keys = {key.time: key for key in assistance.keys}

@@ -61,7 +61,7 @@ class RaimState(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GnssIntegrity:
-    """The fields of GNSS_INTEGRITY that vestige knows.
+    """The fields of GNSS_INTEGRITY that vestige fills.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ def gnss_integrity(block: VerdictBlock, position: AuthenticPosition | None) -> G
     block
         Verdicts, with the displayed state of each satellite, which is the gravest status of the last 90 s.
     position
-        Authentic position of that epoch, or None.
+        Authentic position of the last epoch, or None.
     """
     states = {STATUSES[one] for one in block.state[-1].tolist()}
     fix, raim = authentic_fix(position), _raim(block)

@@ -121,8 +121,12 @@ class PositionFormat:
     ----------
     entry
         Function that returns the text of a snapshot; called without a fix only if `without_fix`.
-    head, separator, tail
-        Text before the first position, between two positions, and after the last position.
+    head
+        Text before the first position.
+    separator
+        Text between two positions.
+    tail
+        Text after the last position.
     without_fix
         Whether a snapshot without a valid position also gets a text.
     """
@@ -216,7 +220,7 @@ class PositionFile:
         return begins and self._stream.read() == tail
 
     def write(self, time: GalileoTime, position: AuthenticPosition | None) -> None:
-        """Write one snapshot; the parameters are those of `PositionFormat.text`."""
+        """Write one snapshot; the parameters are the same as for `PositionFormat.text`."""
         text = self._format.text(time, position)
         if not text:
             return

@@ -7,10 +7,10 @@
 | GalileoSASlib | unchanged int16 samples, named by their start time, and a table of keys: `saslib_export` |
 
 The options avoid these faults. gnss-sdr acquires E6 only by E6-B, and tracks E6-B while E6-C is encrypted. Without
-`bit_transition_flag` gnss-sdr mostly locks 500 Hz off on E6, because E6-B may change its sign every millisecond. With a
-Doppler step of 125 Hz on E1 gnss-sdr locks 125 Hz off. PocketSDR accepts no sample beyond ±7 and conjugates its input.
-The default phase loop of PocketSDR, 5 Hz wide, loses a line of sight whose range oscillates with 5 m/s², as in
-`scenarios/quick.toml`. A loop of 10 Hz keeps lock.
+`bit_transition_flag` the Doppler on E6 is mostly wrong by 500 Hz, because E6-B may change its sign every millisecond.
+With a Doppler step of 125 Hz, the Doppler on E1 is wrong by 125 Hz. PocketSDR accepts no sample beyond ±7 and
+conjugates its input. The default phase loop of PocketSDR, 5 Hz wide, loses a line of sight whose range oscillates with
+5 m/s², as in `scenarios/quick.toml`. A loop of 10 Hz keeps lock.
 """
 
 from __future__ import annotations
@@ -57,11 +57,11 @@ _POCKETSDR_OPTIONS = (  # name and content; all other options keep PocketSDR's o
     "pocket_trk.conf",
     """\
 # options of pocket_trk for recordings of vestige
-b_pll = 10.0  # bandwidth of the PLL (Hz); with 5 Hz it loses a range that swings with 5 m/s^2
+b_pll = 10.0  # bandwidth of the PLL (Hz); a PLL of 5 Hz loses a range that oscillates with 5 m/s^2
 """,
 )
 
-# stored component: item type and data type adapter of gnss-sdr
+# number type: item type and data type adapter of gnss-sdr
 _ITEMS = {
     "int8": ("ibyte", "Ibyte_To_Complex"),
     "int16": ("ishort", "Ishort_To_Complex"),
@@ -85,7 +85,7 @@ InputFilter.implementation=Pass_Through
 InputFilter.item_type=gr_complex
 Resampler.implementation=Pass_Through
 Resampler.item_type=gr_complex
-; all channels search at once, so that the time at which one begins is not left to the scheduler
+; all channels search at the same time, so that their start does not depend on the scheduler
 Channels.in_acquisition={count}
 Channels_{signal}.count={count}
 {channels}
@@ -106,7 +106,7 @@ PVT.xml_output_enabled=false
 PVT.rtcm_output_file_enabled=false
 """
 
-# lines for gnss-sdr without and with a troposphere, an ionosphere
+# lines for gnss-sdr without (False) and with (True) a troposphere or an ionosphere in the signals
 _GNSS_SDR_TROPOSPHERE = {
     False: """\
 ; the signals have no troposphere
@@ -117,11 +117,11 @@ PVT.trop_model=Saastamoinen""",
 }
 _GNSS_SDR_IONOSPHERE = {
     False: """\
-; the signals have no ionosphere but the errors of the scenario
+; the signals have no ionosphere except the errors of the scenario
 PVT.iono_model=OFF""",
     True: """\
-; the signals have the ionosphere of word 5 (NTCM-G); gnss-sdr has Klobuchar's model alone and takes coefficients of its
-; own, as a Galileo message has none of them: the fix keeps the difference, mostly in its height
+; the signals have the ionosphere of word 5 (NTCM-G). gnss-sdr has only Klobuchar's model, and takes its own
+; coefficients, because a Galileo message has none. The difference is an error of the fix, mostly of the height.
 PVT.iono_model=Broadcast""",
 }
 
@@ -135,7 +135,7 @@ Acquisition_1B.coherent_integration_time_ms=4
 Acquisition_1B.acquire_pilot=true
 Acquisition_1B.pfa=0.000001
 Acquisition_1B.doppler_max=5000
-; a step of 125 Hz locks half a cycle of 4 ms off
+; with a step of 125 Hz the loop locks 125 Hz off, half a cycle in 4 ms
 Acquisition_1B.doppler_step=50
 Acquisition_1B.max_dwells=5
 Acquisition_1B.blocking=true
@@ -161,7 +161,7 @@ TelemetryDecoder_1B.implementation=Galileo_E1B_Telemetry_Decoder
     Band.E6: (
         "E6",
         """\
-; acquisition is by E6-B, whatever else is there
+; gnss-sdr acquires E6-B only
 Acquisition_E6.implementation=Galileo_E6_PCPS_Acquisition
 Acquisition_E6.item_type=gr_complex
 Acquisition_E6.coherent_integration_time_ms=1
@@ -193,7 +193,7 @@ TelemetryDecoder_E6.implementation=Galileo_E6_Telemetry_Decoder
 
 
 def export_gnss_sdr(recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
-    """Write `e1.conf` and `e6.conf` for gnss-sdr 0.0.17 into `folder`, to be run there, and return their paths.
+    """Write `e1.conf` and `e6.conf` for gnss-sdr 0.0.17 into `folder`, and return their paths; run gnss-sdr there.
 
     The corrections of troposphere and ionosphere are on if the signals have these delays.
 
@@ -273,7 +273,7 @@ EXPORTS: Mapping[str, Export] = {
 COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # bytes of each sample in the export's own copy
 
 _CI8 = SampleFormat(component="int8", layout="iq")
-_OPEN = {Band.E1: 2, Band.E6: 1}  # open components, B first: E6-C is encrypted
+_OPEN = {Band.E1: 2, Band.E6: 1}  # number of open components, B first; E6-C is encrypted
 
 
 def check_export(name: str, form: SampleFormat, sample_rate_hz: float) -> None:

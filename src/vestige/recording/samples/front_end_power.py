@@ -14,12 +14,12 @@ import numpy as np
 from vestige.recording.samples.sample_format import SampleFormat, SampleType
 from vestige.records import FrontEndStatus, SampleBatch
 
-CLIPPED = 0.01  # share of numbers at the end of the scale; Gaussian noise set to a third of it has 0.3 %
+CLIPPED = 0.01  # share of numbers at the end of the scale; Gaussian noise with 3 σ at the end has 0.3 %
 _END_OF_SCALE: Mapping[SampleType, float] = {"int8": 127.0, "uint8": 127.0, "int16": 32767.0, "uint16": 32767.0}
 
 
 def front_end_status(batch: SampleBatch, form: SampleFormat) -> FrontEndStatus:
-    """Return power, in dB over one unit of the stored numbers, and whether the converter was saturated."""
+    """Return the power in dB (0 dB: one unit of the stored numbers), and whether the converter was saturated."""
     values = batch.samples.view(np.float32)
     power = float(np.vdot(values, values)) / batch.samples.size
     end = _END_OF_SCALE.get(form.component, math.inf)

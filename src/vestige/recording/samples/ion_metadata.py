@@ -11,7 +11,7 @@ element                 what is read
 `lane`                  one block of one chunk of one lump, without header and footer
 `lump`                  one stream, or several alike with `ratefactor` 1: a sample of each in turn
 `stream`                8 or 16 bits, `TC` or `INT8` (two's complement), `OB` (offset binary); `IF`, `IQ`, `QI`, `IQn`
-`chunk`                 words of one number, those of one sample of each stream, no padding
+`chunk`                 one number in each word; the numbers of one sample of each stream; no padding
 `band`                  `centerfreq` of the signal stands at `translatedfreq` in the samples; `inverted`, `bandwidth`
 ======================= ==========================================================================================
 
@@ -157,9 +157,7 @@ class _Document:
         number = child.get("id")
         same = [one for one in self.root if _name(one) == name and one.get("id") == number and len(one)]
         if len(same) != 1:
-            raise InputFileError(
-                self.path, self._place(parent), f"{len(same)} of {name} {number}", "one that it refers to"
-            )
+            raise InputFileError(self.path, self._place(parent), f"{len(same)} of {name} {number}", "one to refer to")
         return same[0]
 
     def text(self, parent: Element, name: str, default: str | None = None) -> str:
@@ -228,7 +226,7 @@ def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
 def _band_file(
     document: _Document, element: Element, lane: Element, chunk: Element, stream: Element, place: tuple[int, int]
 ) -> BandFile | None:
-    """Return the band file of a stream, None without a carrier; `place` has its number and the number of streams."""
+    """Return the band file of a stream, None without a carrier; `place` is the stream's number and their count."""
     path = document.path
     form, q_negated = _form(document, chunk, stream, place)
     rate_hz = document.hertz(document.one(lane, "system"), "freqbase") * document.count(stream, "ratefactor")

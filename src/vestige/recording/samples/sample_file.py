@@ -80,7 +80,7 @@ class SampleReader:
         """
         if count < 0 or first < self.first_sample or first + count > self.end_sample:
             raise ValueError(
-                f"samples {first} … {first + count - 1} are not all in {self.first_sample} … {self.end_sample - 1}"
+                f"found samples {first} to {first + count - 1}, expected {self.first_sample} to {self.end_sample - 1}"
             )
         file = self.file
         samples = decode(self._stored(first, count), file.form, inverted=file.spectral_inversion)
@@ -121,7 +121,7 @@ class SampleReader:
             yield self.read(first, min(size, self.end_sample - first))
 
     def hash_agrees(self) -> bool | None:
-        """Read the whole file, and return whether it has the hash that its description states, if any."""
+        """Read the whole file, and return whether it has the hash in its description; None if no hash is stated."""
         if self.file.sha512 is None:
             return None
         try:
@@ -132,7 +132,7 @@ class SampleReader:
 
 
 def samples_so_far(file: BandFile) -> SampleReader:
-    """Return the reader of the whole samples so far, perhaps none, in a file that another process still writes.
+    """Return a reader of the complete samples so far, perhaps none, in a file that another process still writes.
 
     Raises `InputFileError` if the file cannot be read.
     """
@@ -161,7 +161,7 @@ def open_samples(file: BandFile) -> SampleReader:
 
 
 def _size(file: BandFile) -> tuple[int, int, int]:
-    """Return the bytes of a file, the whole samples in it, and the bytes beyond."""
+    """Return the size of a file in bytes, its number of complete frames, and the number of bytes after them."""
     if file.path.is_fifo():
         raise InputFileError(file.path, "samples", "a named pipe", "a file; a pipe is for vestige live")
     with open_file(file.path) as stream:

@@ -115,7 +115,7 @@ class SampleStream:
     def keep(self, windows: Iterable[tuple[int, int]], since: int) -> bool:
         """Drop the samples that are neither in a window nor at or after number `since`.
 
-        A window that lost samples is useless, so the rest of the window is dropped, too.
+        A window that lost samples is useless, so the rest of the window is also dropped.
 
         Returns
         -------
@@ -139,7 +139,7 @@ class SampleStream:
             return not self._crowded
 
     def wait(self, timeout_s: float) -> None:
-        """Wait the given time at most: the wait ends with the stream, or when a buffer that had room is full."""
+        """Wait at most the given time; return earlier if the stream ends, or if a buffer that had room is full."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended or (self._full and not self._crowded), timeout_s)
 
@@ -194,7 +194,7 @@ class SampleStream:
 
 
 def reading(source: int | Path | Callable[[int], bytes]) -> Callable[[int], bytes]:
-    """Open a file descriptor or a named pipe and return the function that reads it, or a function unchanged.
+    """Return the function that reads a file descriptor or a named pipe, which is opened; return a function unchanged.
 
     Raises `OSError` if the pipe cannot be opened.
     """

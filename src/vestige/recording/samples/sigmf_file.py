@@ -14,7 +14,7 @@ global  `vestige:bandwidth_hz`         number: two-sided bandwidth of the front 
 global  `vestige:time_uncertainty_s`   number: upper limit of the receiver clock's error against Galileo System Time
 global  `vestige:sample_count`         integer: number of samples that were written; a shorter file was cut off
 capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digits: receiver-clock time of the first
-                                       sample in Galileo System Time. `core:datetime` gives it to a microsecond
+                                       sample in Galileo System Time; `core:datetime` has only microseconds
 ======= ============================== =============================================================================
 
 The time tags of two bands must agree with the counter. Many recorders write `core:datetime` only to the millisecond. So
@@ -288,7 +288,7 @@ def _start(path: Path, capture: Mapping[str, Any]) -> tuple[GalileoTime | None, 
             raise ValueError("not a string")
         time = GalileoTime.parse(exact)
     except (ValueError, OverflowError) as error:
-        raise InputFileError(path, f"captures.0.{key}", label, "a time that Galileo System Time has") from error
+        raise InputFileError(path, f"captures.0.{key}", label, "a time within Galileo System Time") from error
     if coarse is not None and abs(time - rough) > DATETIME_RESOLUTION_S:
         raise InputFileError(path, f"captures.0.{key}", exact, f"the same time as core:datetime, {coarse}")
     return time, True

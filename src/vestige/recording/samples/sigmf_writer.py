@@ -1,7 +1,7 @@
 """Writer of SigMF recordings, batch by batch in limited memory.
 
 The samples go to a `.part` file that gets its final name when the recording is complete. The metadata are written last.
-So a recording with metadata is always complete, and a killed run leaves no apparent recording. A later run can continue
+So a recording with metadata is always complete, and a killed run leaves no metadata. A later run can continue
 from the `.part` file: see `kept` of `SigmfWriter`.
 """
 
@@ -224,7 +224,7 @@ def write_collection(base: Path, metas: Sequence[Path]) -> Path:
     path = base.with_name(base.name + COLLECTION)
     _refuse_existing(path)
     if any(meta.parent != path.parent for meta in metas):
-        raise ValueError("the recordings of a collection lie in its folder")
+        raise ValueError("found a recording in another folder, expected all recordings in the folder of the collection")
     collection = sigmf.SigMFCollection(metafiles=[meta.name for meta in metas], base_path=path.parent)
     collection.tofile(path)
     return path

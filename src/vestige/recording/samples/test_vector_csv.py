@@ -75,7 +75,8 @@ def write_test_vector_in_parts(
     n_pages
         Number of pages of each satellite, by SVID.
     parts
-        Successive pages, by SVID. All together they are those of `write_test_vector`, which has the same errors.
+        Successive pages, by SVID, in the order of time. All parts together are the `pages` of `write_test_vector`, and
+        raise the same errors.
     """
     places, done, start = dict[int, int](), dict.fromkeys(n_pages, 0), None
     with path.open("wb") as stream:
@@ -125,7 +126,7 @@ def _read_line(path: Path, number: int, line: str) -> tuple[int, bytes]:
         raise InputFileError(path, place, f"{len(fields)} fields", HEADER)
     svid, n_bits, digits = fields
     if not re.fullmatch(r"[0-9]{1,2}", svid) or not 1 <= int(svid) <= MAX_SVID:
-        raise InputFileError(path, f"{place}, SVID", svid, f"1 … {MAX_SVID}")
+        raise InputFileError(path, f"{place}, SVID", svid, f"1 to {MAX_SVID}")
     if not re.fullmatch(r"[0-9A-Fa-f]*", digits):
         wrong = re.search(r"[^0-9A-Fa-f]", digits)
         assert wrong is not None  # noqa: S101  (the line before found one)

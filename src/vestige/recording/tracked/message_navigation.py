@@ -13,7 +13,7 @@ from vestige.navigation.inav.page import InavPage
 from vestige.navigation.inav.word_table import EPHEMERIS_WORDS, PARITY_WORDS, WORD_LAYOUTS
 from vestige.navigation.inav.words import word_type
 
-_MIXED_S = 120  # largest age in s of words that are combined; the words of an issue come within half of it
+_MIXED_S = 120  # largest age in s of words that are combined; an issue is sent within half of this time
 
 
 class EphemerisCollector:

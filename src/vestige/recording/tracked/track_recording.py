@@ -3,7 +3,7 @@
 The result is the same as from a receiver beside the recorder: observations and the navigation pages. The pages tell the
 time. Before the first such page, pseudoranges refer to the time tag of the samples, modulo 100 ms. When the whole
 recording is tracked, the message corrects these pseudoranges. A satellite whose own message has told the time is never
-corrected by the messages of other satellites. So the observations show a replay that is seconds late.
+corrected by the messages of other satellites. So the observations show a replay with a delay of seconds.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class TrackedRecording:
     pages
         I/NAV pages with good checksums, with the time that the message tells.
     time_tag_error_s
-        Error of the samples' time tag in s, positive if it is late, from the message, uncertain by 10 ms of travel
-        time. None if no message told the time.
+        Error of the samples' time tag in s from the message, positive if ahead of Galileo System Time, uncertain by
+        10 ms of travel time. None if no message told the time.
     """
 
     epochs: tuple[ObservationEpoch, ...]
@@ -144,7 +144,7 @@ def tracked_batches(reader: SampleReader) -> Iterator[SampleBatch]:
 
 
 def streamed_batches(stream: SampleStream) -> Iterator[SampleBatch]:
-    """Yield samples from a pipe as they come, in the same pieces, and drop them from the buffer.
+    """Yield samples from a pipe as they come, in pieces as `tracked_batches`, and drop them from the buffer.
 
     Raises `InputFileError` if reading fails.
 
@@ -197,7 +197,7 @@ def tracked_since(first: GalileoTime, time_tag_error_s: float) -> GalileoTime:
     first
         Time of the first epoch with an observation, by the receiver's clock.
     time_tag_error_s
-        Error of that clock in s, positive if it is late.
+        Error of the receiver's clock in s, positive if the clock is ahead of Galileo System Time.
     """
     return first + -(time_tag_error_s + MEDIAN_TRAVEL_TIME_S)
 
@@ -210,7 +210,7 @@ def with_code_periods(epoch: ObservationEpoch, time_tag_error_s: float) -> Obser
     epoch
         Observations whose pseudoranges are right except for whole periods of 100 ms.
     time_tag_error_s
-        Error of the receiver's clock in s, positive if it is late.
+        Error of the receiver's clock in s, positive if the clock is ahead of Galileo System Time.
     """
     expected_s = MEDIAN_TRAVEL_TIME_S + time_tag_error_s
 

@@ -71,7 +71,10 @@ def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float
 
 
 def clock_set_s(tracked: TrackedRecording) -> int:
-    """Return the whole seconds by which the clock of the recording is late; 0 if this clock is right."""
+    """Return by how many whole seconds the clock of the recording is ahead of Galileo System Time.
+
+    The result is negative if the clock is behind, and 0 if the error is too small to be corrected.
+    """
     error_s = tracked.time_tag_error_s or 0.0
     return round(error_s) if abs(error_s) > _CLOCK_IS_SET_S else 0
 

@@ -1,8 +1,8 @@
-"""Two signals at once, or one signal that jumps: a sum over code periods does not show the difference.
+"""Distinguish two signals at once from one signal that jumps; a sum over code periods does not show the difference.
 
 Theory of operation
 -------------------
-If a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and sees two
+If a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and finds two
 peaks, as under spoofing. But these peaks are never present at the same time. So for two peaks of a satellite the power
 of every single period is measured at both code phases. Against noise of variance 1 per dimension the power is
 chi-squared with ν = 2 · components degrees of freedom. The distribution is non-central by λ while the signal is
@@ -92,7 +92,7 @@ def _patterns(n: int) -> Iterator[tuple[tuple[Bool[np.ndarray, " n"], Bool[np.nd
 
 
 def _log_likelihood(power: Float64[np.ndarray, " n"], on: Bool[np.ndarray, " n"], freedom: int) -> float:
-    """Return the logarithm of the likelihood of powers with a signal in some periods over that without any signal.
+    """Return the logarithm of the likelihood ratio of powers: a signal in some periods against no signal.
 
     The likelihood ratio is the density of the non-central chi-squared distribution over that of the central
     distribution.

@@ -41,13 +41,13 @@ class E1Signal:
 
     @property
     def is_measured(self) -> bool:
-        """Whether the values are measured; otherwise they come from the grid, ±63 Hz and up to 4 dB low."""
+        """Whether the values are measured; else they come from the grid: Doppler to ±63 Hz, C/N0 up to 4 dB low."""
         return self.transmit_phase_s is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Signals:
-    """The signals of all satellites at one time, that of the first sample of `batch`."""
+    """The signals of all satellites at the time of the first sample of `batch`."""
 
     batch: SampleBatch  # the samples that were used, which contain no jump
     signals: tuple[E1Signal, ...]  # sorted by satellite, and for each satellite from the strongest down

@@ -1,4 +1,4 @@
-"""All signals of a satellite on E1, also the weaker: the first step of the hand-over search [WFO, Sec. III-E].
+"""All signals of a satellite on E1, from strong to weak: the first step of the hand-over search [WFO, Sec. III-E].
 
 Theory of operation
 -------------------
@@ -6,8 +6,8 @@ The powers are those of `vestige.sample_processor.acquisition` at every code pha
 ms) is added coherently, and K periods and the components E1-B and E1-C non-coherently. Signals are taken from the
 powers, the strongest first. The following parts of a taken signal do not count as a second signal:
 
-* its own correlation peak with the side peaks of BOC(1,1) and CBOC at ±½ chip, which ends one chip away, widened by
-  the code Doppler of a wrong bin (0.6 chip over 100 ms and 10 kHz): all cells within `BLIND_CHIPS`;
+* its own correlation peak: all cells within `BLIND_CHIPS`. The peak ends one chip away, with the side peaks of BOC(1,1)
+  and CBOC at ±½ chip. The code Doppler of a wrong bin widens the peak by 0.6 chip over 100 ms and 10 kHz;
 * the Doppler side lobes of the signal (−13 dB, −18 dB, …) at its code phase: the same cells at *every* Doppler;
 * its code side lobes, at any code phase: at most −20 dB for one code period of a memory code at a wrong Doppler, or
   with a symbol that changes. So a signal that is `CROSS_CORRELATION_DB` below the taken signal does not count.
@@ -42,7 +42,7 @@ from vestige.sample_processor.search.e1_jump import Jump, find_jump
 from vestige.signals.definitions import E1B, E1C, SignalDefinition
 
 BLIND_CHIPS = 2.0  # see above
-# largest number of signals of a satellite; the time of the searches on E6 is proportional to their number
+# largest number of signals of a satellite; the time of the searches on E6 grows with this number
 MAX_SIGNALS = 8
 
 
@@ -67,7 +67,7 @@ def search_e1(
     overall_pfa
         Probability that noise alone gives any signal.
     doppler_span_hz, doppler_center_hz
-        Middle of the searched Dopplers, and the span on either side of it.
+        Half width and middle of the searched Dopplers.
     periods
         K, largest number of code periods that are added non-coherently; 1 needs 8 ms of samples.
     signals

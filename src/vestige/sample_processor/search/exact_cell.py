@@ -19,21 +19,21 @@ from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
 _PIECE = 165  # chips; divides 1 ms, 5115 chips
-_FINE_BINS = np.linspace(-1.0, 1.0, 33)  # 1/32 of 1/(2 T) apart
+_FINE_BINS = np.linspace(-1.0, 1.0, 33)  # in units of 1/(2 T)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """Code offset of a pass.
+    """Code offset at the Doppler of a pass.
 
     Attributes
     ----------
     code
         Chips that are correlated.
     start_time
-        Time at which the first chip arrives.
+        Receiver-clock time at which the first chip arrives.
     middle_hz
-        Doppler on carrier and code.
+        Doppler in Hz that is removed from carrier and code, the middle of the pass.
     """
 
     code: ChipSequence
@@ -49,7 +49,7 @@ def exact_peak(
     Parameters
     ----------
     bins_hz
-        Doppler bins from `cell.middle_hz`.
+        Doppler bins relative to `cell.middle_hz`.
     threshold
         Threshold on the magnitude, in standard deviations of the noise per dimension.
     """

@@ -12,10 +12,10 @@ loses up to 0.72 dB. If the loss exceeds 0.3 dB, the span is cut into passes. Ea
 middle from carrier *and* code: two passes for 8 ms, three for 16 ms. The remaining loss is at most 0.24 dB.
 
 **Decision.** If a power comes within an engine's loss and `SCREEN_MARGIN_DB` of the threshold, the cell is computed
-again. The exact value uses the samples in complex128, over all bins, against their own noise (Σ|chip|², see
-`vestige.sample_processor.correlator`). Only the exact value is compared with the threshold. Then Doppler and code phase
-are interpolated. The margin is needed because noise differs between an engine's sum and the exact sum; it costs a few
-exact cells per hour.
+again. The exact value is the largest magnitude over all Doppler bins, computed in complex128. This magnitude is divided
+by the standard deviation of the noise in the same samples (Σ|chip|², see `vestige.sample_processor.correlator`). Only
+the exact value is compared with the threshold. Then Doppler and code phase are interpolated. The margin is needed
+because noise differs between an engine's sum and the exact sum. The margin costs a few exact cells per hour.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
 SCREEN_MARGIN_DB = 1.0  # 3 σ of the difference between engine's and exact sum, at the threshold of 30 s
-_CLUSTER_CHIPS = 2.0  # offsets over the screen at a smaller distance form a cluster
+_CLUSTER_CHIPS = 2.0  # offsets above the screen that are closer together than this form a cluster
 _CELLS_OF_CLUSTER = 4  # cells tried per cluster: the exact sum may be just below the threshold in the strongest cell
 _TRIANGLE_CHIPS = 1.25  # a signal next to a cell ends at this distance: ¼ chip off, and a chip wide
 _AHEAD = 2  # blocks per worker that are read in advance
@@ -61,7 +61,7 @@ class SearchState:
         Magnitude of the strongest cell in that block, as computed by the engine; 0 if the engine left out all cells.
         The unit is the standard deviation of the noise per dimension.
     blocks
-        Number of searched blocks, counted from the first.
+        Number of searched blocks from the first block on.
     """
 
     done: float
@@ -121,7 +121,7 @@ class ExhaustiveSearch:
         return bins[np.abs(bins) <= half * (1 + 1e-9)]
 
     def hypotheses(self, uncertainty_s: float, n_codes: int = 1) -> float:
-        """Return N: two offsets a chip times the bins of all passes times the codes."""
+        """Return the number of hypotheses: two offsets a chip times the bins of all passes times the codes."""
         return max(uncertainty_s, 0.0) * 2 * CHIP_RATE_HZ * self.bins_hz.size * len(self.passes_hz) * n_codes
 
     def run(
@@ -150,7 +150,7 @@ class ExhaustiveSearch:
         threshold
             Threshold on the magnitude, in standard deviations of the noise per dimension.
         after
-            State of the same search from which to continue: with the same samples and arguments, except for `workers`.
+            State from which the search continues. Samples and arguments must be the same, except for `workers`.
 
         Raises
         ------
@@ -224,7 +224,7 @@ def _next(
 def searchable(
     source: SampleSource, integration_s: float, first_start: GalileoTime, last_start: GalileoTime
 ) -> tuple[GalileoTime, float]:
-    """Return the first start and the width in s of the range in which the samples have the whole sum."""
+    """Return the range of starts for which the samples have the whole sum: first start, and width in s."""
     head = source.read(source.first_sample, 1)
     # a few chips for the code Doppler and the last half chip
     length_s = (source.end_sample - source.first_sample) / head.sample_rate_hz - integration_s - 2 / CHIP_RATE_HZ
@@ -260,7 +260,7 @@ class _Block:
         return found, float(np.sqrt(strongest / noise))
 
     def _decide(self, source: SampleSource, code: ChipSequence, offsets: list[float], threshold: float) -> list[Peak]:
-        """Return the peaks of a cluster: of its cells, strongest first, those whose exact value is above the threshold.
+        """Return the peaks of a cluster: its cells whose exact value is above the threshold, the strongest first.
 
         Cells on the triangle of a peak are not tested again. Beyond the triangle there may be another signal.
         """
@@ -285,7 +285,7 @@ class _Block:
         return CHIP_RATE_HZ * (1 + self.middle_hz / CARRIER_HZ[source.read(source.first_sample, 1).band])
 
     def _chips(self, source: SampleSource) -> Int16[np.ndarray, "2 2 n"]:
-        """Return the chips of the block by grid, real and imaginary part, with σ = `SIGMA`; zeros after the samples."""
+        """Return the chips of the block by grid, real and imaginary part; σ = `CHIP_SIGMA`, zeros after the samples."""
         n = self.count + self.search.n_chips
         head = source.read(source.first_sample, 1)
         rate, code_rate = head.sample_rate_hz, self._code_rate(source)

@@ -71,7 +71,7 @@ class CandidateEpochs:
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """The received code of a line: chips after the anchor against seconds after the anchor."""
+    """Conversion of chips to seconds and back, both after the anchor of a line, for the received code."""
 
     code_rate: float
     code_rate_rate: float
@@ -190,7 +190,7 @@ class _Replica:
         """Return real and imaginary part of each of `n` rows times each quarter and tap, and Σ|chip|² of each row."""
         products = np.empty((2, n, self.n_quarters, self.tap_of[0].size + self.tap_of[1].size), np.float32)
         noise = np.empty(n)
-        # the last quarters are computed twice if their number is not a multiple
+        # some quarters are computed twice if their number is not a multiple of OFFSETS_AT_ONCE
         padded = [np.resize(one, -(-one.size // OFFSETS_AT_ONCE) * OFFSETS_AT_ONCE) for one in self.offsets]
         for begin in range(0, n, _ROWS):
             end = min(begin + _ROWS, n)

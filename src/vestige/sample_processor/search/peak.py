@@ -44,7 +44,7 @@ class Peak:
 
 
 def peak_at(source: SampleSource, handover: Handover, threshold: float) -> Peak | None:
-    """Return the peak within 1¼ chips of a hand-over at its Doppler; None if the samples do not contain it.
+    """Return the peak within 1¼ chips of a hand-over at its Doppler; None if the samples do not contain the chips.
 
     Parameters
     ----------
@@ -63,7 +63,8 @@ def peak_at(source: SampleSource, handover: Handover, threshold: float) -> Peak 
     if count <= 0:
         return None
     batch = source.read(first, count)
-    for offsets in (_FINE_CHIPS, _FINE_CHIPS[_FINE_CHIPS >= 0], _FINE_CHIPS[_FINE_CHIPS <= 0]):  # at the ends
+    # at an end of the samples only the taps of one side fit
+    for offsets in (_FINE_CHIPS, _FINE_CHIPS[_FINE_CHIPS >= 0], _FINE_CHIPS[_FINE_CHIPS <= 0]):
         bank = correlate(batch, handover, offsets / chips.chip_rate_hz * SPEED_OF_LIGHT_MPS)
         if bank is not None:
             break

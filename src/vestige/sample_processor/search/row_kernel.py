@@ -17,7 +17,7 @@ from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chi
 
 OFFSETS_AT_ONCE = 4  # times real and imaginary part: eight independent sums
 _BLOCK = 1000  # chips
-_INVERSION_STEPS = 4  # steps of u(t); each gains five decimals
+_INVERSION_STEPS = 4  # steps of the inversion of u(t); each step gains five decimals
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
@@ -78,7 +78,7 @@ def row_products(
     Parameters
     ----------
     x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate
-        The same as for `half_chip_sums`; chip 0 is the first of row 0.
+        The same as for `half_chip_sums`; chip 0 is the first chip of row 0.
     first_row
         Number of the row in the first element.
     code

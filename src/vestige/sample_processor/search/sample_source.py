@@ -27,7 +27,7 @@ class BatchSource:
         """Return `count` samples from number `first` on."""
         skip = first - self.batch.first_sample
         if skip < 0 or skip + count > self.batch.samples.size:
-            raise ValueError(f"samples {first} … {first + count - 1} are not all in the batch")
+            raise ValueError(f"samples {first} to {first + count - 1} are not all in the batch")
         return SampleBatch(
             band=self.batch.band,
             samples=self.batch.samples[skip : skip + count],

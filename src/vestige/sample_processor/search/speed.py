@@ -15,8 +15,8 @@ from vestige.theory.search_budget import search_budget
 def expected_seconds(search: ExhaustiveSearch, hypotheses: float) -> float:
     """Return the run time in s of `hypotheses` with the engine and workers of a search.
 
-    One block of one grid is timed, 5 to 200 ms. The time is CPU time if the engine runs on every core, and wall time if
-    all workers share one GPU.
+    One block of one grid is timed, which takes 5 to 200 ms. The time is CPU time if the engine runs on every core, and
+    wall time if all workers share one GPU.
     """
     rng = np.random.default_rng(1)
     codes = (1 - 2 * rng.integers(0, 2, (1, search.n_chips))).astype(np.int8)

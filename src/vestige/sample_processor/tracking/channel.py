@@ -38,7 +38,7 @@ from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11, CBOC_MINUS, Pulse, band_limited_correlation
 
 MAX_SPACING_CHIPS = 1 / 3  # largest distance of a correlator from the prompt: the end of BOC(1,1)'s main peak
-# at a lower rate, a correlator one sample away leaves the peak
+# at a lower rate, a correlator one sample from the prompt is outside the main peak
 MIN_SAMPLE_RATE_HZ = E1C.chip_rate_hz / MAX_SPACING_CHIPS
 _SLOPE_STEP_CHIPS = 1e-4
 
@@ -235,7 +235,7 @@ class Channel:
         return float(self._state["doppler_hz"][0])
 
     def run(self, samples: Complex64[np.ndarray, " n"], first: int) -> TrackedPeriods:
-        """Track some samples; return the code periods that end in them; arguments as for `track_together`."""
+        """Track some samples, and return the code periods that end in the samples; see `track_together`."""
         return track_together([self], samples, first)[0]
 
 

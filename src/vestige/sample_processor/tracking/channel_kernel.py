@@ -13,9 +13,9 @@ from the early (E), prompt (P) and late (L) correlator:
     code phase        (|L|² − |E|²) / (4 A² R(d) R'(d))   [BETZ09]; A is the smoothed amplitude of P;
                       or Re((L − E) P*) / (2 A² R(0) R'(d))
 
-Here R is the correlation of the received pulse with the replica, and d is half the distance from early to late. The
-gains are those of `loop_gains`. The frequency of the carrier, from the loop's integrator and not its momentary rate,
-aids the code.
+Here R is the correlation of the received pulse with the replica, and d is half the distance from early to late.
+`loop_gains` gives the gains. The carrier loop aids the code loop with the frequency in its integrator, not with its
+momentary rate.
 
 Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 and the phase lock. The phase lock (I² −
 Q²)/(I² + Q²) of the sum of these prompts estimates cos 2φ [VAN-DIERENDONCK96]. C/N0 is S/(2 V T). S is the square of
@@ -42,7 +42,7 @@ from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY, PL
 
 CODE_LENGTH = 4092.0  # chips of E1-B and E1-C
 PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
-ARCTAN = PLL_DISCRIMINATORS.index("arctan")  # the discriminator to which half a cycle is no error
+ARCTAN = PLL_DISCRIMINATORS.index("arctan")  # the discriminator for which half a cycle is no error
 _LARGEST_RATE = 1.001  # largest code rate over its nominal value: a Doppler of 1.5 MHz on E1
 _AMPLITUDE_TIME_S = 0.2  # time over which the amplitude of the prompt is smoothed
 _CN0_SHARE = 0.1  # share of the newest 100 ms in the smoothed signal and noise: 1 s
@@ -72,10 +72,10 @@ CHANNEL_STATE = np.dtype(
         ("last_im", "f8"),
         ("sum_re", "f8"),  # sum of the prompts of the present secondary code
         ("sum_im", "f8"),
-        ("sum_in_phase", "f8"),  # sum of the squares of their in-phase parts
+        ("sum_in_phase", "f8"),  # sum of the squares of the in-phase parts of these prompts
         ("summed", "i8"),
         ("signal", "f8"),  # square of the mean in-phase part, smoothed
-        ("noise", "f8"),  # variance of the in-phase part, smoothed; 0 before the first
+        ("noise", "f8"),  # variance of the in-phase part, smoothed; 0 before the first value
         ("cn0_dbhz", "f8"),
         ("phase_lock", "f8"),  # phase lock of the last secondary code
         ("mean_lock", "f8"),  # smoothed phase lock
@@ -202,7 +202,7 @@ def _track_piece(
     n_done = 0
     while s.mode != LOST and s.next_sample < piece_end:
         if not abs(s.code_rate * c.sample_rate_hz / c.chip_rate_hz - 1.0) < _LARGEST_RATE - 1.0:
-            s.mode = LOST  # no Doppler is so large, and a piece has no more segments
+            s.mode = LOST  # no Doppler is so large, and a piece has no room for more segments
             break
         count = np.int64(np.ceil((CODE_LENGTH - s.code_phase) / s.code_rate))
         done = s.next_sample - s.first_sample
@@ -225,7 +225,7 @@ def _track_piece(
         if done + new < count:
             break
         if not np.isfinite(np.abs(s.data) + np.sum(np.abs(pilot))):
-            s.mode = LOST  # samples are not numbers, and the loops cannot use them
+            s.mode = LOST  # some samples are not numbers, and the loops cannot use these samples
             break
         pilot *= secondary[s.period % PERIODS_PER_SECONDARY]
         out = periods[n_done]
@@ -259,7 +259,7 @@ def _update(c, s, total):
     """Close the loops with the bank of one integration."""
     early, prompt, late = total[c.early], total[c.prompt], total[c.late]
     t = c.interval_s
-    # the mean of the in-phase part contains no noise, but it is no measure while the phase is not locked
+    # the mean in-phase part contains no noise, but is no measure of the amplitude while the phase is not locked
     size = np.hypot(prompt.real, prompt.imag) if s.mode == PULL_IN else prompt.real
     if c.phase_kind == ARCTAN:
         size = abs(size)  # the in-phase part is negative while the loop is locked half a cycle away
@@ -293,7 +293,7 @@ def _update(c, s, total):
         difference = (late.real**2 + late.imag**2) - (early.real**2 + early.imag**2)
     else:
         difference = (late.real - early.real) * prompt.real + (late.imag - early.imag) * prompt.imag
-    # chips; positive: the signal is later
+    # code error in chips, positive if the signal is later than the replica
     error = c.code_scale * difference / s.amplitude**2 if s.amplitude > 0.0 else 0.0
     error = min(max(error, -0.5), 0.5)
     s.code_drift -= c.dll[1] * error / t
@@ -323,8 +323,8 @@ def _phase_error(kind, prompt, amplitude):
 def _lock(c, s, prompt):
     """Add a prompt to the sums of its secondary code; at the end determine C/N0, phase lock and loss of signal.
 
-    Return whether the carrier was turned by half a cycle at the end. The loop of an arctangent also locks half a cycle
-    away, where the secondary code, which is known, has the wrong sign.
+    Return whether the carrier was turned by half a cycle at the end. A loop with the arctangent also locks half a cycle
+    away. Then the known secondary code has the wrong sign.
     """
     s.sum_re += prompt.real
     s.sum_im += prompt.imag

@@ -30,11 +30,11 @@ class Observables:
     Attributes
     ----------
     transmit_s
-        Satellite time of transmission, in s after that of the channel's code period 0.
+        Satellite time of transmission, in s after the transmission of the channel's code period 0.
     carrier_phase_cycles
         Accumulated carrier phase in cycles; it grows when the range grows.
     doppler_hz
-        Doppler over `DOPPLER_SPAN_S` around the moment.
+        Mean Doppler over `DOPPLER_SPAN_S` around the moment.
     cn0_dbhz
         C/N0 of E1-C.
     """
@@ -100,7 +100,8 @@ class ChannelTrack:
     def newest(self) -> tuple[int, float] | None:
         """Return the first sample of the newest code period and its time of transmission, locked or not.
 
-        The time is in s after that of the channel's code period 0. The result is None if no period was tracked yet.
+        The time is in s after the transmission of the channel's code period 0. The result is None if no period was
+        tracked yet.
         """
         if not self._past.size:
             return None
@@ -109,14 +110,14 @@ class ChannelTrack:
         return int(period["first_sample"]), float(sent_s)
 
     def learn_time(self, page: ReceivedPage, week: int) -> GalileoTime | None:
-        """Return the time of transmission of a page if its word contains it, and store it.
+        """Return the time of transmission of a page, and store this time; None if the word of the page has no time.
 
         Parameters
         ----------
         page
             A page of this channel.
         week
-            Galileo week, right to 2048 weeks, or to half a week for words without a week number.
+            Galileo week. It may be wrong by up to 2047 weeks if the word has a week number; otherwise it must be right.
         """
         unplaced = InavPage(svid=self.svid, time=GalileoTime(week, 0), data=page.data)
         time = None if unplaced.is_alert else time_in_word(unplaced.word)
@@ -157,7 +158,7 @@ class ChannelTrack:
         )
 
     def taps(self, sample: float) -> Complex64[np.ndarray, " k"]:
-        """Return the sum of the banks of the last 25 code periods, or 100 ms, that began before a sample.
+        """Return the sum of the banks of the last 25 code periods (100 ms) that ended before a sample.
 
         Parameters
         ----------
@@ -168,7 +169,7 @@ class ChannelTrack:
         return np.sum(self._banks[max(end - PERIODS_PER_SECONDARY, 0) : max(end, 0)], axis=0)
 
     def _cycles(self, samples: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the cycles of the carrier less those of its nominal frequency."""
+        """Return the cycles of the carrier less the cycles of its nominal frequency."""
         past = self._past
         row: Int64[np.ndarray, " n"] = np.maximum(np.searchsorted(past["first_sample"], samples, side="right") - 1, 0)
         turned = past["carrier_cycles"][row] + (samples - past["first_sample"][row]) * past["carrier_step"][row]

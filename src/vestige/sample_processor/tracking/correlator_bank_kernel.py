@@ -11,10 +11,11 @@ work for a satellite grows with the number of edges, and not with the sampling r
 segments of this replica begin and end some samples later in the same running sums, and one vector reads two
 correlators.
 
-**Carrier.** A segment has one carrier phase, that of its middle. With a residual frequency of 10 kHz the carrier turns
-by 0.005 cycles in half a chip. This rotation reduces the amplitude by (0.005 π)² / 6 = 4·10⁻⁵, which is 0.0004 dB. A
-centre frequency other than that of E1 is removed from the samples before they are summed. The frequency that is removed
-is a multiple of the sampling rate over 2³², so that its phase at any sample is an exact integer.
+**Carrier.** A segment has one carrier phase, the phase at its middle. With a residual frequency of 10 kHz the carrier
+turns by 0.005 cycles in half a chip. This rotation reduces the amplitude by (0.005 π)² / 6 = 4·10⁻⁵, which is 0.0004
+dB. If the centre frequency is not the E1 carrier, the difference is removed from the samples before they are summed.
+The frequency that is removed is a multiple of the sampling rate over 2³², so that its phase at any sample is an exact
+integer.
 
 **Precision.** Running sums are float32 and start again after at most `PIECE` samples. At 12.5 MHz the rounding of the
 sums is 116 dB below the noise of a code period. If the samples have a constant offset as strong as the noise, the
@@ -173,7 +174,7 @@ def add_to_bank(work, begin, count, replicas, phase, step, cycles, cycles_per_sa
     phase, step
         Code phase of the first sample and its step, in segments; the phase is in the code period.
     cycles, cycles_per_sample
-        Carrier phase of the first sample and its step, in cycles, less those of the removed frequency.
+        Carrier phase of the first sample and its step, in cycles, less the cycles of the removed frequency.
     lags
         int64[k], the delay of the replica of each correlator in samples, in ascending order.
     starts, slots

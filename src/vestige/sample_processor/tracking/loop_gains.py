@@ -28,7 +28,7 @@ from scipy import optimize
 from vestige.errors import VestigeError
 
 _SHAPES = {1: (1.0, 0.0, 0.0), 2: (np.sqrt(2.0), 1.0, 0.0), 3: (2.4, 1.1, 1.0)}  # [KAPLAN06, Table 5.6]
-_LARGEST = {1: 1.3, 2: 0.8, 3: 0.45}  # largest useful x; above it the loop rings too much
+_LARGEST = {1: 1.3, 2: 0.8, 3: 0.45}  # largest useful x; above this x the loop oscillates too much
 
 
 def gains_of(order: int, x: float) -> tuple[float, float, float]:

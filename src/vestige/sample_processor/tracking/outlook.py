@@ -1,4 +1,4 @@
-"""Satellites that a tracking receiver should look for: those above its horizon, by the almanac.
+"""Satellites that a tracking receiver should look for: the satellites above its horizon, by the almanac.
 
 Every satellite sends the almanac of all satellites in words 7 to 10, three satellites a minute [OS-ICD, 5.1.10]. With
 the ranges of four satellites, coarse orbits give the position to some kilometres, and elevations to a tenth of a
@@ -29,7 +29,7 @@ from vestige.time import GalileoTime
 HORIZON_DEG = -1.0  # satellites that are about to rise are also tried
 _SET_S = 60  # time in which a satellite sends one set of words 7 to 10
 _LOOK_S = 60.0
-_OTHERS_EVERY = 4  # searches, including one search of a satellite that is not known to be above the horizon
+_OTHERS_EVERY = 4  # one in four searches is for a satellite that is not known to be above the horizon
 _ORBIT_SIGMA_M = 1e4
 
 
@@ -118,7 +118,7 @@ class Outlook:
         return found
 
     def _look_up(self, time: GalileoTime) -> None:
-        """Determine the satellites above the horizon once a minute, in which no satellite moves by half a degree."""
+        """Determine the satellites above the horizon once a minute; no satellite moves by half a degree in a minute."""
         if self._looked_at is None or abs(time - self._looked_at) >= _LOOK_S:
             self._above = {svid for svid in self._orbits if self.elevation_deg(svid, time) >= HORIZON_DEG}
             self._looked_at = time if self._above else None

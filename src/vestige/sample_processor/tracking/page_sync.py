@@ -1,8 +1,8 @@
 """Decoder from the E1-B prompts of a tracking channel to I/NAV pages.
 
-A code period of E1-B is a symbol, so the symbols need no clock of their own. A half-page begins with a period of the
-secondary code of E1-C, because both begin with the Galileo second. So of the 500 positions at which a page may begin,
-20 remain. At each position, the sign of the symbols follows from the synchronisation pattern. The checksum tells
+A code period of E1-B is a symbol, so the code loop gives the clock of the symbols. A half-page begins with a period of
+the secondary code of E1-C, because both begin with the Galileo second. So of the 500 positions at which a page may
+begin, 20 remain. At each position, the sign of the symbols follows from the synchronisation pattern. The checksum tells
 whether the position is right [OS-ICD, 4.3.2]. After that, pages are read every 500 symbols, until `LOST_PAGES` in a row
 have a bad checksum.
 """
@@ -59,8 +59,8 @@ class PageSync:
         Parameters
         ----------
         numbers
-            Numbers of the code periods, which continue those of the last call. A secondary code begins at multiples of
-            25.
+            Numbers of the code periods, which continue the numbers of the last call. A secondary code begins at
+            multiples of 25.
         prompts
             Prompts of E1-B, with the carrier locked to E1-C.
         """

@@ -12,8 +12,8 @@ the carrier in phase, the test uses
 
 Without an attack d_k is Gaussian of mean 0. So T has Student's distribution with n − 1 degrees of freedom, for any C/N0
 and signal strength. The test raises an alarm if T > t, where P(T > t) = P_fa. A narrow filter of the front end violates
-this assumption. The filter has another effect on the first chips of a symbol than on the average chip. So the mean of
-d_k is not 0.
+this assumption. The filter affects the first chips of a symbol differently from the average chip. So the mean of d_k is
+not 0.
 
 **The beginnings of predictable symbols** (`predictable_reference_test`). The attacker knows these symbols in time. The
 filter has the same effect on predictable symbols, so this effect cancels. `vestige.theory.scer.partial_correlations`
@@ -155,15 +155,15 @@ def symbol_replay_test(
     *,
     p_fa: float = 1e-6,
 ) -> SymbolReplayTest:
-    """Test whether the beginnings of E1-B symbols are weaker than the rest of them.
+    """Test whether the beginnings of E1-B symbols are weaker than the rest of these symbols.
 
     Parameters
     ----------
     first, later
         Mean correlations of the two parts of each symbol, the carrier in phase (`PartialPrompts`).
     symbols
-        The symbols, ±1, as in a page with a good checksum; all may have the wrong sign. None takes the sign of the
-        later part, which is right from an E1-B C/N0 of 33 dBHz on.
+        The symbols, ±1, as in a page with a good checksum; a wrong sign of all symbols together does not matter. None
+        takes the sign of the later part, which is right from an E1-B C/N0 of 33 dBHz on.
     p_fa
         False-alarm probability.
 
@@ -200,7 +200,7 @@ def predictable_reference_test(
     metric: ReferenceMetric = "real",
     p_fa: float = 1e-6,
 ) -> SymbolReplayTest:
-    """Test whether the beginnings of unpredictable E1-B symbols are weaker than those of predictable symbols.
+    """Test whether the beginnings of unpredictable E1-B symbols are weaker than the beginnings of predictable symbols.
 
     Parameters
     ----------

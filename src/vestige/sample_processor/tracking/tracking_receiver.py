@@ -1,15 +1,15 @@
 """A receiver of E1: it acquires satellites in a stream of samples, tracks them, and reads their message.
 
-Samples are given in consecutive stretches; the result does not depend on how they are cut. The receiver looks for all
-satellites at the beginning. Then the receiver looks for an untracked satellite every 5 s, first for those above the
-horizon by the almanac of the message (`outlook.py`). Lost satellites are searched every second for two minutes, around
-their last Doppler. Observables are computed `epochs_per_s` times a second at whole fractions of a second of the
-receiver's clock.
+Samples are given in consecutive stretches; the result does not depend on the lengths of the stretches. The receiver
+looks for all satellites at the beginning. Then the receiver looks for an untracked satellite every 5 s. Satellites
+above the horizon by the almanac of the message come first (`outlook.py`). Lost satellites are searched every second for
+two minutes, around their last Doppler. Observables are computed `epochs_per_s` times a second at whole fractions of a
+second of the receiver's clock.
 
 The time of transmission becomes known in steps. The secondary code gives this time modulo 100 ms; the message gives it
 completely, after up to 30 s. Until a message of some satellite has given the time, the receiver's clock resolves the
-ambiguity (`time_tag_error_s`). After that the median of the satellites with a known time resolves all other satellites,
-whose travel times differ by less than 25 ms.
+ambiguity (`time_tag_error_s`). After that the median of the satellites with a known time resolves the ambiguity of all
+other satellites, because the travel times differ by less than 25 ms.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _LOST_EVERY = 5  # stretches from one search for lost satellites to the next
 _LARGEST_SAMPLE = 1e12  # the power of a second of such samples is far below the largest float32
 _FORGOTTEN_S = 120.0  # time after which a lost satellite counts as untracked, because its Doppler has changed
 _MAX_WAITING = 60  # pages of a satellite that wait for the time: two minutes
-_LOST_SPAN_HZ = 500.0  # search width around their last Doppler, with all of 100 ms
+_LOST_SPAN_HZ = 500.0  # half width of the search around the last Doppler of a lost satellite, in 100 ms of samples
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +69,7 @@ class TrackingReceiver:
     bandwidth_hz
         Two-sided bandwidth of the front end in Hz; None for the sampling rate.
     time_tag_error_s
-        Known error of the samples' time tag in s, positive if the time tag is late.
+        Known error of the samples' time tag in s, positive if the time tag is ahead of Galileo System Time.
     epochs_per_s
         Number of observations per second.
     workers
@@ -127,7 +127,7 @@ class TrackingReceiver:
         self._end_sample = piece.first_sample + piece.samples.size
         self._origin = self._origin or (piece.first_sample, piece.start)
         first, start = self._origin
-        # the same bits for any cut of the samples
+        # from the first sample, so that the time has the same bits for any cut of the samples
         start = start + (piece.first_sample - first) / piece.sample_rate_hz
         samples, power = _usable(piece.samples)
         batch = replace(piece, samples=samples, start=start)
@@ -139,8 +139,8 @@ class TrackingReceiver:
     def _start_anew(self) -> None:
         """Forget the channels, because the next samples are not connected to the previous samples.
 
-        The known error of the time tag is still the best guess. But pages and ranges wait until a message gives the
-        time again.
+        The known error of the time tag is kept, because it is the best estimate. But pages and ranges wait until a
+        message gives the time again.
         """
         self.tracks.clear()
         self._waiting.clear()

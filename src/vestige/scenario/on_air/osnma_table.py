@@ -110,7 +110,8 @@ class OsnmaTable(Section):
     private_key
         PEM file of the signing key, on P-256 and without a password; a relative path starts at the scenario file.
     merkle_tree
-        XML file of a Merkle tree that contains its public key; by default the operator makes a tree with this key.
+        XML file of a Merkle tree that contains the public key of `private_key`; by default the operator makes a tree
+        with this public key.
     """
 
     event: tuple[OsnmaEventTable, ...] = ()

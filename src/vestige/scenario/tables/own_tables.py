@@ -37,7 +37,7 @@ _SCHEMA = {
 
 
 class NamedKind(BaseModel):
-    """A table of a model of which only the name is used."""
+    """A table of a model from which only the kind is used."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -68,7 +68,7 @@ class OrOwn:
         if self.base is None:
             return NamedKind(kind=kind)
         cls = named_part(kind, self.base, "kind")
-        if not (is_dataclass(cls) and getattr(cls, "__dataclass_params__").frozen):  # noqa: B009  (mypy knows it not)
+        if not (is_dataclass(cls) and getattr(cls, "__dataclass_params__").frozen):  # noqa: B009  (unknown to mypy)
             raise InconsistentSettingsError(
                 "kind", kind, f"a class with @dataclass(frozen=True), which {cls.__name__} is not"
             )
@@ -83,7 +83,7 @@ class OrOwn:
 
 
 def named_part(kind: str, base: type, place: str = "") -> Any:
-    """Return the class that a kind names; errors are like those of a value of a scenario."""
+    """Return the class that a kind names; errors have the form of errors about a value of a scenario."""
     try:
         return part(kind, base)
     except OwnPartError as error:

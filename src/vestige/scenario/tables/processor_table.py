@@ -59,7 +59,7 @@ class E6CarrierTable(Section):
 
 
 class ProcessorTable(Section):
-    """The processing of a campaign; both detectors are evaluated, and `detector` gives the status.
+    """The processing of a campaign; both detectors are evaluated, and `detector` gives the verdicts.
 
     `detector` may name a user's own class, `module:Name`, which is then evaluated in addition to the two detectors of
     vestige. `checks` names a user's own checks, which are run after the checks of the levels.
@@ -68,13 +68,13 @@ class ProcessorTable(Section):
     `early_reach_m` before the prediction.
 
     `alarms_per_day` is the number of false alarms a day that the whole level may raise. All thresholds follow from this
-    number, also the limit of the range check and the number of E6 misses in a row for an alarm. By default κ applies,
-    and every single miss is an alarm.
+    number, including the limit of the range check and the number of E6 misses in a row for an alarm. Without this
+    number κ applies, and every single miss is an alarm.
 
     `search_s` is the time in s between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is
     the multipath power at 16° elevation for which the check for a second signal allows. The expected misses of E6 also
-    follow from this power. The values of this table do not follow from the errors that a scenario gives its receiver. A
-    better or worse oscillator has to be stated in this table, too.
+    follow from this power. The values of this table do not follow from the errors that a scenario gives its receiver.
+    So a better or worse oscillator must also be stated in this table.
 
     `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith. The defaults
     of these two C/N0 are the values of `[receiver]`, because a receiver knows its antenna. `e6_over_e1_db` is the

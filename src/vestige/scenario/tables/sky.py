@@ -45,7 +45,7 @@ class Constellation(Section):
     ionosphere_common
         Share of the ionosphere's variance that all satellites have in common.
     svids
-        Only these satellites; an empty list means all.
+        Satellites to simulate; an empty list means all.
     """
 
     mask_deg: Annotated[float, Field(ge=0, le=89)] = 5.0
@@ -145,7 +145,7 @@ class StaticTable(Section):
     longitude_deg: Degrees
     height_m: Height = 0.0
 
-    def trajectory(self, first_s: float, last_s: float) -> Trajectory:  # noqa: ARG002  (it stands for ever)
+    def trajectory(self, first_s: float, last_s: float) -> Trajectory:  # noqa: ARG002  (the receiver does not move)
         """Return the trajectory of the receiver."""
         return StaticTrajectory(
             latitude_deg=self.latitude_deg, longitude_deg=self.longitude_deg, height_m=self.height_m
@@ -170,7 +170,7 @@ class CircleTable(Section):
             raise ValueError(f"a speed with at most {_LARGEST_ACCELERATION_MPS2:g} m/s² on this circle")
         return speed_mps
 
-    def trajectory(self, first_s: float, last_s: float) -> Trajectory:  # noqa: ARG002  (it goes round for ever)
+    def trajectory(self, first_s: float, last_s: float) -> Trajectory:  # noqa: ARG002  (a circle has no end)
         """Return the trajectory of the receiver."""
         return CircularTrajectory(
             latitude_deg=self.latitude_deg,
@@ -232,7 +232,7 @@ class PositionTable(Section):
     ionosphere_common
         Share of the ionospheric variance that is assumed common to all satellites in the covariance of the fix.
     multipath_sigma_m
-        Standard deviation of multipath in m at 16° elevation; at other elevations it follows the power of the
+        Standard deviation of multipath in m at 16° elevation; at other elevations the value follows the power of the
         reflections.
     floor_sigma_m
         Standard deviation of all other errors in m.
@@ -261,7 +261,7 @@ def satellites_in_view(
     satellite is in view, or the trajectory does not cover the whole run.
     """
     trajectory = table.trajectory(-longest_delay_s, duration_s + _AFTER_S)
-    # the scenes of a threat table ask for the same elevations again and again
+    # the scenes of a threat table need the same elevations again and again
     elevations_rad = _kept_elevations_rad if isinstance(trajectory, StaticTrajectory) else _elevations_rad
     antenna = ElevationCn0(zenith_dbhz=0.0, fall_db=constellation.cn0_fall_db)
     found = []

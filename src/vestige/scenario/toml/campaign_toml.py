@@ -11,7 +11,7 @@ from vestige.scenario.toml.toml_text import toml_text
 
 
 def campaign_toml(text: str) -> str:
-    """Return a scenario as TOML with all its defaults: reading it gives a scenario with the same digest.
+    """Return a scenario as TOML with all its defaults; `load_scenario` then gives a scenario with the same digest.
 
     `text` is JSON, the attribute `scenario` of the results.
     """
@@ -23,7 +23,7 @@ def campaign_toml(text: str) -> str:
 
 
 def _without_power(attack: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an attack with -inf dB in place of a missing power, the only number that JSON cannot express."""
+    """Return an attack with -inf dB in place of a missing power, because JSON cannot express this number."""
     return {key: -math.inf if value is None and key.endswith("_db") else value for key, value in attack.items()}
 
 

@@ -19,7 +19,7 @@ from vestige.crypto.file_toml import DEEPEST, parse_toml
 from vestige.errors import InputFileError, SettingError, VestigeError
 
 NOTHING = "none"  # value of a setting that removes a key
-OURS, OWN = "a kind of vestige", "a user's own kind"  # parts between the keys in the position of an error
+OURS, OWN = "a kind of vestige", "a user's own kind"  # marks of pydantic between the keys in the position of an error
 LARGEST_NUMBER = 1e15
 _MAX_FILE_BYTES = 1 << 20
 _BARE = re.compile(r"[A-Za-z_][\w.-]*(:[A-Za-z_]\w*)?", re.ASCII)
@@ -87,7 +87,7 @@ def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any
 
 
 def _value(setting: str, text: str) -> Any:
-    """Return the TOML value in `text`, which must be a single value, or the text itself if it is a bare word."""
+    """Return the single TOML value in `text`, or the text itself if `text` is a bare word."""
     if _BARE.fullmatch(text.strip()) and text.strip() not in _WORDS_OF_TOML:
         return text.strip()
     try:
@@ -100,7 +100,10 @@ def _value(setting: str, text: str) -> Any:
 
 
 def _inside(place: Any, name: str) -> Any:
-    """Return a table by name, a new table if the name is unknown; in an array of tables by its number from 0 on."""
+    """Return the table `name` of a table, which is made if it is missing.
+
+    In an array of tables, `name` is the number of a table, counted from 0; None if there is no such table.
+    """
     if isinstance(place, dict):
         return place.setdefault(name, {})
     known = {str(number): one for number, one in enumerate(place)}
@@ -116,8 +119,8 @@ def _copy(value: Any) -> Any:
 def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> Any:
     """Return the object that the tables describe, or raise the first error with its position.
 
-    Text and truth values are not converted to numbers. TOML has lists and tables where the models have tuples and
-    objects, as JSON has, so the tables are validated as JSON.
+    Text and truth values are not converted to numbers. The models have tuples and objects where TOML and JSON have
+    lists and tables, so the tables are validated as JSON.
 
     Raises `InputFileError` for an unknown key, a missing key, or a value of another type or outside its range.
     """
@@ -132,7 +135,8 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
 def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> InconsistentSettingsError:
     """Return the first error of tables in the words of vestige.
 
-    A misspelt key gives two errors, unknown and missing; unknown keys come first, because they tell more.
+    A misspelt key gives two errors: an unknown key and a missing key. The unknown key is reported, because it tells
+    more.
     """
     first = min(error.errors(), key=lambda one: one["type"] not in _UNKNOWN_KEY)
     place = _place(raw, first["loc"])
@@ -241,7 +245,7 @@ def _keys_of_table(schema: Mapping[str, Any], raw: Any, loc: tuple[int | str, ..
 
 
 def _variants(schema: Mapping[str, Any], definitions: Mapping[str, Any], raw: Any) -> list[Mapping[str, Any]]:
-    """Return the schemas that may describe a value; of tables with kinds only those of the value's kind."""
+    """Return the schemas that may describe a value; if the value names a kind, only the schemas of this kind."""
     if "$ref" in schema:
         return _variants(definitions[schema["$ref"].rpartition("/")[2]], definitions, raw)
     inner = [one for name in ("anyOf", "oneOf", "allOf") for one in schema.get(name, ())]
@@ -266,7 +270,7 @@ def _longer(beginning: str, keys: Iterable[str]) -> list[str]:
 
 
 def _unknown_at_the_top(adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return an unknown key of the top level of a file without its kind, and the nearest key of any kind of file."""
+    """Return an unknown top-level key of a file without `kind`, and the nearest key of all kinds of scenario."""
     schema = adapter.json_schema()
     kinds = schema.get("discriminator", {}).get("mapping", {}).values()
     tables = [schema.get("$defs", {}).get(ref.rpartition("/")[2], {}) for ref in kinds]

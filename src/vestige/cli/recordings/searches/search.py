@@ -57,7 +57,7 @@ _plot = click.option("--plot", type=PATH, help="Draw the search of one satellite
 
 
 _doppler_span = number_option(
-    "--doppler-span-hz", (100, 50_000), default=5000.0, help="Search Dopplers within ± so many Hz."
+    "--doppler-span-hz", (100, 50_000), default=5000.0, help="Half width of the Doppler search in Hz."
 )
 # Options of both searches for RECS on E6
 _recs_options = options_together(
@@ -96,10 +96,10 @@ def e1(
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    """List every signal of every satellite on E1 at the start of RECORDING, all for the same time.
+    """List every signal of every satellite on E1 at the start of RECORDING.
 
-    The first 100 ms are searched, and each signal is measured in them. If samples are missing, only the longer part
-    before or after the gap is used.
+    The first 100 ms are searched, and each signal is measured in these samples. All values are for the same time. If
+    samples are missing, only the longer part before or after the gap is used.
     """
     from vestige.cli.progress import progress
     from vestige.cli.recordings.searches.search_report import e1_json, e1_lines
@@ -147,7 +147,7 @@ def e1(
 @click.option(
     "--every-4-ms",
     is_flag=True,
-    help="Search every 4 ms, without the phase of the secondary code that leaves one arrival in 100 ms.",
+    help="Search every 4 ms. Without this option the secondary code of E1 leaves one arrival in 100 ms.",
 )
 @_plot
 @json_option
@@ -214,24 +214,24 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
     "--engine",
     type=click.Choice(["auto", "cuda", "segment", "fft"]),
     default="auto",
-    help="Program that computes the correlations; auto takes the fastest that this machine runs.",
+    help="Program that computes the correlations; auto takes the fastest program that runs on this machine.",
 )
 @click.option("--workers", type=click.IntRange(1, 1024), help="Number of threads. [default: one for each core]")
 @click.option(
     "--correlated-neighbours",
     is_flag=True,
-    help="Set the threshold for the effective number of hypotheses, since neighbours are correlated.",
+    help="Set the threshold for the effective number of hypotheses, because neighbouring hypotheses are correlated.",
 )
 @click.option(
-    "-o", "--output", type=PATH, help="Keep progress and results in this file. If it exists, continue from it."
+    "-o", "--output", type=PATH, help="Keep progress and results in this file. If the file exists, continue from it."
 )
 @_plot
 @json_option
 def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
     """Search E6 at every half chip of the time uncertainty and every Doppler bin.
 
-    The cost of the search is printed before it starts, and each signal as soon as it is found. Ctrl-C ends the search
-    and prints the signals found so far.
+    The cost is printed before the search starts, and each signal is printed as soon as it is found. Ctrl-C ends the
+    search and prints the signals found so far.
     """
     from vestige.acas_processor.searches.vestigial import decide_vestigial, reception_proof
     from vestige.cli.recordings.searches.search_figure import SearchFigure
@@ -292,7 +292,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
 def _log(
     e6: SampleReader, codes: list[ChipSequence], search: ExhaustiveSearch, options: dict[str, Any]
 ) -> SearchLog | None:
-    """Return the log that `-o` names, for these samples, codes and settings."""
+    """Return the log that `-o` names, for these samples, codes and settings; None without `-o`."""
     from hashlib import sha256
 
     from vestige.recording.search_log import SearchLog

@@ -38,7 +38,7 @@ class SearchFigure:
                 raise VestigeError(f"--plot draws the search for one RECS, found {len(self.codes)}")
 
     def add(self, at: GalileoTime, magnitude: float) -> None:
-        """Store the magnitude at an arrival time, or the strongest magnitude of a block from a time on."""
+        """Store the magnitude at the arrival time `at`, or the largest magnitude of a block that begins at `at`."""
         if self.file is not None:
             self._points.append((at, magnitude))
 

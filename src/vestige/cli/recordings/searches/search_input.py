@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def say_jump(jump: Jump) -> None:
-    """Warn of a signal that jumps."""
+    """Warn that a signal on E1 jumps to another code phase."""
     warn(
         f"E{jump.svid:02d} jumps by {jump.by_s * 1e6:+.1f} µs some {jump.at_s * 1e3:.0f} ms after the first "
         "sample: samples are missing there, or one signal takes the place of another"
@@ -68,18 +68,21 @@ def decrypted_recs(
 
 
 def clock_bound_s(recording: Recording, uncertainty_s: float | None) -> float:
-    """Return the upper limit of the clock's error; warns if there is no limit."""
+    """Return the upper limit of the clock's error in s; warn if there is no limit."""
     around_s = recording.description.time_uncertainty_s if uncertainty_s is None else uncertainty_s
     if math.isinf(around_s):
         warn(
-            "the time tag's error has no upper limit (--uncertainty-s): "
-            "no signal that is found is provably older than the disclosure of its key"
+            "the time tag's error has no upper limit (--uncertainty-s), "
+            "so no signal can be proven to be older than the disclosure of its key"
         )
     return around_s
 
 
 def arrival_window_in(e6: SampleReader, code: ChipSequence, around_s: float) -> tuple[GalileoTime, GalileoTime]:
-    """Return the window in the samples in which the first chip may arrive; its length is 0 if there is none."""
+    """Return the first and the last time in the samples at which the first chip may arrive.
+
+    If the first chip cannot arrive in the samples, both times are equal.
+    """
     from vestige.acas_processor.searches.vestigial import arrival_window
 
     return arrival_window(code.transmit_time, around_s, e6) or (e6.start, e6.start)

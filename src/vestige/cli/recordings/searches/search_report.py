@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vestige.theory.search_budget import SearchBudget
     from vestige.time import GalileoTime
 
-REPORT_EVERY_S = 5.0  # interval of progress lines
+REPORT_EVERY_S = 5.0  # time between two progress lines
 _NOWHERE = "no signal on E1 for the hand-over, or the samples do not hold the RECS within the time uncertainty"
 
 
@@ -44,7 +44,7 @@ def print_budget(budget: SearchBudget, search: ExhaustiveSearch, engine: EngineC
         (
             "C/N0 for P_d 0.9",
             f"{budget.required_cn0_dbhz:.2f} dBHz at a grid point, up to {budget.grid_loss_db:.2f} dB more between "
-            "them",
+            "grid points",
         ),
         ("engine", str(engine)),
         ("expected run time", f"{expected_seconds(search, budget.hypotheses):.0f} s"),
@@ -68,12 +68,13 @@ def follow_search(
     each: Callable[[GalileoTime, float], None],
     keep: Callable[[SearchState], None],
 ) -> tuple[tuple[Peak, ...], GalileoTime | None]:
-    """Return the peaks of a search, and the time from which on samples were not searched; None if the search ended.
+    """Return the peaks of a search, and the time from which on samples were not searched; None if none are left.
 
-    Each peak is printed at once, and so are the rate and the remaining time of the search.
+    Each peak is printed at once. The rate and the remaining time of the search are printed with each peak, and at
+    intervals of `REPORT_EVERY_S`.
 
-    `before` is the last state of an earlier run. `each` is called with the first start and the strongest magnitude of
-    every block. `keep` is called with the state at intervals, with every peak and at the end.
+    `before` is the last state of an earlier run. `each` is called with the first arrival time and the largest magnitude
+    of every block. `keep` is called with the state of the search: at intervals, after every new peak, and at the end.
     """
     state, done = before, 0.0
     if before is not None:
@@ -110,7 +111,7 @@ def follow_search(
 def print_answers(answers: Sequence[Answer], *, as_json: bool, unsearched: GalileoTime | None = None) -> None:
     """Print the result for each RECS.
 
-    After an interruption, `unsearched` is the begin of the samples that were not searched.
+    After an interruption, `unsearched` is the start of the samples that were not searched.
     """
     if as_json:
         results = [

@@ -1,8 +1,8 @@
 """The alert message of OSNMA: a DSM-PKR that carries a notice in place of a public key.
 
-The notice is a leaf of the Merkle tree like the public keys: SHA-256 of `type 4 | PKID 4 | notice`. The type is 4, and
-the notice fills the message up to its end [OSNMA-ICD, DSM-PKR]. A notice leads to the root of the tree only if the
-operator put it into the tree. So a verified notice means: stop, and ask the operator [OSNMA-RG, 4.2.3].
+The notice is a leaf of the Merkle tree, as a public key is. The leaf is SHA-256 of `type 4 | PKID 4 | notice`. The type
+is 4, and the notice fills the message up to its end [OSNMA-ICD, DSM-PKR]. A notice leads to the root of the tree only
+if the operator put it into the tree. So a verified notice means: stop, and ask the operator [OSNMA-RG, 4.2.3].
 """
 
 from __future__ import annotations

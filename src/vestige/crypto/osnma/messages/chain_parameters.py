@@ -105,8 +105,8 @@ class ChainParameters:
     def disclosure_start_s(self) -> int:
         """Time from the start of the subframe to the first bit of its key on air, in whole seconds rounded down.
 
-        The OSNMA field is in the odd half of its page, which starts 1 s after the page. The first page starts 1 s after
-        the subframe. The result is 22 s for the operational layout.
+        The first page starts 1 s after the start of the subframe. The OSNMA field is in the odd half of a page, and the
+        odd half starts 1 s after the start of the page. The result is 22 s for the operational layout.
         """
         return 1 + 2 * (self.key_start_bit // MACK_BITS) + 1
 

@@ -23,12 +23,12 @@ from vestige.errors import AuthenticationError, UnsupportedError
 from vestige.time import GalileoTime
 
 DSM_BLOCK_BYTES = 13  # 104 bits [OSNMA-ICD, DSM header]
-FIRST_PKR_ID = 12  # DSM id 0…11 is a DSM-KROOT, 12…15 a DSM-PKR [OSNMA-ICD, DSM header]
+FIRST_PKR_ID = 12  # DSM id 0 to 11 is a DSM-KROOT, 12 to 15 a DSM-PKR [OSNMA-ICD, DSM header]
 KROOT_BLOCKS: Mapping[int, int] = {code: code + 6 for code in range(1, 9)}  # NB [OSNMA-ICD, DSM-KROOT]
 PKR_BLOCKS: Mapping[int, int] = {5: 11, 7: 13, 8: 14, 9: 15, 10: 16}  # NB [OSNMA-ICD, DSM-PKR]
 
 _HEAD_BYTES = 13  # fields before KROOT, including alpha
-_WEEKS = 4096  # weeks are counted modulo this [OSNMA-ICD, DSM-KROOT]
+_WEEKS = 4096  # week numbers are sent modulo this number [OSNMA-ICD, DSM-KROOT]
 
 NMA_STATUS: Mapping[int, str] = {0: "reserved", 1: "test", 2: "operational", 3: "don't use"}  # [OSNMA-ICD, 3.1.1]
 TEST, OPERATIONAL, DONT_USE = 1, 2, 3
@@ -188,6 +188,6 @@ def _signature_bytes(room: int) -> int:
     """Return the length of the signature in the bytes after KROOT.
 
     The message has no field for this length. The message has as many blocks as KROOT and signature need: 7 to 9 with
-    P-256, 13 or 14 with P-521. So the signature is of P-521 if its length fits.
+    P-256, 13 or 14 with P-521. So the signature is a P-521 signature if the bytes after KROOT are enough for one.
     """
     return (P521 if room >= P521.signature_bytes else P256).signature_bytes

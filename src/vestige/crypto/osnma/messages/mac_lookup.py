@@ -2,8 +2,8 @@
 
 The number MACLT of the signed DSM-KROOT selects a row. A row has two sequences of slots, for subframes that start at a
 full minute and at half a minute. A slot gives the kind of data (ADKD) of a tag, and its satellite: `S` the sending
-satellite, `E` any Galileo satellite. In a flexible slot (`FLX`) the tag itself gives kind and satellite, protected by
-MACSEQ.
+satellite, `E` any Galileo satellite. In a flexible slot (`FLX`) the tag itself gives kind and satellite, and MACSEQ
+protects both.
 
 Rows 33 and 34 are verified on real data. The other rows are only copied from the table.
 """
@@ -69,11 +69,11 @@ def slots(parameters: ChainParameters, time: GalileoTime) -> tuple[Slot, ...]:
     row = MAC_LOOKUP.get(parameters.mac_lookup)
     if row is None:
         raise UnsupportedError(
-            f"MAC look-up table {parameters.mac_lookup} is not known; MACSEQ and tags cannot be verified, keys can"
+            f"MAC look-up table {parameters.mac_lookup} is not known; keys can be verified, MACSEQ and tags cannot"
         )
     if len(row[0]) != parameters.n_tags:
         raise UnsupportedError(
             f"MAC look-up table {parameters.mac_lookup} has {len(row[0])} tags, the MACK message {parameters.n_tags}; "
-            "MACSEQ and tags cannot be verified, keys can"
+            "keys can be verified, MACSEQ and tags cannot"
         )
     return row[time.second // SUBFRAME_S % 2]

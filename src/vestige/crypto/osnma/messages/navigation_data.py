@@ -6,8 +6,8 @@ status (words 1 to 5, 549 bits). ADKD 4 covers the timing parameters (words 6 an
 This module uses the latest words 1 to 5 (or 6 and 10) received by the end of subframe s-1. The satellite must still be
 received in subframe s-1. Words 1 to 4 must have the same IODnav. Without such data a tag is not counted. Word 5 and the
 timing words carry no IOD, so the latest received words may be outdated after lost pages. The tag's cut-off point shows
-outdated words (see `tags`). When such a word changes, a tag does not show whether it is of the old or of the new data.
-In the subframe after the change, old and new data are both candidates; the new data come first.
+outdated words (see `tags`). When such a word changes, a tag does not show whether it covers the old or the new data. In
+the subframe after the change, old and new data are both candidates; the new data come first.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class NavigationData:
     iod_nav: int | None  # issue of data of words 1 to 4; None for timing parameters
     bits: int
     n_bits: int
-    oldest_s: int  # earliest of the last times of reception of the pieces, in GST seconds
+    oldest_s: int  # reception of the piece that was received longest ago, in GST seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class NavigationWords:
         return tuple({data.bits: data for data in found if data is not None}.values())
 
     def data(self, svid: int, adkd: int, subframe: GalileoTime) -> NavigationData | None:
-        """Return the latest data that a tag may cover; None if the data was not received or is of two issues."""
+        """Return the latest data that a tag may cover; None if data is missing or of two issues."""
         fields = NAVIGATION_FIELDS[ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd]
         if self.subframe_s != subframe.gst_seconds - SUBFRAME_S or any(word not in self.words for word, _, _ in fields):
             return None

@@ -14,17 +14,17 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RootKey:
-    """A verified root key: its construction checks signature, padding and time, also after pickling.
+    """A verified root key: its construction checks signature, padding and time, also when a pickled root key is read.
 
     Raises `AuthenticationError` if signature, padding or time do not verify. Raises `TypeError` if a part is not
-    exactly of its type, because a subclass could verify anything.
+    exactly of its type, because a subclass could skip the verification.
     """
 
     kroot: DsmKroot
     header: NmaHeader  # NMA header that is signed together with the root key
     time: GalileoTime  # subframe of the root key: 30 s before the hour that the DSM-KROOT names
     public_key: PublicKey  # key that verified the root key
-    # subframe of its reception according to the receiver; its status counts from then on
+    # subframe in which the receiver received the root key; the status in the header counts from this time on
     received_at: GalileoTime
 
     def __post_init__(self) -> None:
@@ -89,7 +89,8 @@ def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[Pu
     public_keys
         The keys that may have signed the DSM-KROOT; the key with its PKID is used.
     near
-        A time within 2048 weeks of the root key, such as the time of reception; it resolves the week modulo 4096.
+        A time within 2048 weeks of the root key, such as the time of reception; this time resolves the week modulo
+        4096.
     """
     candidates = [key for key in public_keys if key.pkid in (None, kroot.public_key_id)]
     if not candidates:

@@ -1,8 +1,8 @@
 """Assemble the OSNMA message of one satellite and subframe from I/NAV pages.
 
 Every 30 s subframe has 15 pages, and each page carries 8 bits of the HKROOT and 32 bits of the MACK message [OSNMA-ICD,
-2]. A subframe carries 120 and 480 bits of these messages. Pages get lost, so a subframe records which of its 15 fields
-were received. A part of the MACK can still be read if its own pages were received.
+2]. A subframe carries 120 bits of the HKROOT message and 480 bits of the MACK message. Pages get lost, so a subframe
+records which of its 15 fields were received. A part of the MACK can still be read if its own pages were received.
 
 The assembler keeps a subframe open until a page arrives that is clearly later. Pages may therefore come in any order of
 satellites, and a little out of order in time.
@@ -36,7 +36,7 @@ class Content(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteSubframe:
-    """The received pages of one satellite and one subframe, of 15 pages."""
+    """The received pages of one satellite in one subframe, which has 15 pages."""
 
     svid: int
     time: GalileoTime  # start of the subframe (GST_SF)
@@ -123,8 +123,8 @@ class PageStatus(Enum):
 class SubframeAssembler:
     """Collect pages into subframes.
 
-    A subframe is closed when a page arrives that starts `_GRACE_S` after its end. A page that is `_RESTART_S` older
-    than the newest page is not late: the recording starts again with this page.
+    A subframe is closed when a page arrives that starts `_GRACE_S` after the end of the subframe. A page that is
+    `_RESTART_S` older than the newest page is not late: the recording starts again with this page.
     """
 
     def __init__(self) -> None:

@@ -26,7 +26,7 @@ from vestige.time import GalileoTime
 MACSEQ_BITS = 12
 KEY_DELAY_S = SUBFRAME_S  # key of the next subframe [OSNMA-ICD, 6.7]
 SLOW_KEY_DELAY_S = 11 * SUBFRAME_S  # ADKD 12: ten subframes more [OSNMA-ICD, 6.7]
-MIN_TAG_BITS = 40  # total of tag bits from which data counts as authenticated [OSNMA-RG, equivalent tag length]
+MIN_TAG_BITS = 40  # smallest total of tag bits for authenticated data [OSNMA-RG, equivalent tag length]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ class Tag:
 
     counter: int  # CTR: 1 for tag0
     value: int  # l_t bits
-    info: int  # 16 bits PRN_D, ADKD, COP as sent; those of tag0 are not sent, but follow from the slot
+    info: int  # 16 bits PRN_D, ADKD, COP; PRN_D and ADKD of tag0 are not sent, but follow from the slot
 
     @property
     def svid(self) -> int:
@@ -59,7 +59,7 @@ class Tag:
 
     @property
     def key_delay_s(self) -> int:
-        """Time from the subframe of the tag to that of its key, in s."""
+        """Time from the subframe of the tag to the subframe of its key, in s."""
         return SLOW_KEY_DELAY_S if self.adkd == ADKD_SLOW else KEY_DELAY_S
 
 
@@ -67,9 +67,9 @@ class Tag:
 class Mack:
     """The authentication part of a complete MACK message."""
 
-    svid: int  # PRN_A: the satellite that sent it
-    time: GalileoTime  # start of its subframe
-    nma_status: int  # NMAS of its NMA header, which the tags cover
+    svid: int  # PRN_A: the satellite that sent the message
+    time: GalileoTime  # start of the subframe of the message
+    nma_status: int  # NMAS of the NMA header in the same subframe; the tags cover this status
     macseq: int  # 12 bits
     tags: tuple[Tag, ...]
 

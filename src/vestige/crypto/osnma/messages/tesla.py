@@ -49,7 +49,7 @@ def gst_sf(gst_seconds: int) -> bytes:
 def one_way(key: bytes, time: GalileoTime, parameters: ChainParameters) -> bytes:
     """Return the key before `key` in the chain.
 
-    `time` is the subframe of the returned key, 30 s before that of `key`.
+    `time` is the start of the subframe of the returned key, 30 s before the subframe of `key`.
     """
     return _hash_down(key, time.gst_seconds + SUBFRAME_S, time.gst_seconds, parameters)
 
@@ -65,7 +65,8 @@ def _hash_down(key: bytes, start: int, stop: int, parameters: ChainParameters) -
 class Chain:
     """A TESLA chain with a signed root key, and its keys that were validated so far.
 
-    Raises `TypeError` if `root` is not a `RootKey`, whose construction verifies the signature.
+    Raises `TypeError` if `root` is not a `RootKey`, because only the construction of a `RootKey` verifies the
+    signature.
     """
 
     __slots__ = ("_known", "_root", "_times")  # no other attribute can be set, so `check` cannot be replaced
@@ -249,7 +250,7 @@ def validate(key: Key, chain: Chain) -> ValidatedKey:
 
 
 def fill_gaps(keys: tuple[ValidatedKey, ...], chain: Chain) -> tuple[ValidatedKey, ...]:
-    """Return the keys in time order, with the keys of lost subframes between them derived from later keys.
+    """Return the keys in time order, and between them the keys of lost subframes, derived from later keys.
 
     A derived key has the disclosure time of its own subframe, because the signal disclosed the key then. Keys of other
     chains are returned unchanged.

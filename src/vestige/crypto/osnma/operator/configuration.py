@@ -22,19 +22,19 @@ class OperatorConfiguration:
     Parameters
     ----------
     seed
-        Any bytes; all secrets that are not given follow from them.
+        Any bytes; all secrets that are not given follow from the seed.
     start
         Start of the first subframe, a multiple of 30 s.
     n_subframes
         Number of broadcast subframes, 1 or more.
     pkid
-        PKID 1 … 15 of the key that signs at the start. Each renewal and each revocation uses the next PKID.
+        PKID 1 to 15 of the key that signs at the start. Each renewal and each revocation uses the next PKID.
     own_key
         Private key on P-256 for that PKID; None: the key follows from the seed.
     tree
         Merkle tree with all private keys of the operator; None: a tree with keys that follow from the seed.
     chain_id
-        CID 0 … 3 of the first chain. Later chains have the next numbers, modulo 4.
+        CID 0 to 3 of the first chain. Later chains have the next numbers, modulo 4.
     hash_function, mac_function, key_size, tag_size, mac_lookup
         Codes of the DSM-KROOT, as in `ChainParameters`. A tag size of 9 stands for 40 bits.
     alpha
@@ -86,7 +86,7 @@ class OperatorConfiguration:
         ):
             if value not in values:
                 raise VestigeError(
-                    f"OSNMA operator: {name}: found {value}, expected {values.start} … {values.stop - 1}"
+                    f"OSNMA operator: {name}: found {value}, expected {values.start} to {values.stop - 1}"
                 )
         if self.start != self.start.subframe:
             raise VestigeError(f"OSNMA operator: start: found {self.start}, expected the start of a subframe")

@@ -58,7 +58,8 @@ class OsnmaEvent:
     announced
         Time from which the event is on air (step 1).
     in_force
-        Time from which the new chain or key is in force (step 2); None if step 2 does not come or the kind has none.
+        Time from which the new chain or key is in force (step 2); None if step 2 does not happen, or the kind has no
+        step 2.
     ended
         Time from which the status is nominal again, or OSNMA is silent after an alert; None if this does not happen.
     svids
@@ -94,7 +95,7 @@ class OsnmaEvent:
             if self.kind is not OsnmaEventKind.SILENCE:
                 raise VestigeError(f"{name}: svids belong to {OsnmaEventKind.SILENCE.value} alone")
             if not self.svids or not all(1 <= svid <= MAX_SVID for svid in self.svids):
-                raise VestigeError(f"{name}: svids: found {sorted(self.svids)}, expected numbers of 1 … {MAX_SVID}")
+                raise VestigeError(f"{name}: svids: found {sorted(self.svids)}, expected numbers from 1 to {MAX_SVID}")
         for time in self.times:
             if time.fraction or time.second % SUBFRAME_S:
                 raise VestigeError(f"{name}: {time} is not the start of a subframe, a multiple of {SUBFRAME_S} s")

@@ -20,7 +20,7 @@ from vestige.time import GalileoTime
 class SignedMessage:
     """A digital signature message (DSM) with its number."""
 
-    dsm_id: int  # 0 … 11 DSM-KROOT, 12 … 15 DSM-PKR
+    dsm_id: int  # 0 to 11: DSM-KROOT; 12 to 15: DSM-PKR
     data: bytes  # all blocks of 13 bytes
 
     @property
@@ -43,7 +43,7 @@ def hkroot_message(header: NmaHeader, message: SignedMessage, block: int) -> byt
     message
         The DSM.
     block
-        Index of the block, 0 … `message.n_blocks` - 1.
+        Index of the block, 0 to `message.n_blocks` - 1.
     """
     return bytes([header.value, message.dsm_id << 4 | block]) + message.block(block)
 

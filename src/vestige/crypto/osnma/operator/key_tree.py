@@ -22,7 +22,7 @@ from vestige.crypto.osnma.operator.seeded_secrets import draw_private_key
 from vestige.crypto.osnma.operator.signed_messages import alert_leaf
 from vestige.errors import AuthenticationError, InputFileError, UnsupportedError, VestigeError
 
-MAX_PKID = LEAVES - 1  # PKID 1 … 15; PKID 0 is that of the alert message
+MAX_PKID = LEAVES - 1  # PKID 1 to 15; the alert message has PKID 0
 ALERT_LEAF_INDEX = LEAVES - 1
 _MAX_PEM_BYTES = 100_000
 
@@ -31,7 +31,7 @@ _MAX_PEM_BYTES = 100_000
 class KeyTree:
     """The key pairs of an operator and the Merkle tree over their public keys."""
 
-    private_keys: Mapping[int, ec.EllipticCurvePrivateKey]  # by PKID 1 … 15, all on P-256
+    private_keys: Mapping[int, ec.EllipticCurvePrivateKey]  # by PKID 1 to 15, all on P-256
     nodes: Mapping[tuple[int, int], bytes]  # all 31 nodes, as in `MerkleTree.nodes`
 
     def private_key(self, pkid: int) -> ec.EllipticCurvePrivateKey:
@@ -58,7 +58,7 @@ class KeyTree:
         return MerkleTree(nodes=dict(self.nodes), public_keys=tuple(self.claim(pkid) for pkid in pkids))
 
     def siblings(self, leaf: int) -> tuple[bytes, ...]:
-        """Return the four nodes that lead from a leaf 0 … 15 to the root, the lowest first."""
+        """Return the four nodes that lead from a leaf (0 to 15) to the root, the lowest first."""
         return tuple(self.nodes[height, leaf >> height ^ 1] for height in range(HEIGHT))
 
 
@@ -72,12 +72,12 @@ def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCur
     notice
         The alert notice, at most 39 bytes.
     own_key
-        PKID 1 … 15 and private key of a key pair that does not follow from the seed.
+        PKID 1 to 15 and private key of a key pair that does not follow from the seed.
 
     Raises
     ------
     VestigeError
-        If the own key is not on P-256, its PKID is not 1 … 15, or the notice is too long.
+        If the own key is not on P-256, its PKID is not 1 to 15, or the notice is too long.
 
     Examples
     --------
@@ -91,14 +91,14 @@ def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCur
         if private_key.curve.name != P256.curve.name:
             raise UnsupportedError(f"OSNMA operator: the own key is on {private_key.curve.name}, expected P-256")
         if pkid not in keys:
-            raise VestigeError(f"OSNMA operator: the own key has PKID {pkid}, expected 1 … {MAX_PKID}")
+            raise VestigeError(f"OSNMA operator: the own key has PKID {pkid}, expected 1 to {MAX_PKID}")
         keys[pkid] = private_key
     leaves = [leaf_hash(pkid, compressed_point(key.public_key())) for pkid, key in keys.items()]
     return KeyTree(private_keys=keys, nodes=nodes_over([*leaves, alert_leaf(notice)]))
 
 
 def pkid_in_tree(public_key: ec.EllipticCurvePublicKey, tree: MerkleTree) -> int:
-    """Return the PKID 1 … 15 of a public key, which is leaf PKID - 1 of a tree.
+    """Return the PKID, 1 to 15, of a public key; the public key is leaf PKID - 1 of a tree.
 
     Raises
     ------

@@ -24,8 +24,8 @@ class TagContent:
 
     svid: int  # PRN_D
     adkd: int
-    cut_off: int  # COP 1 … 15; 0 for a dummy tag
-    data: NavigationData  # data that a tag authenticates, or source of the noise of a dummy tag
+    cut_off: int  # COP 1 to 15; 0 for a dummy tag
+    data: NavigationData  # data that the tag authenticates; for a dummy tag any data
 
 
 def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:
@@ -43,7 +43,7 @@ def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:
     Raises
     ------
     ValueError
-        If the number of tags or the length of the key are not those of the parameters.
+        If the number of tags or the length of the key does not agree with the parameters.
     """
     if len(mack.tags) != parameters.n_tags or len(key) != parameters.key_bytes:
         raise ValueError(
@@ -78,7 +78,7 @@ def authenticate(
     nma_status
         NMAS of the NMA header of the subframe; the tags cover it.
     contents
-        Purpose of each tag, in the order of the slots.
+        Content of each tag, in the order of the slots.
     key_of
         Function that returns the key on air in the subframe that starts at a time.
     parameters

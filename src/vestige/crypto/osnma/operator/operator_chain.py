@@ -1,4 +1,4 @@
-"""A TESLA chain of its operator, with all keys, including keys that are still secret."""
+"""A TESLA chain as its operator has it: with all keys, including keys that are still secret."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vestige.crypto.osnma.operator.signed_messages import sign_kroot, unsigned_k
 from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 
-_FIXED_BYTES = 7  # bytes of a DSM-KROOT before alpha, which cannot be changed to avoid a zero
+_FIXED_BYTES = 7  # bytes of a DSM-KROOT before alpha; these bytes cannot be changed to avoid a zero byte
 _MAX_DRAWS = 32
 _HOURS_SEEN = 4
 
@@ -24,7 +24,7 @@ _HOURS_SEEN = 4
 class OperatorChain:
     """All keys of a chain from its first root key on, 30 s apart and without gaps."""
 
-    chain_id: int  # CID 0 … 3
+    chain_id: int  # CID 0 to 3
     parameters: ChainParameters
     keys: tuple[Key, ...]  # in time order; the first key is the first root key
 
@@ -125,16 +125,16 @@ def draw_chain(
 ) -> OperatorChain:
     """Return a chain whose DSM-KROOTs have no zero byte where possible.
 
-    Some receivers treat a page with a zero HKROOT byte as lost. So random patterns alpha are drawn from the seed in
-    place of the alpha of `parameters`. The first pattern without a zero byte in root key, signature and padding over
-    the first four hours is used. After 32 patterns, the pattern with the fewest zero bytes is used.
+    Some receivers treat a page with a zero HKROOT byte as lost. So the alpha of `parameters` and then random patterns
+    from the seed are tried. The first pattern is used for which alpha, root key, signature and padding have no zero
+    byte over the first four hours. After 32 patterns, the pattern with the fewest zero bytes is used.
 
     Parameters
     ----------
     seed, start, n_keys, parameters
         Arguments of `draw_keys`.
     chain_id
-        CID 0 … 3.
+        CID 0 to 3.
     header, pkid, private_key
         Header, key identifier and key of the first signatures, as for `OperatorChain.signed_root`.
     redraw

@@ -38,7 +38,7 @@ from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
-_N_KROOT_IDS = FIRST_PKR_ID - 1  # DSM ids 1 … 11: with 0 the DSM header of block 0 would be a zero byte
+_N_KROOT_IDS = FIRST_PKR_ID - 1  # DSM ids 1 to 11: with id 0 the DSM header of block 0 would be a zero byte
 _N_PKR_IDS = 16 - FIRST_PKR_ID
 NO_OSNMA = (bytes(5),) * PAGES_A_SUBFRAME  # fields of a satellite without OSNMA [OSNMA-ICD, 2]
 
@@ -149,7 +149,7 @@ class OsnmaOperator:
         Raises
         ------
         VestigeError
-            If the time is not that of the next subframe, or a word does not have its type.
+            If the time is not the start of the next subframe, or a word does not have its type.
         """
         self._check_next(time)
         for svid, sent in words.items():
@@ -182,8 +182,8 @@ class OsnmaOperator:
     def resume_at(self, time: GalileoTime) -> None:
         """Forget all words, and continue with another subframe.
 
-        After `SUBFRAMES_REMEMBERED` subframes with complete words the fields are those of an operator that made all
-        subframes.
+        After `SUBFRAMES_REMEMBERED` subframes with complete words the fields equal the fields of an operator that made
+        all subframes.
 
         Parameters
         ----------

@@ -28,7 +28,7 @@ class OperatorKey:
     Attributes
     ----------
     pkid
-        PKID 1 … 15 of the public key.
+        PKID 1 to 15 of the public key.
     pem
         The private key as PEM without a password.
     nodes

@@ -22,7 +22,7 @@ def draw_bytes(seed: bytes, name: str, n_bytes: int) -> bytes:
     name
         Purpose of the bytes; different names give independent bytes.
     n_bytes
-        Number of bytes, 0 … 32.
+        Number of bytes, 0 to 32.
 
     Raises
     ------

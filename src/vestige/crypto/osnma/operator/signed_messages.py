@@ -1,7 +1,7 @@
 """Make the digital signature messages (DSM) of an operator: signed root keys, public keys and alert notices.
 
-A DSM-KROOT is signed for the NMA header that is broadcast with it. The signature is deterministic, so the same seed
-gives the same bits [RFC6979].
+The signature of a DSM-KROOT also covers the NMA header that is broadcast with the DSM-KROOT. The signature is
+deterministic, so the same seed gives the same bits [RFC6979].
 
 A DSM-PKR is `NB 4 | leaf 4 | siblings 4 x 256 | type 4 | PKID 4 | point | padding` [OSNMA-ICD, DSM-PKR]. The padding of
 a DSM-PKR is the start of SHA-256 of the root of the Merkle tree and the leaf's content. An alert notice fills the
@@ -27,7 +27,7 @@ from vestige.crypto.osnma.messages.tesla import Key
 from vestige.errors import VestigeError
 
 _MIN_BLOCKS = min(KROOT_BLOCKS.values())
-_WEEKS = 4096  # weeks are counted modulo this [OSNMA-ICD, DSM-KROOT]
+_WEEKS = 4096  # week numbers are sent modulo this number [OSNMA-ICD, DSM-KROOT]
 _ALERT_NB = 7  # 13 blocks, the shortest with room for a notice
 NOTICE_BYTES = PKR_BLOCKS[_ALERT_NB] * DSM_BLOCK_BYTES - LEAF_AT - 1
 
@@ -42,9 +42,9 @@ def unsigned_kroot(root: Key, parameters: ChainParameters, *, chain_id: int, pki
     parameters
         Parameters of the key's chain.
     chain_id
-        CIDKR 0 … 3.
+        CIDKR 0 to 3.
     pkid
-        PKID 0 … 15 of the public key for the verification of the signature.
+        PKID 0 to 15 of the public key for the verification of the signature.
 
     Raises
     ------
@@ -99,9 +99,9 @@ def public_key_dsm(point: bytes, pkid: int, leaf: int, siblings: Sequence[bytes]
     point
         The compressed point, 33 bytes (P-256) or 67 bytes (P-521).
     pkid
-        PKID 0 … 15.
+        PKID 0 to 15.
     leaf
-        Index of the key's leaf in the tree, 0 … 15.
+        Index of the key's leaf in the tree, 0 to 15.
     siblings
         The four nodes from the leaf to the root, 32 bytes each, the lowest first.
     root

@@ -19,7 +19,7 @@ from vestige.crypto.osnma.operator.mack import TagContent
 from vestige.time import GalileoTime
 
 MAX_CUT_OFF = 15  # COP has 4 bits [OSNMA-ICD, MACK]
-SUBFRAMES_REMEMBERED = MAX_CUT_OFF + 3  # COP counts from complete data, which take two subframes, word 10 included
+SUBFRAMES_REMEMBERED = MAX_CUT_OFF + 3  # COP counts from complete data; with word 10 this takes two subframes
 
 
 @dataclass(slots=True)
@@ -73,8 +73,9 @@ def plan_tags(
 ) -> tuple[TagContent, ...]:
     """Return the contents of the tags of one satellite and subframe [OSNMA-ICD, Annex C].
 
-    Neighbours take turns in slots for any satellite and in flexible slots. Flexible slots carry ADKD 0, as on air.
-    Without neighbours these slots are for the sending satellite. A tag whose data was not sent is a dummy.
+    The other satellites (neighbours) take turns in slots for any satellite and in flexible slots. Flexible slots carry
+    ADKD 0, as on air. Without neighbours these slots are for the sending satellite. A tag whose data was not sent is a
+    dummy.
 
     Parameters
     ----------

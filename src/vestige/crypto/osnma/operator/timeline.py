@@ -74,7 +74,7 @@ def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[Osnm
 
 
 def phase_at(all_phases: Sequence[OperatorPhase], time: GalileoTime) -> OperatorPhase:
-    """Return the phase of a subframe; before the first phase, return the first phase."""
+    """Return the phase of a subframe; for a time before the first phase, return the first phase."""
     return all_phases[max(bisect_right([phase.since for phase in all_phases], time) - 1, 0)]
 
 

@@ -66,7 +66,7 @@ def convolved(bits: UInt8[np.ndarray, "*n bits"]) -> UInt8[np.ndarray, "*n symbo
     Parameters
     ----------
     bits
-        0 or 1; the encoder starts in state 0.
+        Bits, 0 or 1; the encoder starts in state 0.
     """
     padded = np.concatenate((np.zeros((*bits.shape[:-1], _MEMORY), np.uint8), bits), axis=-1)
     outputs = []

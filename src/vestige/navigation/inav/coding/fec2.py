@@ -5,7 +5,7 @@ over GF(256) with the polynomial 0x11D and the roots α¹ … α⁶⁰, shortene
 
     octet 0       type of word 1 (6 bits), 2 least significant bits of IODnav
     octet 1       8 most significant bits of IODnav
-    14 octets     bits 16 … 127 of each of the words 1, 2, 3 and 4
+    14 octets     bits 16 to 127 of each of the words 1, 2, 3 and 4
     15 octets     of parity in each of the words 17, 18, 19 and 20
 
 The first octet belongs to the lowest degree of the polynomial; `reedsolo` has the highest degree first.
@@ -43,7 +43,7 @@ def parity_words(words: Mapping[int, int]) -> dict[int, int]:
     Returns
     -------
     dict
-        Word type 17 … 20 -> word of 128 bits.
+        Word type 17 to 20 -> word of 128 bits.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
     Returns
     -------
     dict or None
-        Word type 1 … 4 -> word of 128 bits; given words are unchanged. None if there are too few words, or the words
+        Word type 1 to 4 -> word of 128 bits; given words are unchanged. None if there are too few words, or the words
         are detectably of several issues. A parity word has only two bits of IODnav, so words that are hours apart must
         not be mixed.
 
@@ -125,7 +125,7 @@ def _restored(received: tuple[tuple[int, int], ...]) -> Mapping[int, int] | None
 
 
 def _issue(words: Mapping[int, int]) -> int | None:
-    """Return the IODnav of the given words 1 to 4; None without words, or if the words have several."""
+    """Return the IODnav of the given words 1 to 4; None without words, or if the words differ."""
     issues = {WORD_LAYOUTS[kind].read(words[kind], "iod_nav") for kind in EPHEMERIS_WORDS if kind in words}
     return issues.pop() if len(issues) == 1 else None
 

@@ -28,9 +28,9 @@ class EngineChoice:
     name
         `cuda`, `segment` or `fft`.
     where
-        Name of the GPU on which it runs, or "processor".
+        Name of the GPU on which the engine runs, or "processor".
     passed_over
-        Reason why `auto` did not take each faster engine, a line each.
+        One line for each faster engine, with the reason why `auto` did not take that engine.
     """
 
     name: EngineName

@@ -1,7 +1,7 @@
 """GPU functions of the CUDA engine: FFTs by cuFFT and two kernels. Only this module imports CuPy.
 
-The speed of the GPU's memory sets the time. The product is written once and read once by the inverse FFT, and the
-maximum reads the result once. FFT, product and maximum make 4 to 6 passes over the 8 bytes of each number.
+The speed of the GPU's memory limits the speed of a search. The product is written once and read once by the inverse
+FFT, and the maximum reads the result once. FFT, product and maximum make 4 to 6 passes over the 8 bytes of each number.
 """
 
 from __future__ import annotations

@@ -37,8 +37,8 @@ class Grid:
     reach
         Number of bins on each side of the middle.
     half_width_hz
-        Largest distance from the middle. At this distance a replica with the code Doppler of the middle loses at most
-        0.24 dB. A wider span needs several passes, each with its own middle.
+        Largest distance of a Doppler from the middle. At this distance a replica with the code Doppler of the middle
+        loses at most 0.24 dB. A wider span needs several passes, each with its own middle.
     """
 
     segment_chips: int
@@ -82,7 +82,7 @@ class Engine(Protocol):
     Attributes
     ----------
     loss_db
-        Largest loss of the power of a tested cell against its exact value.
+        Largest loss of the power of a tested cell against its exact value, in dB.
     block
         Number of code offsets that are best computed at once.
     uses_cores

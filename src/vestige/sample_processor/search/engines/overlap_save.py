@@ -1,10 +1,10 @@
 """Overlap-save correlation for the engines `fft` and `cuda`: how samples are cut and how bins become shifts.
 
 A block of `length` samples is transformed once for all codes and bins. Doppler is a shift of the code's spectrum
-against that of the samples, in steps of R_c / length. Every bin is rounded to the nearest step. The first length −
-chips + 1 numbers of an inverse transform are correlator values. The other numbers wrap around and are not used. On a
-processor a length of about 6.4 times the length of the code is the fastest. The textbook's factor 2 takes a third more
-time.
+against the spectrum of the samples, in steps of R_c / length. Every bin is rounded to the nearest step. The first
+length − chips + 1 numbers of an inverse transform are correlator values. The other numbers wrap around and are not
+used. On a processor a length of about 6.4 times the length of the code is the fastest. The textbook's factor 2 takes a
+third more time.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class OverlapSave:
     shifts
         Shifts of the code's spectrum in steps of R_c / `length`, one for each Doppler bin.
     loss_db
-        Largest loss of the power of a cell against its exact value, because its bin is rounded to a shift.
+        Largest loss of the power of a cell in dB against its exact value, because its bin is rounded to a shift.
     """
 
     length: int

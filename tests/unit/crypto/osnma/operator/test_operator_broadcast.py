@@ -178,9 +178,9 @@ def test_an_own_key_signs() -> None:
     ("settings", "message"),
     [
         ({"own_key": ec.derive_private_key(5, ec.SECP521R1())}, "secp521r1, expected P-256"),
-        ({"pkid": 16}, "pkid: found 16, expected 1 … 15"),
-        ({"chain_id": 4}, "chain_id: found 4, expected 0 … 3"),
-        ({"nma_status": 3}, "nma_status: found 3, expected 1 … 2"),
+        ({"pkid": 16}, "pkid: found 16, expected 1 to 15"),
+        ({"chain_id": 4}, "chain_id: found 4, expected 0 to 3"),
+        ({"nma_status": 3}, "nma_status: found 3, expected 1 to 2"),
         ({"n_subframes": 0}, "n_subframes: found 0"),
         ({"start": START + 1}, "expected the start of a subframe"),
         ({"alpha": b"four"}, "alpha: found 4 bytes, expected 6"),

@@ -254,8 +254,8 @@ def test_every_header_that_is_sent_is_that_of_the_table() -> None:
         ({"kind": "key-renewal", "ended": at(4)}, "cannot end without in_force"),
         ({"kind": "alert", "announced": at(2) + 1}, "is not the start of a subframe"),
         ({"kind": "alert", "svids": frozenset({2})}, "svids belong to silence alone"),
-        ({"kind": "silence", "svids": frozenset({37})}, "expected numbers of 1 … 36"),
-        ({"kind": "silence", "svids": frozenset()}, "expected numbers of 1 … 36"),
+        ({"kind": "silence", "svids": frozenset({37})}, "expected numbers from 1 to 36"),
+        ({"kind": "silence", "svids": frozenset()}, "expected numbers from 1 to 36"),
     ],
 )  # fmt: skip
 def test_events_that_are_not_possible(fields: dict[str, object], message: str) -> None:

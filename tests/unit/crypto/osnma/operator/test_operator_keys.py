@@ -76,7 +76,7 @@ def test_an_own_key_is_read_from_pem(tmp_path: Path) -> None:
 
 
 def test_what_is_not_possible() -> None:
-    with pytest.raises(VestigeError, match="PKID 0, expected 1 … 15"):
+    with pytest.raises(VestigeError, match="PKID 0, expected 1 to 15"):
         draw_key_tree(b"", b"", (0, ec.derive_private_key(1, ec.SECP256R1())))
     with pytest.raises(VestigeError, match="no private key of PKID 16"):
         TREE.public_key(16)

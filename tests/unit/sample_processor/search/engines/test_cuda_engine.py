@@ -39,7 +39,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Device:
 DEVICES = ("numpy", "compiled", "gpu")
 # The longest integrations of each device that are no slow tests: the direct sum takes long, and more so the kernels on
 # the processor. The FFT engine, which computes the same, is quickly tested at 8 ms too.
-QUICK_MS = {"numpy": 4, "compiled": 2, "gpu": 16}
+QUICK_MS = {"numpy": 2, "compiled": 2, "gpu": 16}
 
 
 @pytest.fixture(params=DEVICES)

@@ -13,21 +13,21 @@ not removed, which costs sinc²(f M / R_c), 0.35 dB at the outermost bin. Each c
 
 **Two stages.** A search of 10¹⁰ cells has a threshold g near 8 σ. If a cell reaches g, the middle three quarters of its
 chips have a magnitude of 6.8 ± 0.5 σ. Two offsets half a chip apart share half of their noise. So the sum of both
-offsets has 5.9 ± 0.7 σ, for any delay of the signal between the two offsets. So the engine first adds the chips of the
-two grids and sums up only their middle three quarters, once for two offsets. Both offsets are dropped if the largest
-magnitude is below t = ¾ g − 1.32, 4.6 σ. Noise passes t at about 0.2 % of the offsets. At the offsets that pass, all
-chips are summed up exactly, and only this power is returned. `theory/screen_loss.py` computes the detections that the
-screen costs. The middle is taken because the code Doppler then moves its chips equally to both sides. In short searches
-g is so low that noise would pass too often; then all chips are summed up at every offset.
+offsets has 5.9 ± 0.7 σ, for any delay of the signal between the two offsets. Therefore the engine first adds the chips
+of the two grids and sums up only their middle three quarters, once for two offsets. Both offsets are dropped if the
+largest magnitude is below t = ¾ g − 1.32, 4.6 σ. Noise passes t at about 0.2 % of the offsets. At the offsets that
+pass, all chips are summed up exactly, and only this power is returned. `theory/screen_loss.py` computes the detections
+that the screen costs. The middle is taken because the code Doppler then moves its chips equally to both sides. In short
+searches g is so low that noise would pass too often; then all chips are summed up at every offset.
 
 **Screen: sign tables.** Five chips have 16 sign patterns, apart from a common sign. So every sum x(n) ± x(n+1) ± … ±
 x(n+4) is computed once for all segments, offsets and codes. P_k is then a sum of 48 table rows or more. The sign of a
 group's first chip decides whether its row is added or subtracted. Rows are read at consecutive offsets, without a
 multiplication, a branch or a look-up by sample. A row stores a sum in five bits, in steps of eight. With chips of σ =
-12 the steps add noise 21 dB below that of the chips, and a sum beyond 4.6 σ is cut. So eight rows are added in one byte
-before they are widened to int16. The tables of a block serve all codes. The distance between two rows is 256 bytes more
-than a multiple of 4 kB. Without the 256 bytes all rows would share a few lines of the cache, which costs a factor of
-two.
+12 the steps add noise 21 dB below the noise of the chips, and a sum beyond 4.6 σ is cut. So eight rows are added in one
+byte before they are widened to int16. The tables of a block serve all codes. The distance between two rows is 256 bytes
+more than a multiple of 4 kB. Without the 256 bytes all rows would share a few lines of the cache, which costs a factor
+of two.
 
 **Screen: Doppler transform.** The segments have 240 chips at 4 ms, which costs 0.8 dB at 5 kHz and 0.27 dB on average.
 The transform has 128 points, and the upper half of its inputs is zero. Two steps of 8 and 16 compute this transform,
@@ -42,8 +42,8 @@ once in 10⁴ segments, and a strong signal is still strong after the cut. For 1
 
 **All chips.** The segment sums of int16 products are exact. A transform of 256 points in two steps of 16 follows, in
 float32 with one lane for each of eight offsets. **1 and 2 ms** fill an eighth or a quarter of the inputs and need every
-fourth or second output. **16 ms** are two groups of 128 segments. The bins Z of a group are 62.4 Hz apart; those of
-both groups are joined coherently at f ± δ, two sub-bins for each bin. Within a group δ is not removed, which costs
-sinc²(δ · 8 ms), 0.22 dB. A group lasts half a cycle of the distance between bins, so the join needs only signs and two
-constants.
+fourth or second output. **16 ms** are two groups of 128 segments. The bins Z of a group are 62.4 Hz apart. The bins of
+both groups are joined coherently at f ± δ, which gives two sub-bins for each bin. Within a group δ is not removed,
+which costs sinc²(δ · 8 ms), 0.22 dB. A group lasts half a cycle of the distance between bins, so the join needs only
+signs and two constants.
 """

@@ -34,8 +34,8 @@ from vestige.theory.screen_loss import SCREEN_SHARE, pass_threshold
 _TABLE_OFFSETS = 131_072  # offsets that share a set of tables
 _PAGE = 4096  # bytes after which cache lines repeat: the rows of a table are spread evenly over the lines
 _CUT = 1.0  # largest rounding of a screened power, in its steps: two squares are rounded down
-_SIGMA_OF_BIN = 1000  # largest σ of a bin of the screen in int16; the smallest is half of it
-_MOST_SCREENED = 0.3  # largest useful share of offsets that noise alone passes; above it a screen costs time
+_SIGMA_OF_BIN = 1000  # largest σ of a bin of the screen in int16; the smallest σ is half of this
+_MOST_SCREENED = 0.3  # largest useful share of offsets where noise alone passes; above this share a screen costs time
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,14 +147,14 @@ class SegmentEngine:
 
 
 def _joined(chips: Int16[np.ndarray, "grids 2 n"]) -> Int16[np.ndarray, "2 n"]:
-    """Return the sum of chips half a chip apart, which share half of their noise, with the σ of a single chip."""
+    """Return the sum of chips half a chip apart, scaled to the σ of a single chip; both share half of their noise."""
     if chips.shape[0] == 1:
         return chips[0]
     return np.rint((chips[0] + chips[1]) * np.float32(np.sqrt(1 / 3))).astype(np.int16)
 
 
 def _turns(points: int) -> Float32[np.ndarray, " numbers"]:
-    """Return exp(−j2π b r / (16 · points)), b in 16 and r in `points`, real and imaginary parts interleaved."""
+    """Return exp(−j2π b r / (16 · points)) for b < 16 and r < `points`, real and imaginary parts interleaved."""
     angles = np.outer(np.arange(DFT_POINTS), np.arange(points)) / (DFT_POINTS * points)
     return np.exp(-2j * np.pi * angles).astype(np.complex64).reshape(-1).view(np.float32)
 

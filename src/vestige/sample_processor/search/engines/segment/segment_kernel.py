@@ -26,7 +26,7 @@ ROW_STEP = 8  # step of a row in units of the chips
 SCREEN_BLOCK = 512  # offsets of the screen that are computed at once
 SEGMENTS = 128  # segments in a group; 64 and 32 for 2 ms and 1 ms
 SHORT_TURN = 32_768  # the factor 1 in the int16 phase factors: one half, in units of 2⁻¹⁶
-TOP_OF_SCREEN = 16_000.0  # power of a bin that noise does not reach, and that a signal reaches whose sums are cut
+TOP_OF_SCREEN = 16_000.0  # power of a bin that noise does not reach; a signal with cut sums reaches it
 _BINS_STORED = 2 * 27 + 1  # stored bins of each of the two groups
 _ROW = SCREEN_BLOCK + SHORT_LANES  # length of a row of the screen's sums, padded so that rows use different cache lines
 _FIRST_POINTS = 8  # points of the screen's first DFT
@@ -38,7 +38,7 @@ _STEP_BITS = 3
 def fill_sign_table(x, table):
     """Fill uint8 `table`[16, n] with x[n] ± x[n+1] ± … ± x[n+4] in 32 steps of ROW_STEP around zero.
 
-    Bit j − 1 of the row is set for +x[n+j]. A row r stands for r − 15½ steps; larger sums are cut.
+    Bit j − 1 of the row number is set for +x[n+j]. A stored number r stands for r − 15½ steps; larger sums are cut.
     """
     wide = np.empty((PATTERNS, _STRETCH), np.int16)
     for first in range(0, table.shape[1], _STRETCH):
@@ -77,7 +77,7 @@ def screen(table_re, table_im, entries, bounds, top, shift, stride, split, turns
     top, shift
         Limit of a segment's sum, and its shift. No number wraps if n_segments · top · 2^shift · √2 is below 2¹⁶.
     stride, split
-        Step between the bins that are used, and their range: −40 … 40 if `split` is 2, else −32 … 31.
+        Step between the bins that are used, and their range: −40 to 40 if `split` is 2, else −32 to 31.
     turns
         int16[16 · 8 · 2], exp(−j2π b r / 128) in units of SHORT_TURN.
     """
@@ -128,11 +128,12 @@ def complete(re, im, code, segment_chips, n_segments, offsets, stride, turns, ou
     Parameters
     ----------
     re, im, code
-        int16 chips of the samples and of the code, whose length is a whole number of segments.
+        int16, the chips of the samples (real and imaginary part) and of the code. The code has a whole number of
+        segments.
     segment_chips, n_segments
         Number of chips in a segment, and of segments in a group: 128, or 64 for 2 ms and 32 for 1 ms.
     offsets, out
-        Code offsets and their powers; their number is a multiple of LANES.
+        Code offsets and their powers; the number of offsets is a multiple of LANES.
     stride
         Step between the bins that are used.
     turns

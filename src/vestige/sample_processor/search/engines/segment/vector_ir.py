@@ -110,7 +110,7 @@ class _Fixed:
         return self.builder.select(self.builder.icmp_signed(">", a, b), a, b)
 
     def unbiased(self, a):
-        """Return a sum of two products without its bias, because each product is rounded down, by a half on average."""
+        """Return a sum of two products without its bias: each product is rounded down, by a half on average."""
         return self.plus(a, ir.Constant(_SHORT, [1] * SHORT_LANES))
 
     def of_sum(self, lanes, place):
