@@ -19,11 +19,12 @@ import command_pages
 import format_pages
 import html_links
 import ledger
+import scenario_pages
 import staging
 from sphinx.cmd.build import main as sphinx
 
 SITE = Path(__file__).resolve().parent
-GENERATED = (command_pages.pages, api_pages.pages, format_pages.pages, ledger.pages)
+GENERATED = (command_pages.pages, api_pages.pages, format_pages.pages, ledger.pages, scenario_pages.pages)
 # What Sphinx or its extensions write into the staged tree themselves.
 OWNED_BY_SPHINX = ("gallery", "sg_execution_times.rst")
 

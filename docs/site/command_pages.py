@@ -27,8 +27,9 @@ def escaped(text: str) -> str:
     return "".join(part if part.startswith("`") else _SPECIAL.sub(r"\\\1", part) for part in parts)
 
 
-def _paragraphs(command: click.Command) -> Iterator[str]:
-    text = inspect.cleandoc(command.help or "").split("\f", maxsplit=1)[0]
+def _paragraphs(help_text: str | None) -> Iterator[str]:
+    """Yield the paragraphs of a help text; one that begins with a backspace keeps its lines, as click does it."""
+    text = inspect.cleandoc(help_text or "").split("\f", maxsplit=1)[0]
     for paragraph in re.split(r"\n\s*\n", text.strip()):
         kept_lines = paragraph.strip().startswith("\b")
         lines = paragraph.replace("\b", "").strip("\n").splitlines()
@@ -56,13 +57,14 @@ def command_text(words: list[str], command: click.Command, depth: int = 1) -> st
     """Return the page of a command, with a section for each command below it."""
     context = click.Context(command, info_name=" ".join(words), show_default=SHOW_DEFAULT)
     heading = "#" * depth
-    parts = [f"{heading} {' '.join(words)}", *_paragraphs(command)]
+    parts = [f"{heading} {' '.join(words)}", *_paragraphs(command.help)]
     usage = " ".join([context.command_path, *command.collect_usage_pieces(context)])
     parts.append(f"```text\n{usage}\n```")
     arguments = [one.get_help_record(context) for one in command.get_params(context) if isinstance(one, click.Argument)]
     parts += _definitions([one for one in arguments if one is not None and one[1]])
     for title, records in _option_groups(command, context):
         parts += [f"**{title}**", *_definitions(records)]
+    parts += _paragraphs(command.epilog)
     if isinstance(command, click.Group):
         below = ((name, command.get_command(context, name)) for name in command.list_commands(context))
         parts += [command_text([*words, name], one, depth + 1) for name, one in below if one is not None]
@@ -78,7 +80,7 @@ def examples(verb: str) -> str:
             for line in re.sub(r" +\\\n\s*", " ", block).splitlines():
                 if len(lines) < MOST_EXAMPLES and re.match(rf"vestige {verb}\b", line):
                     lines[re.sub(r" {2,}#", "  #", line)] = None
-                    sources[f"[{place.with_suffix('')}]({os.path.relpath(place, 'reference/commands')})"] = None
+                    sources[f"[{staging.title(path)}]({os.path.relpath(place, 'reference/commands')})"] = None
     if not lines:
         return ""
     return "\n\n".join(["**Examples**", "```sh\n" + "\n".join(lines) + "\n```", f"From: {', '.join(sources)}.\n"])
@@ -100,7 +102,7 @@ def pages() -> dict[str, str]:
         [
             "# Commands",
             introduction,
-            *_paragraphs(vestige),
+            *_paragraphs(vestige.help),
             *rows,
             f":::{{toctree}}\n:hidden:\n\n{tree}\n:::",
         ]

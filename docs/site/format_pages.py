@@ -16,7 +16,7 @@ _PAGE = """\
 
 Use a schema to have your editor complete and check a file while you write it, or to check a file in a program. They are
 generated from the readers, so what a schema allows is what vestige reads. `vestige check --schema` prints that of a
-scenario. What the keys mean stands in [file formats](../file_formats.md) and in [scenarios](../scenarios.md).
+scenario. The keys are described in [file formats](../file_formats.md) and in [scenario files](../scenarios.md).
 
 * {recording}: [recording.schema.json](../files/recording.schema.json)
 * {scenario}: [scenario.schema.json](../files/scenario.schema.json)

@@ -50,8 +50,17 @@ _INTRODUCTION = (
     "installed is skipped, and the end of `.ci/run` says so.\n\n"
     f"**The sections from *{FIRST_OF_ITS_OWN}* on are not independent**: they compare two parts of vestige, so an "
     "error of both is not seen. PocketSDR, GalileoSASlib and `.sdrx` files of other recorders were "
-    "[not tried](../test_cases.md#exports)."
+    "[not tried](../test_cases.md#exports).\n\n"
+    "**What was never tested**: RECS of the service, and encrypted E6-C that was received on air. Nothing of both is "
+    "public ([what is on air](../idea.md#what-is-on-air-and-where-the-files-come-from)). The real recording has open "
+    "E6-C, with RECS that were made for it.\n\n"
+    "**Calibrated** figures say so: the scenario was fitted to the number, so the agreement proves little "
+    "([the paper map](../paper_map.md#the-harsh-scenario-beside-the-papers-text) has the details).\n\n"
+    "To run one test of the ledger, give pytest the file and the name of the test with underscores. The row "
+    "`paper/test_numbers.py`, required cn0, is\n\n"
+    "```text\n.venv/bin/python -m pytest tests/paper/test_numbers.py -k test_required_cn0\n```"
 )
+_E6 = re.compile(r"E6|RECS")  # rows that the page gathers at its top
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,8 +120,11 @@ def unknown_numbers(one: Judgement) -> list[str]:
 
 def pages() -> dict[str, str]:
     """Return the page of the ledger by its place in the staged tree."""
-    lines = ["(ledger)=", "# Validation ledger", "", _INTRODUCTION]
     found = judgements()
+    of_e6 = [one for one in found if _E6.search(f"{one.what} {one.figure}")]
+    lines = ["(ledger)=", "# Validation ledger", "", _INTRODUCTION, "", "## Who judged E6 and RECS?", ""]
+    lines += ["Rows of the tables below, gathered here:", "", "| judge | capability | figure |", "|---|---|---|"]
+    lines += [f"| {one.by} | {one.what} | {one.figure} |" for one in of_e6]
     for judge, who in JUDGES.items():
         rows = [one for one in found if one.by == judge]
         if not rows:
@@ -128,5 +140,5 @@ def pages() -> dict[str, str]:
         ]
         for one in rows:
             folder, _, name = one.test.removeprefix("tests/").partition("::")
-            lines.append(f"| {one.what} | {one.figure} | `{folder}`, {name.replace('_', ' ')} |")
+            lines.append(f"| {one.what} | {one.figure} | `{folder}`, {name.removeprefix('test_').replace('_', ' ')} |")
     return {"reference/ledger.md": "\n".join(lines) + "\n"}

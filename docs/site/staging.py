@@ -2,7 +2,7 @@
 
 The documents stay where GitHub, an editor and the tests expect them. In the staged tree the pages of `docs/site/pages`
 and those of `docs` share the root, the documents of the repository's root stand in `project`, and any other file that
-a page links to stands in `files`, from which a reader downloads it.
+a page links to stands in `files`, from which a reader downloads it. A scenario file has a page (`scenario_pages.py`).
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
+
+import scenario_pages
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "site" / "pages"
@@ -27,10 +29,18 @@ def documents() -> dict[Path, Path]:
     return found
 
 
+def title(path: Path) -> str:
+    """Return the first heading of a document."""
+    found = re.search(r"^# (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return path.stem if found is None else found[1]
+
+
 def staged_place(path: Path, pages: dict[Path, Path]) -> Path:
     """Return where a file that a page links to stands in the staged tree."""
     if path in pages:
         return pages[path]
+    if path.parent == scenario_pages.FOLDER and path.suffix == ".toml":
+        return Path(scenario_pages.place(path))
     return Path("files") / path.relative_to(ROOT)
 
 
@@ -48,7 +58,7 @@ def with_staged_links(text: str, source: Path, pages: dict[Path, Path], linked: 
             raise FileNotFoundError(f"{source.relative_to(ROOT)}: the link {match[1]} leads nowhere")
         if target.is_dir():
             return "]"
-        if target not in pages:
+        if target not in pages and staged_place(target, pages).parts[0] == "files":
             linked.add(target)
         place = os.path.relpath(staged_place(target, pages), pages[source].parent)
         return f"]({Path(place).as_posix()}{match[2] or ''})"

@@ -6,7 +6,8 @@ Use this figure to see a second signal come and go. The waterfall of the paper i
 """
 
 # %%
-# In the lift-off attack the spoofing signal moves away from the true signal at 800 s.
+# In the lift-off attack the spoofing signal is on top of the true signal at 600 s and then moves away. The two peaks
+# part at about 850 s.
 import vestige as vs
 from vestige import plots
 from vestige.campaign.execution.direct import direct_results

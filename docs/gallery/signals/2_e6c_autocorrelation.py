@@ -7,7 +7,7 @@ the peak. A chip of E6-C is 58.6 m long.
 """
 
 # %%
-# The autocorrelation of the code of 1 ms over whole chips has a single peak, and side lobes 30 dB lower.
+# The autocorrelation of the code of 1 ms over whole chips has a single peak, and side lobes at least 27 dB lower.
 import matplotlib.pyplot as plt
 import numpy as np
 

@@ -7,7 +7,7 @@ more power than the noise has.
 """
 
 # %%
-# The waveforms are those of ``[[attack]] kind = "jam"`` in a scenario.
+# The waveforms are those of ``[[attack]] kind = "jamming"`` in a scenario.
 import matplotlib.pyplot as plt
 import numpy as np
 from scipy.signal import welch

@@ -128,7 +128,7 @@ _level_options = options_together(
         "--search-window",
         (1e-6, 1e5),
         metavar="SECONDS",
-        help="Level 3: search E6 within ± SECONDS of the expected arrival. [default: in all samples]",
+        help="Level 3: search E6 within ± SECONDS of the expected arrival. [default: the clock's possible error]",
     ),
     number_option(
         "--search-every",
