@@ -223,7 +223,7 @@ class WaypointsTable(Section):
 
 
 class PositionTable(Section):
-    """Assumed errors of E1 pseudoranges beside the tracking noise, and the false-alarm budget of RAIM.
+    """Assumed errors of E1 pseudoranges beside the tracking noise.
 
     Attributes
     ----------
@@ -237,7 +237,8 @@ class PositionTable(Section):
     floor_sigma_m
         Standard deviation of all other errors in m.
     p_fa
-        False-alarm probability of RAIM in one epoch.
+        Value without effect: RAIM takes its share of the false alarms of a day. The key remains so that older scenarios
+        and results can be read.
     """
 
     ionosphere_sigma_m: Annotated[float, Field(ge=0, le=1000)] = 0.0
