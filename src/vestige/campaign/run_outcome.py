@@ -5,7 +5,7 @@ Theory of operation
 A run is one campaign with one attack. The epochs of a run from the attack's start to its stop are *attacked*.
 `levels.py` gives the verdicts. For every RECS it also gives the ranges in use, and the largest error of each range that
 the attack caused since the previous RECS. The first RECS after the stop counts as well, because it judges the last part
-of the attack. An error is *harmful* if it exceeds twice the limit of the range test, 2κσ. The noise of E6 can hide a
+of the attack. An error is *harmful* if it exceeds twice the limit of the range check, 2κσ. The noise of E6 can hide a
 smaller error from this test. More than one of these outcomes may be true for a run:
 
     detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite in attacked epochs or with the next RECS
@@ -144,7 +144,7 @@ def run_outcome(
 ) -> RunOutcome:
     """Return the outcome of one run at one level.
 
-    `attacked` selects the epochs that count. `limit_m` is the limit of the range test, κσ. `position_m` is the error of
+    `attacked` selects the epochs that count. `limit_m` is the limit of the range check, κσ. `position_m` is the error of
     the position in use, in m; NaN if no position is in use.
     """
     alarm = is_alarm(found.status).any(axis=1)
