@@ -202,8 +202,10 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
             if n_taps % 2:
                 re, im = _tap_sum(w, f, zr, zi, window_delay(around[-1]))
                 out[-1] += (re + 1j * im) * turn
-        _edge_sums(packed, n_chips, u0, step, around, yr[:i0], yi[:i0], c[:i0], turn, out)
-        _edge_sums(packed, n_chips, u0 + i1 * step, step, around, yr[i1:], yi[i1:], c[i1:], turn, out)
+        if i0 > 0:
+            _edge_sums(packed, n_chips, u0, step, around, yr[:i0], yi[:i0], c[:i0], turn, out)
+        if i1 < n:
+            _edge_sums(packed, n_chips, u0 + i1 * step, step, around, yr[i1:], yi[i1:], c[i1:], turn, out)
 
         for lag in range(1, lags, 2):
             own = np.float32(0.5 if lag == 1 else 0.0)

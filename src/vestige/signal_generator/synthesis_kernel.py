@@ -48,17 +48,17 @@ def _ray(sign, cos, sin, re, im):
 
 
 @njit(cache=True, nogil=True)
-def _add_two_rays(window, fraction, shift, cos, sin, a, r, first, s_re, s_im):
+def _add_two_rays(window, fraction, shift, cos, sin, a, r, first, fresh, s_re, s_im):
     """Add the paths number r and r + 1, one after the other, to the sum of the paths from sample `first` on."""
     re, im = np.float32(a[r].real), np.float32(a[r].imag)
     re_2, im_2 = np.float32(a[r + 1].real), np.float32(a[r + 1].imag)
     cos_1, sin_1, cos_2, sin_2 = cos[r, first:], sin[r, first:], cos[r + 1, first:], sin[r + 1, first:]
-    shift_1, shift_2 = shift[r], shift[r + 1]
+    shift_1, shift_2, zero = shift[r], shift[r + 1], np.float32(0.0)
     for i in range(s_re.size):
         ray_re, ray_im = _ray(_sign(window[i], fraction[i], shift_1), cos_1[i], sin_1[i], re, im)
         ray_re_2, ray_im_2 = _ray(_sign(window[i], fraction[i], shift_2), cos_2[i], sin_2[i], re_2, im_2)
-        s_re[i] = s_re[i] + ray_re + ray_re_2
-        s_im[i] = s_im[i] + ray_im + ray_im_2
+        s_re[i] = (zero if fresh else s_re[i]) + ray_re + ray_re_2
+        s_im[i] = (zero if fresh else s_im[i]) + ray_im + ray_im_2
 
 
 @njit(cache=True, nogil=True)
@@ -119,13 +119,14 @@ def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate
         i0, i1 = interior(u0, step, reach, n_chips, n)
         if i1 > i0:
             fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
-        s_re[:] = 0
-        s_im[:] = 0
         for r in range(n_rays):
             a[r] = amplitudes[r] * turn_at(if_hz + ray_hz[r], doppler_rate, tm)
         inside = i1 - i0 == n
+        if last == 0 or not inside:  # otherwise the first pair replaces the sum of the last block
+            s_re[:] = 0
+            s_im[:] = 0
         for r in range(0, last if inside else last + 2, 2):
-            _add_two_rays(window, fraction, shift, cos, sin, a, r, i0, s_re[i0:i1], s_im[i0:i1])
+            _add_two_rays(window, fraction, shift, cos, sin, a, r, i0, inside and r == 0, s_re[i0:i1], s_im[i0:i1])
         if not inside:
             for r in range(n_rays):
                 d, u1 = delays[r] - middle, u0 + i1 * step
