@@ -8,7 +8,7 @@ to the full circle. The loops have no look-ups and no branches, so the compiler 
 Logarithm, sine and cosine are polynomials for the same reason. A pair depends only on its key and number. So any worker
 may make any part of an epoch, and all workers get the same bits.
 
-Three loops run one after the other over a piece of 512 pairs: hash, logarithm, turn. A single loop for all three takes
+Three loops run one after the other over a piece of 1024 pairs: hash, logarithm, turn. A single loop for all three takes
 1.1 times as long, because the chain of steps for a pair is too long to overlap with the chains of other pairs.
 
     z = mix(key + i · GOLD)                     splitmix64 [STEELE14]
@@ -35,7 +35,7 @@ from vestige.signals.float_kernel import bits_of, float_of, fma
 GOLD = 0x9E3779B97F4A7C15  # 2^64 / golden ratio, odd: the counter's step [STEELE14]
 _MULTIPLIERS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)  # splitmix64's finaliser [STEELE14]
 _MASK = (1 << 64) - 1
-_PIECE = 512  # pairs; the intermediate arrays stay in the first-level cache
+_PIECE = 1024  # pairs; the intermediate arrays stay in the first-level cache
 
 _GOLD, _M1, _M2 = np.uint64(GOLD), np.uint64(_MULTIPLIERS[0]), np.uint64(_MULTIPLIERS[1])
 _SQRT_HALF = np.int32(0x3F3504F3)  # bits of the float32 √½
