@@ -195,7 +195,8 @@ class Simulation:
     ) -> tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]:
         """Return drawn taps and noise power of RECS; the cut into blocks does not change these numbers.
 
-        `other_signals` is the density over N0 of all other signals on air under a sky.
+        `other_signals` is the power density, divided by N0, of the noise that all other signals of a sky add to a
+        correlator; None if the scenario has a single line of sight.
         """
         model = CorrelatorModel(offsets_m=tuple(offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end)
         n = truth.time_s.size

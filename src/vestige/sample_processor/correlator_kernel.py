@@ -102,8 +102,8 @@ def _two_lag_sums(own, chip, y_re, y_im, chip_1, re_1, im_1, chip_2, re_2, im_2)
 def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, chip, turn, out):
     """Add samples at an end of the segment, where each tap has its own first or last sample.
 
-    u0 is the code phase of the first sample in chips, minus the middle of the bank. Samples whose own chip is not in
-    the segment count as 0 for the noise floor.
+    u0 is the code phase of the first sample in chips, minus the middle of the bank. For the noise floor, a sample
+    is set to 0 if its chip, at the middle of the bank, is outside the segment.
     """
     for k in range(offsets.size):
         total = 0.0 + 0.0j

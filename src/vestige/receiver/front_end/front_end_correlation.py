@@ -8,7 +8,8 @@ at distance x from a path of unit amplitude. R_n is the covariance of the noise 
     R_h(x) = Σ_k h_k Λ(k/f_i − x) / Σ h
     R_n(δ) = (f_i/f_s) Σ_m r[m] Λ(m/f_s − δ) / (Σ h)²,     r[m] = Σ_k h_k h_{k + m f_i/f_s}
 
-R_h and R_n are in units of the variance 1/(C/N0 · T) without a front end. The replica is not filtered. f_s must not be
+Without a front end R_h(0) and R_n(0) are 1: R_h is in units of the amplitude of the path, and R_n in units of the noise
+variance of a correlator, 1/(C/N0 · T). The replica is not filtered. f_s must not be
 commensurate with the chip rate; otherwise the samples are not spread over the chip. For a filter with steep edges both
 functions approach the band-limited autocorrelation R_B. A quantiser replaces ρ = r by Σ_k (c_k/c_1)² ρ^k
 (`quantiser.py`). The formula is valid if the signals are weak against the noise in a sample.

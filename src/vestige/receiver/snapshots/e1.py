@@ -208,7 +208,10 @@ def _each_alone(
 def _drawn_sky(
     of: ReceiverTruth, nominal_dbhz: Float[np.ndarray, "n m"]
 ) -> tuple[Complex128[np.ndarray, "n m n_taps"], Float[np.ndarray, " n"]]:
-    """Return drawn correlators of a sky before the gain control, and the power over the power without attack in dB."""
+    """Return drawn correlators of a sky before the gain control, and the rise of the received power.
+
+    The rise is the ratio in dB of the power to the power without an attack.
+    """
     with_rays, rate_hz = of.simulations[0].models.e1_multipath, folding_rate_hz(of.simulations[0].front_end)
     received_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
     relative_power = of.each(lambda _, truth: sky_power(truth, with_rays=with_rays, sample_rate_hz=rate_hz))

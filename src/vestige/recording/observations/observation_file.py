@@ -123,7 +123,7 @@ class ObservationTrack:
 
     def _read_around(self, time: GalileoTime, reach: float) -> None:
         """Read all epochs within `reach`: neighbours of the two epochs around `time` supply missing values."""
-        reach = max(reach, SAME_TIME_S)  # a single epoch has no interval
+        reach = max(reach, SAME_TIME_S)  # `reach` is 0 if the file has a single epoch, which gives no interval
         if self._dropped is not None and time - self._dropped <= reach:
             self._restart()
         while not self._window or self._window[-1].time - time <= reach:

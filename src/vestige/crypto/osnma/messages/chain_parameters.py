@@ -118,7 +118,7 @@ class ChainParameters:
 
     @property
     def new_hash(self) -> Callable[[bytes], hashlib._Hash]:
-        """The chain's hash function, without a wrapper for speed; its digests have 32 bytes."""
+        """The hash function of the chain, with digests of 32 bytes; the function of `hashlib` itself, which is fast."""
         return HASH_FUNCTIONS[self.hash_function][1]
 
     def mac(self, key: bytes, message: bytes, n_bits: int) -> int:
