@@ -144,8 +144,8 @@ def run_outcome(
 ) -> RunOutcome:
     """Return the outcome of one run at one level.
 
-    `attacked` selects the epochs that count. `limit_m` is the limit of the range check, κσ. `position_m` is the error of
-    the position in use, in m; NaN if no position is in use.
+    `attacked` selects the epochs that count. `limit_m` is the limit of the range check, κσ. `position_m` is the error
+    of the position in use, in m; NaN if no position is in use.
     """
     alarm = is_alarm(found.status).any(axis=1)
     here = np.flatnonzero(attacked)

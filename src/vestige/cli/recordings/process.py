@@ -341,8 +341,8 @@ def _second_channel(options: dict[str, Any]) -> Assistance | None:
         warn(problem)
     if not found.assistance.keys:
         raise VestigeError(
-            f"{folder}: second channel: found no validated OSNMA key, expected keys or pages of the second channel, and "
-            "their public key or Merkle tree; put them into this folder, or give --public-key or --merkle-tree"
+            f"{folder}: second channel: found no validated OSNMA key, expected keys or pages of the second channel "
+            "and their public key or Merkle tree; put them into this folder, or give --public-key or --merkle-tree"
         )
     return found.assistance
 

@@ -24,7 +24,9 @@ def missing_data(assistance: Assistance, files: Sequence[AssistanceFile], trust:
     """Return one line for each kind of data that the processor needs and the folder lacks."""
     missing = []
     if trust is None:
-        missing.append("OSNMA public key or Merkle tree: none, so no key can be validated; give --public-key or --merkle-tree")
+        missing.append(
+            "OSNMA public key or Merkle tree: none, so no key can be validated; give --public-key or --merkle-tree"
+        )
     if not assistance.segments:
         missing.append(NO_RECS)
     needed = {segment.key_time for segment in assistance.segments}
