@@ -60,7 +60,7 @@ SCENES: dict[str, Scene] = {
     "a sky, level 3": lambda checks: sky("A9 noise on E1", 3, checks=checks),
     "a sky of samples, level 2": lambda checks: sky("A3 repeater", 2, checks=checks, fidelity="samples", epochs=11),
 }
-SLOW = {"a sky of samples, level 2"}
+SLOW = {"a sky of samples, level 2", "a sky, level 1"}  # level 1 is quick with a line of sight, a sky at level 3
 
 
 def test_the_page_names_every_field() -> None:

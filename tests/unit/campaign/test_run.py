@@ -34,7 +34,17 @@ def assert_right(results: xarray.Dataset) -> None:
         assert results[name].values.tobytes() == values.tobytes(), name
 
 
-@pytest.mark.parametrize("chunk_epochs", [1, 7, 100, 230, 5000])
+def test_an_epoch_a_chunk(tmp_path: Path) -> None:
+    plan = ToyPlan(n_epochs=30)
+    expected = plan.measure(0, plan.prepare().advance(0, 30))
+    results = run(plan, tmp_path / "a.zarr", chunk_epochs=1)
+    assert {name: results[name].values.tobytes() for name in results.data_vars} == {
+        name: values.tobytes() for name, values in expected.items()
+    }
+
+
+# 230 chunks of an epoch take seconds; 30 of them are in the test above
+@pytest.mark.parametrize("chunk_epochs", [pytest.param(1, marks=pytest.mark.slow), 7, 100, 230, 5000])
 def test_any_chunks(tmp_path: Path, chunk_epochs: int) -> None:
     assert_right(run(PLAN, tmp_path / "a.zarr", chunk_epochs=chunk_epochs))
 

@@ -113,7 +113,10 @@ def test_a_row_without_attack_or_cut_short_has_no_outcome(whole: tuple[Path, lis
     assert (row.epochs, row.outcome) == (CHUNK, None)
 
 
-@pytest.mark.parametrize("width", [Width(width=0.085), Width(width=0.5, relative=True)])
+# tests/cli/test_run.py has a quick campaign that ends by a relative width
+@pytest.mark.parametrize(
+    "width", [Width(width=0.085), pytest.param(Width(width=0.5, relative=True), marks=pytest.mark.slow)]
+)
 def test_a_campaign_ends_with_the_first_chunk_that_is_enough(
     tmp_path: Path, width: Width, whole: tuple[Path, list[Row]]
 ) -> None:
