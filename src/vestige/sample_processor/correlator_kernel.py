@@ -74,13 +74,13 @@ def _tap_sum(window, fraction, y_re, y_im, delay):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _wipe(x, cos, sin, slope, curve, y_re, y_im):
+def _wipe(x, cos, sin, places, slope, curve, y_re, y_im):
     """Rotate samples by the conjugate rotator and the small angle slope · k + curve · k², k from the block's middle."""
     for i in range(y_re.size):
         a, b = x[2 * i], x[2 * i + 1]
         re = a * cos[i] + b * sin[i]
         im = b * cos[i] - a * sin[i]
-        k = from_middle(i)
+        k = places[i]
         turn = k * (slope + curve * k)
         y_re[i] = re + im * turn
         y_im[i] = im - re * turn
@@ -166,6 +166,7 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
     out = np.zeros(n_taps, np.complex128)
     cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
     rotator_table(if_hz * dt, cos, sin)
+    places = from_middle()
 
     # A chip has at most lags + 1 samples; arrays of samples begin with `lags` samples of the previous block. The number
     # is rounded up to an even number, because two lags are summed together. No samples of a chip have the added lag.
@@ -188,7 +189,7 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
 
         slope, curve = 2 * np.pi * doppler_rate * tm * dt, np.pi * doppler_rate * dt * dt
         yr, yi, c = y_re[lags : lags + n], y_im[lags : lags + n], chip[lags : lags + n]
-        _wipe(x[2 * b0 : 2 * (b0 + n)], cos, sin, np.float32(slope), np.float32(curve), yr, yi)
+        _wipe(x[2 * b0 : 2 * (b0 + n)], cos, sin, places, np.float32(slope), np.float32(curve), yr, yi)
         i0, i1 = interior(u0, step, reach, n_chips, n)
         if i1 > i0:
             w, f, zr, zi = window[: i1 - i0], fraction[: i1 - i0], yr[i0:i1], yi[i0:i1]

@@ -62,7 +62,7 @@ def _add_two_rays(window, fraction, shift, cos, sin, a, r, first, fresh, s_re, s
 
 
 @njit(cache=True, nogil=True)
-def _add_turned(window, fraction, shift, cos, sin, a, r, s_re, s_im, slope, curve, x):
+def _add_turned(window, fraction, shift, cos, sin, a, r, s_re, s_im, places, slope, curve, x):
     """Add the paths number r and r + 1 to their sum, and the sum to the interleaved samples.
 
     The sum is rotated by the small angle slope · k + curve · k², with k counted from the middle of the block.
@@ -75,7 +75,7 @@ def _add_turned(window, fraction, shift, cos, sin, a, r, s_re, s_im, slope, curv
         ray_re, ray_im = _ray(_sign(window[i], fraction[i], shift_1), cos_1[i], sin_1[i], re, im)
         ray_re_2, ray_im_2 = _ray(_sign(window[i], fraction[i], shift_2), cos_2[i], sin_2[i], re_2, im_2)
         sum_re, sum_im = s_re[i] + ray_re + ray_re_2, s_im[i] + ray_im + ray_im_2
-        k = from_middle(i)
+        k = places[i]
         turn = k * fma(curve, k, slope)
         kept = fma(np.float32(-0.5) * turn, turn, np.float32(1.0))
         x[2 * i] += fma(sum_re, kept, -sum_im * turn)
@@ -107,6 +107,7 @@ def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate
         rotator_table((if_hz + ray_hz[r]) * dt, cos[r], sin[r])
     window, fraction = np.zeros(BLOCK, np.uint32), np.zeros(BLOCK, np.uint32)
     s_re, s_im = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
+    places = from_middle()
 
     for b0 in range(0, n_samples, BLOCK):
         n = min(BLOCK, n_samples - b0)
@@ -135,7 +136,7 @@ def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate
             a[last], a[last + 1] = 0, 0  # the sum already contains all paths
         slope, curve = np.float32(2 * np.pi * doppler_rate * tm * dt), np.float32(np.pi * doppler_rate * dt * dt)
         part = x[2 * b0 : 2 * (b0 + n)]
-        _add_turned(window, fraction, shift, cos, sin, a, last, s_re, s_im, slope, curve, part)
+        _add_turned(window, fraction, shift, cos, sin, a, last, s_re, s_im, places, slope, curve, part)
 
 
 @njit(cache=True, nogil=True)

@@ -33,13 +33,10 @@ def rotator_table(cycles_per_sample, cos, sin):
             cos[a + b], sin[a + b] = z.real, z.imag
 
 
-@njit(inline="always")
-def from_middle(i):
-    """Return how many samples lie between sample i of a block and its middle, as float32.
-
-    The integer must have 32 bits: AVX2 has no vector instruction that converts a 64-bit integer to float.
-    """
-    return np.float32(np.int32(i - MIDDLE))
+@njit(cache=True, nogil=True)
+def from_middle():
+    """Return how many samples each sample of a block lies after the middle of the block, float32[BLOCK]."""
+    return np.arange(-MIDDLE, BLOCK - MIDDLE).astype(np.float32)
 
 
 @njit(cache=True, nogil=True)

@@ -23,13 +23,13 @@ _UNSIGNED_BITS = np.uint64(_PHASE_BITS)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _wipe(x, cos, sin, turn_re, turn_im, slope, curve, y_re, y_im):
+def _wipe(x, cos, sin, places, turn_re, turn_im, slope, curve, y_re, y_im):
     """Rotate samples by the conjugate rotator, the block's phase and the small angle slope · k + curve · k²."""
     for i in range(y_re.size):
         a, b = x[2 * i], x[2 * i + 1]
         re = a * cos[i] + b * sin[i]
         im = b * cos[i] - a * sin[i]
-        k = from_middle(i)
+        k = places[i]
         angle = k * (slope + curve * k)
         re, im = re + im * angle, im - re * angle
         y_re[i] = re * turn_re - im * turn_im
@@ -59,6 +59,7 @@ def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, fi
     cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
     y_re, y_im = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
     rotator_table(if_hz * dt, cos, sin)
+    places = from_middle()
     for b0 in range(0, n_samples, BLOCK):
         n = min(BLOCK, n_samples - b0)
         t = t0 + b0 * dt
@@ -69,6 +70,7 @@ def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, fi
             x[2 * b0 : 2 * (b0 + n)],
             cos,
             sin,
+            places,
             np.float32(turn.real),
             np.float32(turn.imag),
             np.float32(slope),
