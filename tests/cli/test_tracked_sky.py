@@ -271,7 +271,10 @@ def test_a_time_tag_ten_seconds_off(night: Path, verdicts: list[dict], late_s: i
     assert {one["status"] for one in found} <= {"AUTHENTIC", "NOT_AVAILABLE"}
     assert all("disclos" in one["reason"] for one in found if one["status"] == "NOT_AVAILABLE")
     sure = _objects(invoke(process, night, *ONCE, "--start", start, "--time-uncertainty", "10.5").stdout)
-    assert result.stderr.count(f"the time tag of the samples is 10.00 s {'ahead of' if late_s > 0 else 'behind'} the time") == 1
+    assert (
+        result.stderr.count(f"the time tag of the samples is 10.00 s {'ahead of' if late_s > 0 else 'behind'} the time")
+        == 1
+    )
     assert _said(sure) == _said(verdicts)
     for one, other in zip(sure, verdicts, strict=True):  # the time of the signal, within the travel time
         assert one["gst_second"] == pytest.approx(other["gst_second"], abs=0.02)
