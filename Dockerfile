@@ -4,7 +4,7 @@
 #   docker run --rm --shm-size 1g vestige-tests              # make test-all
 #   docker run --rm --shm-size 1g vestige-tests .ci/run      # what a landing must pass
 #
-# The image was built with buildah, and `make test` was run in it; `make test-all` was not run in it yet (CONTRIBUTING.md).
+# The image was built with buildah, and `make test-all` was run in it (CONTRIBUTING.md).
 # Tests on recordings that the repository does not hold are skipped, with a reason.
 FROM debian:bookworm-slim
 
