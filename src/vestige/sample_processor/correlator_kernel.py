@@ -9,9 +9,8 @@ the block's sums in float64. A Doppler rate changes this phase, and rotates the 
 (1e-7 at 100 Hz/s).
 
 **Noise floor.** Σ_j |y_j|² over chips is Σ_n |y_n|² plus twice the real part of y_n y*_(n−l) for each lag l at which
-both samples lie in the same chip. So no loop over chips is needed. Two lags are summed in one loop. Chip numbers modulo
-32 are enough, because a lag is hardly longer than a chip. The last samples of a block are kept, rotated to the phase of
-the next block.
+both samples lie in the same chip. So no loop over chips is needed. Two lags are summed in one loop. The last samples of
+a block are kept, rotated to the phase of the next block.
 
 Sums are float32 inside a block of 1024 samples and float64 over blocks. At both ends of the segment, some taps meet a
 chip and others do not. The few samples at these ends are processed individually.
@@ -28,15 +27,17 @@ from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
     WINDOW_REACH_CHIPS,
     chip_at,
-    fill_chip_numbers,
+    fill_fractions,
     fill_windows,
     interior,
+    phase_apart,
     window_delay,
 )
 from vestige.signals.float_kernel import float_of
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 _SIGN, _ONE = 0x80000000, 0x3F800000  # bits of a float32: its sign, and 1.0
+_IN_CHIP = (1 << FRACTION_BITS) - 1  # bits of a fraction that are the phase in its chip
 REACH_CHIPS = WINDOW_REACH_CHIPS  # largest distance of a tap from the middle of the bank
 
 
@@ -87,11 +88,12 @@ def _wipe(x, cos, sin, places, slope, curve, y_re, y_im):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _two_lag_sums(own, chip, y_re, y_im, chip_1, re_1, im_1, chip_2, re_2, im_2):
+def _two_lag_sums(own, fraction, y_re, y_im, apart_1, re_1, im_1, apart_2, re_2, im_2):
     """Return Σ own |y_n|² + Re(y_n y*_(n−l)), over the samples of two lags l that share their chip with sample n."""
     total, zero = np.float32(0.0), np.float32(0.0)
-    for i in range(chip.size):
-        same_1, same_2 = chip[i] == chip_1[i], chip[i] == chip_2[i]
+    for i in range(y_re.size):
+        phase = np.uint32(fraction[i] & np.uint32(_IN_CHIP))
+        same_1, same_2 = phase >= apart_1, phase >= apart_2
         re = own * y_re[i] + (re_1[i] if same_1 else zero) + (re_2[i] if same_2 else zero)
         im = own * y_im[i] + (im_1[i] if same_1 else zero) + (im_2[i] if same_2 else zero)
         total += y_re[i] * re + y_im[i] * im
@@ -99,7 +101,7 @@ def _two_lag_sums(own, chip, y_re, y_im, chip_1, re_1, im_1, chip_2, re_2, im_2)
 
 
 @njit(cache=True, nogil=True)
-def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, chip, turn, out):
+def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, turn, out):
     """Add samples at an end of the segment, where each tap has its own first or last sample.
 
     u0 is the code phase of the first sample in chips, minus the middle of the bank. For the noise floor, a sample
@@ -114,7 +116,6 @@ def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, chip, turn, out):
         out[k] += total * turn
     for i in range(y_re.size):
         j = np.int64(np.floor(u0 + i * step))
-        chip[i] = j & 31
         if not 0 <= j < n_chips:
             y_re[i], y_im[i] = 0.0, 0.0
 
@@ -172,7 +173,6 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
     # is rounded up to an even number, because two lags are summed together. No samples of a chip have the added lag.
     lags = 2 * max(np.int64(1), np.int64(np.ceil((1.0 / (code_rate * dt) - 1.0 + 1e-3) / 2)))
     window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
-    chip = np.full(lags + BLOCK, -1, np.int32)
     y_re, y_im = np.zeros(lags + BLOCK, np.float32), np.zeros(lags + BLOCK, np.float32)
     chip_power, turn = 0.0, 1.0 + 0.0j
 
@@ -185,33 +185,33 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
         before, turn = turn, np.conj(turn_at(if_hz, doppler_rate, tm))
         for i in range(lags):
             z = (y_re[BLOCK + i] + 1j * y_im[BLOCK + i]) * before * np.conj(turn)
-            y_re[i], y_im[i], chip[i] = z.real, z.imag, chip[BLOCK + i]
+            y_re[i], y_im[i] = z.real, z.imag
 
         slope, curve = 2 * np.pi * doppler_rate * tm * dt, np.pi * doppler_rate * dt * dt
-        yr, yi, c = y_re[lags : lags + n], y_im[lags : lags + n], chip[lags : lags + n]
+        yr, yi, f = y_re[lags : lags + n], y_im[lags : lags + n], fraction[:n]
         _wipe(x[2 * b0 : 2 * (b0 + n)], cos, sin, places, np.float32(slope), np.float32(curve), yr, yi)
+        fill_fractions(u0, step, f)
         i0, i1 = interior(u0, step, reach, n_chips, n)
         if i1 > i0:
-            w, f, zr, zi = window[: i1 - i0], fraction[: i1 - i0], yr[i0:i1], yi[i0:i1]
-            fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
-            fill_chip_numbers(f, c[i0:i1])
+            w, g, zr, zi = window[: i1 - i0], f[i0:i1], yr[i0:i1], yi[i0:i1]
+            fill_windows(packed, u0 + i0 * step, step, i1 - i0, window)
             for k in range(1, n_taps, 2):
                 delays = window_delay(around[k - 1]), window_delay(around[k])
-                re_1, im_1, re_2, im_2 = _two_tap_sums(w, f, zr, zi, *delays)
+                re_1, im_1, re_2, im_2 = _two_tap_sums(w, g, zr, zi, *delays)
                 out[k - 1] += (re_1 + 1j * im_1) * turn
                 out[k] += (re_2 + 1j * im_2) * turn
             if n_taps % 2:
-                re, im = _tap_sum(w, f, zr, zi, window_delay(around[-1]))
+                re, im = _tap_sum(w, g, zr, zi, window_delay(around[-1]))
                 out[-1] += (re + 1j * im) * turn
         if i0 > 0:
-            _edge_sums(packed, n_chips, u0, step, around, yr[:i0], yi[:i0], c[:i0], turn, out)
+            _edge_sums(packed, n_chips, u0, step, around, yr[:i0], yi[:i0], turn, out)
         if i1 < n:
-            _edge_sums(packed, n_chips, u0 + i1 * step, step, around, yr[i1:], yi[i1:], c[i1:], turn, out)
+            _edge_sums(packed, n_chips, u0 + i1 * step, step, around, yr[i1:], yi[i1:], turn, out)
 
         for lag in range(1, lags, 2):
             own = np.float32(0.5 if lag == 1 else 0.0)
             a, b = lags - lag, lags - lag - 1
-            near = chip[a : a + n], y_re[a : a + n], y_im[a : a + n]
-            far = chip[b : b + n], y_re[b : b + n], y_im[b : b + n]
-            chip_power += 2 * _two_lag_sums(own, c, yr, yi, *near, *far)
+            near = phase_apart(step, lag), y_re[a : a + n], y_im[a : a + n]
+            far = phase_apart(step, lag + 1), y_re[b : b + n], y_im[b : b + n]
+            chip_power += 2 * _two_lag_sums(own, f, yr, yi, *near, *far)
     return out, chip_power

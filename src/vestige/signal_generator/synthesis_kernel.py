@@ -23,12 +23,16 @@ from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
     WINDOW_REACH_CHIPS,
     chip_at,
+    fill_fractions,
     fill_windows,
     interior,
     window_delay,
 )
 from vestige.signals.float_kernel import bits_of, float_of, fma
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
+
+# Length of a row of tables; rows at a distance of 4096 bytes would displace each other from the first-level cache
+_ROW = BLOCK + 48
 
 
 @njit(inline="always")
@@ -100,11 +104,11 @@ def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate
     n_samples, n_rays = x.size // 2, delays.size
     middle, reach = (delays.max() + delays.min()) / 2, (delays.max() - delays.min()) / 2
     last = (n_rays - 1) // 2 * 2  # first path of the last pair
-    cos, sin = np.zeros((last + 2, BLOCK), np.float32), np.zeros((last + 2, BLOCK), np.float32)
+    cos, sin = np.zeros((last + 2, _ROW), np.float32), np.zeros((last + 2, _ROW), np.float32)
     a, shift = np.zeros(last + 2, np.complex128), np.zeros(last + 2, np.uint32)
     for r in range(n_rays):
         shift[r] = window_delay(delays[r] - middle)
-        rotator_table((if_hz + ray_hz[r]) * dt, cos[r], sin[r])
+        rotator_table((if_hz + ray_hz[r]) * dt, cos[r, :BLOCK], sin[r, :BLOCK])
     window, fraction = np.zeros(BLOCK, np.uint32), np.zeros(BLOCK, np.uint32)
     s_re, s_im = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
     places = from_middle()
@@ -119,7 +123,8 @@ def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate
             continue
         i0, i1 = interior(u0, step, reach, n_chips, n)
         if i1 > i0:
-            fill_windows(packed, u0 + i0 * step, step, i1 - i0, window, fraction)
+            fill_windows(packed, u0 + i0 * step, step, i1 - i0, window)
+            fill_fractions(u0 + i0 * step, step, fraction[: i1 - i0])
         for r in range(n_rays):
             a[r] = amplitudes[r] * turn_at(if_hz + ray_hz[r], doppler_rate, tm)
         inside = i1 - i0 == n

@@ -16,17 +16,23 @@ needed for single samples.
 with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. The phase, modulo 32 chips and cut to 27
 fraction bits, is added to the phase of the delay (`window_delay`). The five upper bits of the sum are the shift. A chip
 edge is exact to 2^-27 chip (0.4 µm). A loop over the samples with a float64 code phase finds the same chip at every
-sample.
+sample. Two samples lie in the same chip if the later sample is far enough behind the chip's start (`phase_apart`).
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
 from vestige.kernel_cache import njit
 from vestige.records.packed_chips import PAD
+from vestige.signals.rotator_kernel import BLOCK
 
 GROUP = 32  # samples that share a window at most; the length of `window` is a multiple
 _SMALL_GROUP = 8
@@ -37,6 +43,9 @@ WINDOW_REACH_CHIPS = 8.0
 FRACTION_BITS = 27  # bits of a delay; five bits are left for 32 chips
 _LEAD = 8  # chips in a window before the chip of a group's first sample
 _PHASE_BITS = 40  # fraction bits of the code phase
+_CUT_BITS = _PHASE_BITS - FRACTION_BITS
+# A loop that counts its samples itself is compiled to 64-bit sums, which take twice as long as 32-bit sums
+_NUMBERS = np.arange(BLOCK, dtype=np.uint32)
 
 
 @njit(inline="always")
@@ -86,12 +95,27 @@ def _window(packed, phase):
     return np.uint32(late ^ np.uint32(np.uint32(early ^ late) & np.uint32(np.uint32(0xFFFFFFFF) >> np.uint32(place))))
 
 
-@njit(cache=True, nogil=True)
-def _fill_groups(packed, phase, step, n, group, window):
-    """Fill the windows of n samples, `group` by `group`.
+def _store_copies(_context, array, first, value):
+    def code(context, builder, signature, arguments):
+        copies = ir.VectorType(ir.IntType(32), GROUP)
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        lanes = ir.VectorType(ir.IntType(32), GROUP)(None)  # lane 0 for each copy
+        one = builder.insert_element(ir.Constant(copies, ir.Undefined), arguments[2], ir.IntType(32)(0))
+        place = builder.bitcast(builder.gep(data, [arguments[1]]), copies.as_pointer())
+        builder.store(builder.shuffle_vector(one, one, lanes), place, align=4)
+        return context.get_dummy_value()
 
-    If `group` were a constant, the compiler would store the samples of a group one by one instead of vectors.
-    """
+    return types.none(array, types.uint64, types.uint32), code
+
+
+# Store GROUP copies of a uint32 in an array of uint32, from element `first` on, by vector instructions; for compiled
+# code only. The compiler turns a loop of GROUP steps into single stores, which take four times as long.
+_copy_to_group: Any = intrinsic(_store_copies)
+
+
+@njit(cache=True, nogil=True)
+def _fill_small_groups(packed, phase, step, n, group, window):
+    """Fill the windows of n samples, `group` by `group`."""
     for g in range(np.uint64((n + group - 1) // group)):
         shared = _window(packed, phase)
         phase += group * step
@@ -100,8 +124,8 @@ def _fill_groups(packed, phase, step, n, group, window):
 
 
 @njit(cache=True, nogil=True)
-def fill_windows(packed, u0, step, n, window, fraction):
-    """Fill window and fraction of n consecutive samples.
+def fill_windows(packed, u0, step, n, window):
+    """Fill the windows of n consecutive samples.
 
     Parameters
     ----------
@@ -109,30 +133,43 @@ def fill_windows(packed, u0, step, n, window, fraction):
         `packed_chips` of the code.
     u0, step
         Code phase of the first sample and its step, in chips; all phases lie in the code.
-    window, fraction
+    window
         uint32[m]; m is a multiple of GROUP and not less than n. The sign bit of `window[i] << ((fraction[i] +
-        window_delay(d)) >> FRACTION_BITS)` is the chip of sample i at a delay of d chips.
+        window_delay(d)) >> FRACTION_BITS)` is the chip of sample i at a delay of d chips (`fill_fractions`).
     """
-    p0, dp, base = _fixed(u0, step)
-    p0 += (base + PAD) << _PHASE_BITS
-    # ⌊(p0 + i dp) / 2^cut⌋ modulo 2³² by 32-bit sums, because a vector has twice as many 32-bit as 64-bit numbers: the
-    # lower parts have `cut` bits, so their sum over a block does not overflow
-    cut, low = np.uint32(_PHASE_BITS - FRACTION_BITS), np.uint32((1 << (_PHASE_BITS - FRACTION_BITS)) - 1)
-    high_step, low_step = np.uint32(dp >> (_PHASE_BITS - FRACTION_BITS)), np.uint32(np.uint32(dp) & low)
-    high_sum, low_sum = np.uint32(p0 >> (_PHASE_BITS - FRACTION_BITS)), np.uint32(np.uint32(p0) & low)
-    for i in range(n):
-        fraction[i] = np.uint32(high_sum + np.uint32(low_sum >> cut))
-        high_sum, low_sum = np.uint32(high_sum + high_step), np.uint32(low_sum + low_step)
-    group = 1
+    phase, dp, base = _fixed(u0, step)
+    phase += (base + PAD) << _PHASE_BITS
     if (GROUP - 1) * dp <= _GROUP_SPAN << _PHASE_BITS:
-        group = GROUP
-    elif (_SMALL_GROUP - 1) * dp <= _GROUP_SPAN << _PHASE_BITS:
-        group = _SMALL_GROUP
-    _fill_groups(packed, p0, dp, n, group, window)
+        for g in range(np.uint64((n + GROUP - 1) // GROUP)):
+            _copy_to_group(window, g * np.uint64(GROUP), _window(packed, phase))
+            phase += GROUP * dp
+    else:
+        group = _SMALL_GROUP if (_SMALL_GROUP - 1) * dp <= _GROUP_SPAN << _PHASE_BITS else 1
+        _fill_small_groups(packed, phase, dp, n, group, window)
 
 
 @njit(cache=True, nogil=True)
-def fill_chip_numbers(fraction, chip):
-    """Fill int32[n] `chip` with the chip that each sample meets without delay, modulo 32 chips."""
-    for i in range(chip.size):
-        chip[i] = np.int32(fraction[i] >> np.uint32(FRACTION_BITS))
+def fill_fractions(u0, step, fraction):
+    """Fill uint32[n], n ≤ BLOCK, with the code phases of consecutive samples, modulo 32 chips, in 2^-27 chip."""
+    p0, dp, base = _fixed(u0, step)
+    p0 += base << _PHASE_BITS
+    # ⌊(p0 + i dp) / 2^cut⌋ modulo 2³² by 32-bit sums, because a vector has twice as many 32-bit as 64-bit numbers: the
+    # lower parts have `cut` bits, so their sum over a block does not overflow
+    cut, lower = np.uint32(_CUT_BITS), np.uint32((1 << _CUT_BITS) - 1)
+    high, low = np.uint32(p0 >> _CUT_BITS), np.uint32(np.uint32(p0) & lower)
+    high_step, low_step = np.uint32(dp >> _CUT_BITS), np.uint32(np.uint32(dp) & lower)
+    for i in range(fraction.size):
+        k = _NUMBERS[i]
+        carried = np.uint32(np.uint32(low + np.uint32(k * low_step)) >> cut)
+        fraction[i] = np.uint32(high + np.uint32(k * high_step) + carried)
+
+
+@njit(cache=True, nogil=True)
+def phase_apart(step, lag):
+    """Return the smallest phase in its chip, in 2^-27 chip, of a sample whose chip began `lag` samples ago or earlier.
+
+    The phase in the chip is the lower FRACTION_BITS bits of a fraction. A chip shorter than the lag gives more than any
+    phase.
+    """
+    apart = (lag * np.int64(np.round(step * 2.0**_PHASE_BITS)) + (1 << _CUT_BITS) - 1) >> _CUT_BITS
+    return np.uint32(min(apart, 1 << FRACTION_BITS))

@@ -3,6 +3,9 @@
 One table for the constant frequency rotates all samples of a block. The phase of the block and the rate of change of
 the frequency are computed in float64 at the block's middle. The table is the product of a few coarse and fine steps, so
 that a table costs 64 sines instead of 1024.
+
+The phase of a block is a phasor by polynomials [CEPHES, double precision]. They take half the time of the C library, and
+give the same bits with every C library.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -16,6 +19,29 @@ from vestige.kernel_cache import njit
 BLOCK = 1024  # samples; the arrays of a block stay in the first-level cache
 MIDDLE = BLOCK // 2
 _FINE = 32
+# sine and cosine on ±π/4 [CEPHES, sin and cos]
+_S = (
+    -1.66666666666666307295e-1, 8.33333333332211858878e-3, -1.98412698295895385996e-4, 2.75573136213857245213e-6,
+    -2.50507477628578072866e-8, 1.58962301576546568060e-10,
+)  # fmt: skip
+_C = (
+    4.16666666666665929218e-2, -1.38888888888730564116e-3, 2.48015872888517045348e-5, -2.75573141792967388112e-7,
+    2.08757008419747316778e-9, -1.13585365213876817300e-11,
+)  # fmt: skip
+
+
+@njit(inline="always")
+def _phasor(cycles):
+    """Return exp(j2π cycles) with an error of at most 2e-16 beyond the rounding of the phase."""
+    quarters = np.floor(4 * cycles + 0.5)
+    a = 2 * np.pi * (cycles - 0.25 * quarters)
+    z = a * a
+    sin = a + a * z * (_S[0] + z * (_S[1] + z * (_S[2] + z * (_S[3] + z * (_S[4] + z * _S[5])))))
+    cos = 1 - 0.5 * z + z * z * (_C[0] + z * (_C[1] + z * (_C[2] + z * (_C[3] + z * (_C[4] + z * _C[5])))))
+    quarter = np.int64(quarters) & 3
+    if quarter & 1:
+        cos, sin = -sin, cos
+    return complex(-cos, -sin) if quarter & 2 else complex(cos, sin)
 
 
 @njit(cache=True, nogil=True)
@@ -43,5 +69,4 @@ def from_middle():
 def turn_at(frequency_hz, rate_hz_per_s, t):
     """Return exp(j2π(f t + ½ ḟ t²)); whole cycles are removed first."""
     cycles, more = frequency_hz * t, 0.5 * rate_hz_per_s * t * t
-    phase = 2 * np.pi * ((cycles - np.floor(cycles)) + (more - np.floor(more)))
-    return complex(np.cos(phase), np.sin(phase))
+    return _phasor((cycles - np.floor(cycles)) + (more - np.floor(more)))

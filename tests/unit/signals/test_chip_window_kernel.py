@@ -11,9 +11,10 @@ from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
     GROUP,
     WINDOW_REACH_CHIPS,
-    fill_chip_numbers,
+    fill_fractions,
     fill_windows,
     interior,
+    phase_apart,
     window_delay,
 )
 
@@ -21,11 +22,11 @@ from vestige.signals.chip_window_kernel import (
 def chips_met(chips: np.ndarray, u0: float, step: float, delays: list[float], n: int) -> np.ndarray:
     """The chip of every sample at every delay, through windows and shifts."""
     room = -(-n // GROUP) * GROUP
-    window, fraction, chip = np.empty(room, np.uint32), np.empty(room, np.uint32), np.empty(n, np.int32)
-    fill_windows(packed_chips(chips), u0, step, n, window, fraction)
-    fill_chip_numbers(fraction, chip)
-    assert np.array_equal(chip, np.floor(u0 + step * np.arange(n)).astype(int) % 32)
-    shifts = [(fraction[:n] + np.uint32(window_delay(d))) >> np.uint32(FRACTION_BITS) for d in delays]
+    window, fraction = np.empty(room, np.uint32), np.empty(n, np.uint32)
+    fill_windows(packed_chips(chips), u0, step, n, window)
+    fill_fractions(u0, step, fraction)
+    assert np.array_equal(fraction >> FRACTION_BITS, np.floor(u0 + step * np.arange(n)).astype(int) % 32)
+    shifts = [(fraction + np.uint32(window_delay(d))) >> np.uint32(FRACTION_BITS) for d in delays]
     return np.array([1 - 2 * ((window[:n] << shift) >> np.uint32(31)).astype(int) for shift in shifts])
 
 
@@ -51,10 +52,22 @@ def test_windows_give_the_chip_at_every_delay(
 @given(u0=st.floats(8, 1000), step=st.floats(0.05, 25.0))
 def test_the_fraction_is_that_of_whole_numbers(u0: float, step: float) -> None:
     """Phase and step have 40 fraction bits; all that follows is exact."""
-    window, fraction = np.empty((2, 1024), np.uint32)
-    fill_windows(packed_chips(np.ones(27_000, np.int8)), u0, step, 1024, window, fraction)
+    fraction = np.empty(1024, np.uint32)
+    fill_fractions(u0, step, fraction)
     start, each = round(u0 % 1 * 2**40) + (int(u0) << 40), round(step * 2**40)
     assert fraction.tolist() == [(start + i * each >> 40 - FRACTION_BITS) % 2**32 for i in range(1024)]
+
+
+@given(u0=st.floats(0, 1000), step=st.floats(0.05, 25.0), lag=st.integers(1, 24))
+def test_samples_share_a_chip_if_their_phases_are_far_enough_from_its_start(u0: float, step: float, lag: int) -> None:
+    fraction = np.empty(1024, np.uint32)
+    fill_fractions(u0, step, fraction)
+    phases, each = round(u0 % 1 * 2**40) + round(step * 2**40) * np.arange(1024), round(step * 2**40)
+    chips = phases >> 40
+    in_chip = fraction[lag:] & (2**FRACTION_BITS - 1)
+    off_edge = np.abs((phases[lag:] & (2**40 - 1)) - lag * each) > 2**13  # phases are cut to 2^-27 chip
+    same = in_chip >= phase_apart(step, lag)
+    assert np.array_equal(same[off_edge], (chips[lag:] == chips[:-lag])[off_edge])
 
 
 @pytest.mark.parametrize("side", [-1, 1])
