@@ -96,6 +96,9 @@ def _window(packed, phase):
 
 
 def _store_copies(_context, array, first, value):
+    if (array.dtype, first, value) != (types.uint32, types.uint64, types.uint32):
+        return None  # numba then reports that no such operation exists for these types
+
     def code(context, builder, signature, arguments):
         copies = ir.VectorType(ir.IntType(32), GROUP)
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
@@ -105,7 +108,7 @@ def _store_copies(_context, array, first, value):
         builder.store(builder.shuffle_vector(one, one, lanes), place, align=4)
         return context.get_dummy_value()
 
-    return types.none(array, types.uint64, types.uint32), code
+    return types.none(array, first, value), code
 
 
 # Store GROUP copies of a uint32 in an array of uint32, from element `first` on, by vector instructions; for compiled

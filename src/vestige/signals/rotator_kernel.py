@@ -4,8 +4,8 @@ One table for the constant frequency rotates all samples of a block. The phase o
 the frequency are computed in float64 at the block's middle. The table is the product of a few coarse and fine steps, so
 that a table costs 64 sines instead of 1024.
 
-The phase of a block is a phasor by polynomials [CEPHES, double precision]. They take half the time of the C library, and
-give the same bits with every C library.
+The phasor of a block comes from polynomials [CEPHES, double precision]. They take half the time of the C library's
+functions, and give the same bits on machines with different C libraries.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
