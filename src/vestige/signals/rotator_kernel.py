@@ -1,8 +1,8 @@
-"""The carrier over one block of samples, as a table.
+"""Compute the carrier over one block of samples as a table.
 
-One table for the constant frequency rotates all samples of a block. The phase of the block and the rate of change of
-the frequency are computed in float64 at the block's middle. The table is the product of a few coarse and fine steps, so
-that a table costs 64 sines instead of 1024.
+A table for a constant frequency rotates all samples of a block. The phase of the block and the rate of change of the
+frequency are computed in float64 at the block's middle. The table is the product of a few coarse and fine steps, so
+that a table needs 64 sines instead of 1024.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -13,14 +13,14 @@ import numpy as np
 
 from vestige.kernel_cache import njit
 
-BLOCK = 1024  # samples; the arrays of a block stay in the first-level cache
+BLOCK = 1024  # number of samples in a block; the arrays of a block fit into the first-level cache
 MIDDLE = BLOCK // 2
 _FINE = 32
 
 
 @njit(cache=True, nogil=True)
 def rotator_table(cycles_per_sample, cos, sin):
-    """Fill float32[BLOCK] cosine and sine of the angle from the block's middle, exact to the rounding of float32."""
+    """Fill float32[BLOCK] with the cosine and sine of the angle from the block's middle, exact to float32 rounding."""
     fine = np.empty(_FINE, np.complex128)
     for b in range(_FINE):
         angle = 2 * np.pi * cycles_per_sample * b
@@ -35,7 +35,7 @@ def rotator_table(cycles_per_sample, cos, sin):
 
 @njit(cache=True, nogil=True)
 def from_middle():
-    """Return how many samples each sample of a block lies after the middle of the block, float32[BLOCK]."""
+    """Return the position of each sample relative to the middle of the block, in samples, as float32[BLOCK]."""
     return np.arange(-MIDDLE, BLOCK - MIDDLE).astype(np.float32)
 
 
