@@ -1,8 +1,9 @@
-"""The paper's lift-off attack: what the attacker does, what each detector concludes, and why. A few seconds.
+"""Show the paper's lift-off attack: the actions of the attacker, and the range of each detector, with the reasons.
 
     python examples/lift_off.py [FOLDER]
 
-Simulates `scenarios/liftoff.toml` as correlators into FOLDER (build/lift_off), prints the story, and draws it.
+The example takes a few seconds. The example simulates `scenarios/liftoff.toml` as correlators, stores the results in
+FOLDER (the default is build/lift_off), describes each phase of the attack in words, and draws the ranges.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from vestige.scenario.load import load_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# start in s, end in s, action of the attacker, its effect
+# Start in s, end in s, action of the attacker, effect of the action
 STORY = (
     (
         0,
@@ -61,7 +62,7 @@ STORY = (
 
 
 def main(folder: Path) -> None:
-    """Run the example."""
+    """Simulate the attack, print its phases and write the figure."""
     scenario = load_scenario(ROOT / "scenarios" / "liftoff.toml", ['fidelity="correlators"'])
     assert isinstance(scenario, CampaignScenario)
     shutil.rmtree(folder / "liftoff.zarr", ignore_errors=True)
@@ -94,7 +95,7 @@ def main(folder: Path) -> None:
 
 
 def _spoofing_signal(results: xarray.Dataset, inside: np.ndarray) -> str:
-    """Return delay and power of the spoofing signal at the beginning and at the end of a stretch, in words."""
+    """Return delay and power of the spoofing signal at the beginning and at the end of an interval, in words."""
     power_db = results["truth_spoofer_power_db"].values[inside, 0, 0]
     later_m = results["truth_spoofer_offset_m"].values[inside, 0, 0]
     if not np.isfinite(power_db).all():
@@ -105,7 +106,7 @@ def _spoofing_signal(results: xarray.Dataset, inside: np.ndarray) -> str:
 def _concludes(
     results: xarray.Dataset, belongs: xarray.DataArray, detector: str, inside: np.ndarray, limit_m: float
 ) -> str:
-    """Return the median range of a detector in a stretch, and the share of alarms, in words."""
+    """Return the median range of a detector in an interval, and the share of alarms, in words."""
     offset_m = results["range_offset_m"].sel(detector=detector).values[inside, 0]
     signal = belongs.sel(detector=detector).values[inside]
     alarms = np.isnan(offset_m) | (np.abs(offset_m) > limit_m)

@@ -1,12 +1,13 @@
-"""Find the channels that miss as many RECS as the paper's harsh channel; the count does not determine the reflections.
+"""Find the multipath channels in which as many RECS are missed as in the paper's harsh channel.
 
     python examples/multipath_calibration.py [FOLDER] [--epochs 100000]
 
-The paper [WFO, Sec. VI-A] gives a single number, 52 of 100,000 missed, but not power, delay and number of reflections.
-This script runs `scenarios/harsh.toml` as correlators over many channels. For each number of reflections and each mean
-excess delay the script finds the power at which 52 are missed. It then compares the other results of the paper: the
-cluster near −22.5 m and the standard deviation of the range offset. The script writes FOLDER/calibration.csv and
-FOLDER/calibration.png (build/calibration).
+The paper [WFO, Sec. VI-A] gives the number of missed RECS, 52 of 100,000, but not the power, delay and number of the
+reflections. The example shows that many channels have this number of misses. The script runs `scenarios/harsh.toml` as
+correlators over many channels. For each number of reflections and each mean excess delay the script finds the power at
+which 52 RECS are missed. The script then compares two other results of the paper: the cluster of range offsets near
+−22.5 m, and the standard deviation of the range offset. The script writes FOLDER/calibration.csv and
+FOLDER/calibration.png (the default folder is build/calibration).
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 POWERS_DB = (-22.0, -20.0, -18.0, -16.8, -15.8, -15.0, -14.0, -12.0)
 EXCESSES_M = (15.0, 25.0, 40.0, 80.0)
 RAYS = (1, 3)
-PAPER_MISSES = 52  # of 100,000
+PAPER_MISSES = 52  # missed RECS of 100,000
 CHUNK = 10_000
 
 
@@ -75,7 +76,7 @@ def outcome(n_rays: int, excess_m: float, power_db: float, epochs: int) -> Outco
 
 
 def calibrated(found: list[Outcome]) -> Outcome | None:
-    """Return the channel that misses as many RECS as the paper, from channels that differ in power only."""
+    """Interpolate the channel with as many missed RECS as the paper, from channels that differ only in power."""
     misses = np.array([one.misses for one in found])
     if not misses.min() < PAPER_MISSES < misses.max():
         return None
@@ -88,7 +89,7 @@ def calibrated(found: list[Outcome]) -> Outcome | None:
 
 
 def main() -> None:
-    """Run the example."""
+    """Run all channels, print the table, and write the file and the figure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "build" / "calibration")
     parser.add_argument("--epochs", type=int, default=100_000)
@@ -117,7 +118,7 @@ def main() -> None:
 
 
 def draw(found: dict[tuple[int, float], list[Outcome]], path: Path) -> None:
-    """Draw misses, cluster and standard deviation over the power."""
+    """Draw the misses, the offsets in the cluster and the standard deviation of the range against the power."""
     figure = Figure(figsize=(6.3, 7.0), layout="constrained")
     panels = figure.subplots(3, 1, sharex=True)
     labels = (

@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 
     run = run_scenario
 
-# Public names in the order of use, each with its module. If the name in the module differs, it follows after a colon.
+# Public names in the order of use, each with its module. A different name in the module follows the module after a
+# colon.
 _HOME = {
     "open_recording": "recording.recording",
     "read_assistance": "recording.assistance.folder",

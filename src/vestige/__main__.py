@@ -1,4 +1,4 @@
-"""`python -m vestige`: the command line."""
+"""Run the command line with `python -m vestige`."""
 
 from vestige.cli.main import main
 

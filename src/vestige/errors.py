@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-LONGEST = 1000  # characters of a message; contents of a file or an option may be longer
+LONGEST = 1000  # largest number of characters of a message, because contents of a file or an option may be longer
 
 
 class VestigeError(Exception):
-    """Input (a file, a key, an option) is not usable; the message is one line for the user.
+    """Input (a file, a key, an option) is not usable. The message is one line for the user.
 
     Errors in the program itself are `ValueError` or `AssertionError`, never `VestigeError`.
 
@@ -39,11 +39,11 @@ class InputFileError(VestigeError):
     Parameters
     ----------
     path
-        The file.
+        File that cannot be read.
     place
-        Position in the file: a byte offset, a line, a field.
+        Position in the file: a byte offset, a line, or a field.
     found, expected
-        The value at that position, and the expected value.
+        Value at the position, and expected value.
     """
 
     def __init__(self, path: Path | str, place: str, found: object, expected: object) -> None:
@@ -56,11 +56,11 @@ class InputFileError(VestigeError):
 
 
 class AuthenticationError(VestigeError):
-    """A signature, hash, chain or tag does not verify; data that depends on it must not be used."""
+    """A signature, hash, chain or tag does not verify, so dependent data must not be used."""
 
 
 class UnsupportedError(VestigeError):
-    """The input is valid, but vestige does not support a part of the standard; the message names this part."""
+    """The input is valid, but vestige does not support a part of the standard, which the message names."""
 
 
 class SettingError(ValueError):
@@ -69,9 +69,9 @@ class SettingError(ValueError):
     Parameters
     ----------
     place
-        Key of the value, relative to the checked table: `delay_s`, `receiver.clock`.
+        Key of the value, relative to the checked table, such as `delay_s` or `receiver.clock`.
     found, expected
-        The value at that key, and the expected value.
+        Value at the key, and expected value.
     """
 
     def __init__(self, place: str, found: object, expected: str) -> None:
@@ -96,7 +96,7 @@ def printable(text: str) -> str:
 
 
 def _whole(value: object) -> str:
-    """Return the expected value as printable text; the text says what to do, so it is not cut here."""
+    """Return the expected value as printable text, which is not cut because the text says what to do."""
     return printable(value if isinstance(value, str) else repr(value))
 
 
@@ -111,4 +111,4 @@ def _short(value: object, limit: int = 80) -> str:
 
 
 class VestigeWarning(UserWarning):
-    """Warning about valid input that a user should change; the command line prints it as one line."""
+    """Warning about valid input that a user should change. The command line prints the warning as one line."""

@@ -1,4 +1,4 @@
-"""Lock of a folder for a single writer; a second writer gets an error and writes nothing."""
+"""Lock a folder for a single writer. A second writer gets an error and writes nothing."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pathlib import Path
 
 from vestige.errors import InputFileError
 
-_NO_LOCKS_HERE = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)  # network file systems without locks
+_NO_LOCKS_HERE = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)  # errors of network file systems without locks
 
 
 @contextmanager
 def only_writer(folder: Path) -> Iterator[int]:
-    """Hold the lock of a folder, and yield the file descriptor of the folder; a missing folder is created.
+    """Hold the lock of a folder, and yield the file descriptor of the folder. A missing folder is created.
 
     The lock belongs to the process, so the kernel always releases it at the end of the process. Nothing is written into
     the folder. If the file system has no locks, the folder is used without a lock.

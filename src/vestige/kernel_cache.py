@@ -1,9 +1,10 @@
-"""The decorator of all kernels: machine code is recompiled after a change of any kernel.
+"""Compile kernels (functions for numba), and recompile their machine code after a change of any kernel.
 
 numba stores the machine code of a function on disk, and recompiles it if the function's own module has changed. numba
 ignores changes in modules whose functions are inlined. After an update of vestige such a function would silently use
 old code for tables of a new layout. E1 tracking once lost its satellites for this reason. numba recognises old code by
-a mark. So this module computes the mark from all kernels: the time of the newest change, and the total size.
+a mark that is stored with the code. So this module computes the mark from all kernels. The mark consists of the time of
+the newest change and the total size.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ import numba
 
 from vestige.source_version import PACKAGE
 
-# Modules whose functions or table layouts other modules inline. Kernels of any other module are used only in that
-# module.
+# patterns of modules whose functions or table layouts other modules inline; kernels of any other module are used only
+# in their own module
 KERNELS = ("packed_chips.py", "*_kernel.py", "*_vectors.py", "vector_ir.py", "vector_code.py")
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Return `numba.njit` with given options; the stored machine code is valid until any kernel changes.
+    """Return `numba.njit` with given options. The stored machine code is valid until any kernel changes.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     def compiled(function: Callable[..., Any]) -> Any:
         kernel = numba.njit(**options)(function)
         kept = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
-        if kept is not None:  # None if no cache was requested, or if numba is disabled
+        if kept is not None:  # `kept` is None if no cache was requested, or if numba is disabled
             kept._source_stamp = source_mark(PACKAGE, function.__code__.co_filename)
         return kernel
 
@@ -51,12 +52,12 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 @cache
 def source_mark(package: Path, module: str) -> tuple[int, int]:
-    """Return time of the newest change in ns, and total size in bytes, of one module and all kernels of a package."""
+    """Return the time of the newest change in ns and the total size in bytes of a module and of all kernels."""
     stats = [path.stat() for path in _kernels(package) | {Path(module)}]
     return max(one.st_mtime_ns for one in stats), sum(one.st_size for one in stats)
 
 
 @cache
 def _kernels(package: Path) -> frozenset[Path]:
-    """Return the modules of a package with functions that other modules inline; the folders are listed only once."""
+    """Return the modules of a package with functions that other modules inline. The folders are listed only once."""
     return frozenset(path for pattern in KERNELS for path in package.rglob(pattern))

@@ -19,9 +19,10 @@ from tempfile import TemporaryDirectory
 
 from vestige.errors import InputFileError
 
-STORE_MARK = "zarr.json"  # file in every folder of results
+STORE_MARK = "zarr.json"  # name of a file that is in every folder of results
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-NAME_KEPT = 50  # characters; a file name has at most 255 bytes
+# number of characters of the output's name in the name of the private folder; a file name has at most 255 bytes
+NAME_KEPT = 50
 
 
 def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: bool = False) -> None:
@@ -72,7 +73,7 @@ def replacement(output: Path) -> Iterator[Path]:
     InputFileError
         If `output` is a symbolic link or a device, or lies in the store of a campaign.
     OSError
-        If the output cannot be written; the error has the name of `output`.
+        If the output cannot be written. The error has the name of `output`.
     """
     _check_place(output)
     _check_replaceable(output)
@@ -88,14 +89,16 @@ def replacement(output: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(output: Path) -> Iterator[Path]:
-    """Yield a folder to write into, which becomes `output` at the end; of several writers only the first succeeds.
+    """Yield a folder to write into, which becomes `output` at the end.
+
+    If several writers have the same `output`, only the first writer succeeds.
 
     Raises
     ------
     InputFileError
         If `output` exists, at the beginning or at the end, or lies in the store of a campaign.
     OSError
-        If the output cannot be written; the error has the name of `output`.
+        If the output cannot be written. The error has the name of `output`.
     """
     check_new_folder(output)
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -136,14 +139,14 @@ def naming(output: Path, private: str | None = None) -> Iterator[None]:
 
 @contextmanager
 def _beside(output: Path) -> Iterator[Path]:
-    """Yield a path with the name of `output` in a private folder beside `output`; the folder is removed at the end."""
+    """Yield a path with the name of `output` in a private folder beside `output`. The folder is removed at the end."""
     try:
         folder = TemporaryDirectory(prefix=f".{output.name[:NAME_KEPT]}.", dir=output.parent)
     except OSError as error:
         error.filename = str(output)  # the name that the user knows
         raise
     with folder as private, naming(output, private):
-        yield Path(private) / output.name  # not the private folder, which only its owner can read
+        yield Path(private) / output.name  # not the private folder itself, because only the owner can read it
 
 
 def _sync(path: Path) -> None:
@@ -173,7 +176,7 @@ def _check_replaceable(output: Path) -> None:
     """Refuse an output that a rename would destroy by mistake."""
     try:
         mode = output.lstat().st_mode
-    except OSError:  # the path does not exist or cannot be checked; then writing raises the error
+    except OSError:  # the path does not exist or cannot be checked, so writing will raise the error
         return
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         found = "a symbolic link" if stat.S_ISLNK(mode) else "a device or a pipe"

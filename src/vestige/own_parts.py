@@ -1,4 +1,4 @@
-"""Parts that a user wrote: a detector, attack, error model or check in a module of the user's folder.
+"""Load parts that a user wrote: a detector, attack, error model or check in a module of the user's folder.
 
 A scenario names such a part as `module:Name`. The module is imported only from a folder that the user named (`--parts
 FOLDER`, `own_parts_from`). So another person's scenario or stored results cannot make vestige import a module. Every
@@ -23,7 +23,7 @@ from typing import Any
 
 from vestige.errors import VestigeError
 
-DIGITS = 12  # digits of a digest
+DIGITS = 12  # number of digits of a digest
 _KIND = re.compile(r"(?P<module>[A-Za-z_]\w*(\.[A-Za-z_]\w*)*):(?P<name>[A-Za-z_]\w*)", re.ASCII)
 _folders: list[Path] = []
 _digests: dict[str, str] = {}
@@ -35,9 +35,9 @@ class OwnPartError(VestigeError):
     Parameters
     ----------
     kind
-        `module:Name`.
+        Name of the part in scenarios, `module:Name`.
     found, expected
-        The found value, and the expected value.
+        Found value, and expected value.
     """
 
     def __init__(self, kind: str, found: str, expected: str) -> None:
@@ -66,7 +66,7 @@ def own_parts_from(folder: Path | str) -> None:
 
 
 def is_own(kind: object) -> bool:
-    """Return whether a kind names a user's part: `module:Name`."""
+    """Return whether a kind names a user's part, in the form `module:Name`."""
     return isinstance(kind, str) and ":" in kind
 
 
@@ -81,9 +81,9 @@ def part(kind: str, base: type) -> Any:
     Parameters
     ----------
     kind
-        `module:Name`.
+        Name of the class in scenarios, `module:Name`.
     base
-        The protocol that the class must satisfy, or its required base class.
+        Protocol that the class must satisfy, or required base class.
 
     Raises
     ------
@@ -119,9 +119,9 @@ def made(kind: str, cls: Any, **settings: int) -> Any:
     Parameters
     ----------
     kind
-        `module:Name` of the class.
+        Name of the class in scenarios, `module:Name`.
     cls
-        The class.
+        Class of the object.
     settings
         Arguments of the class.
 
@@ -152,21 +152,23 @@ def require_members(kind: str, thing: object, protocol: type) -> None:
 
 
 def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]) -> None:
-    """Raise if values from a user's part are not numbers of a required shape; vestige's own parts are not checked.
+    """Raise an error if values from a user's part are not numbers of a required shape.
+
+    Values from vestige's own parts are not checked.
 
     Parameters
     ----------
     part
-        The part.
+        Part that returned the values.
     name
         Name of the method that returned the values.
     values, shape
-        The returned values, and their required shape with epochs first.
+        Returned values, and their required shape with epochs first.
 
     Raises
     ------
     OwnPartError
-        If the values have another shape, or any value is not a number. Infinities are numbers.
+        If the values have another shape, or a value is not a number. Infinities are numbers.
     """
     if type(part).__module__.startswith("vestige."):
         return
@@ -209,7 +211,7 @@ def blamed_on_own_parts() -> Iterator[None]:
 
 
 def _module(kind: str, name: str) -> Any:
-    """Import and return a module from the folders."""
+    """Import and return a module from the folders that the user named."""
     if not _folders:
         raise OwnPartError(kind, "no folder of own parts", "--parts FOLDER, the folder of its module")
     stem = Path(*name.split("."))
@@ -242,7 +244,7 @@ def _digest(path: Path) -> str:
 
 
 def _place(traceback: TracebackType | None) -> tuple[Path, int, str] | None:
-    """Return file, line and module of the innermost traceback frame in a user's part; None if there is none."""
+    """Return file, line and module of the innermost traceback frame in a user's part; None without such a frame."""
     found = None
     while traceback is not None:
         path = Path(traceback.tb_frame.f_code.co_filename)

@@ -1,4 +1,4 @@
-"""Source of snapshots, the common interface of a simulation and a recording."""
+"""Interface of a source of snapshots, which a simulation and a recording have in common."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Source(Protocol):
 
     @property
     def assistance(self) -> AssistanceData:
-        """RECS, group delays and validated keys for these snapshots."""
+        """RECS, group delays and validated keys for the snapshots of this source."""
         ...
 
     def __iter__(self) -> Iterator[SnapshotBlock]:

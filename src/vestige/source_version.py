@@ -1,4 +1,4 @@
-"""Version of vestige and kind of processor, which both affect the bits of results."""
+"""Return the version of vestige and the kind of CPU, which both affect the bits of results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).resolve().parent
 
 @cache
 def vestige_version() -> str:
-    """Return version and digest of the source, `0.2.0+source.1f2e3d4c5b6a`; equal code gives the same digest."""
+    """Return version and digest of the source, such as `0.2.0+source.1f2e3d4c5b6a`; equal code gives equal digests."""
     return f"{__version__}+source.{source_digest(PACKAGE)}"
 
 
@@ -29,10 +29,9 @@ def source_digest(package: Path) -> str:
 
 
 def processor_name() -> str:
-    """Return LLVM's name of this processor, such as `znver3`.
+    """Return LLVM's name of this CPU, such as `znver3`.
 
-    The kernels are compiled for this processor. The vector instructions of the processor set the order in which the
-    terms of a sum are added. So sums over samples differ between kinds of processor in the last digits of single
-    precision.
+    The kernels are compiled for this CPU. The vector instructions of the CPU determine the order in which the terms of
+    a sum are added. So sums over samples differ between kinds of CPU in the last digits of single precision.
     """
     return str(get_host_cpu_name())

@@ -1,7 +1,7 @@
-"""Named streams of random numbers: the same seed and labels give the same stream, in any order of use.
+"""Make named streams of random numbers: the same seed and labels give the same stream, in any order of use.
 
-There is no global generator and no seed per worker. Labels give the purpose of the numbers and the epoch or satellite:
-`stream(seed, "multipath", epoch)`.
+There is no global generator and no seed per worker. Labels give the purpose of the numbers, and the epoch or satellite,
+as in `stream(seed, "multipath", epoch)`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ def stream_key(seed: int, *labels: str | int) -> bytes:
 
 
 def stream(seed: int, *labels: str | int) -> np.random.Generator:
-    """Return the generator of `seed` and `labels`.
+    """Return the random generator of the stream with `seed` and `labels`.
 
     Philox is counter based, so streams with different keys do not overlap.
     """

@@ -1,7 +1,7 @@
-"""Galileo System Time (GST) with full precision.
+"""Represent Galileo System Time (GST) with full precision.
 
-A float64 time of week has steps of 0.1 ns, that is 3.5 cm of range. So an absolute time is never a single float here,
-but a week, a whole second of the week and a fraction. Differences of two times are floats.
+A float64 time of week has steps of 0.1 ns, which is 3.5 cm of range. So an absolute time is never a single float. An
+absolute time is a week, a whole second of the week and a fraction. The difference of two times is a float in s.
 
 GST started on 1999-08-22 00:00:00 GST = 1999-08-21 23:59:47 UTC [OS-ICD, 5.1.2]. Receivers report UTC, so this module
 has a table of the leap seconds since 1999.
@@ -16,11 +16,11 @@ from datetime import UTC, datetime, timedelta
 
 from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
 
-GST_EPOCH = datetime(1999, 8, 22, tzinfo=UTC)  # read as GST, not UTC [OS-ICD, 5.1.2]
-LAST_YEAR = 9000  # latest year of an input; calendars end with 9999, and results may be later than the input
-MAX_WEEK = 400_000  # year 9665
+GST_EPOCH = datetime(1999, 8, 22, tzinfo=UTC)  # `UTC` stands for GST here [OS-ICD, 5.1.2]
+LAST_YEAR = 9000  # latest year of an input; the calendar ends in 9999, and results may be later than the input
+MAX_WEEK = 400_000  # largest week of a time, in the year 9665
 
-# (first UTC day of validity, GST - UTC in seconds) [IERS Bulletin C]
+# First UTC day of validity, and GST − UTC in s [IERS Bulletin C]
 LEAP_SECONDS = (
     (datetime(2017, 1, 1, tzinfo=UTC), 18),
     (datetime(2015, 7, 1, tzinfo=UTC), 17),
@@ -43,7 +43,7 @@ class GalileoTime:
     Parameters
     ----------
     week
-        Full Galileo week, not reduced modulo 4096, 0 to `MAX_WEEK`.
+        Number of the Galileo week, not reduced modulo 4096, 0 to `MAX_WEEK`.
     second
         Whole second of the week, 0 to 604799.
     fraction
@@ -52,7 +52,7 @@ class GalileoTime:
     Raises
     ------
     ValueError
-        If a number is out of its range; `normalized` accepts such numbers.
+        If a number is outside its range; `normalized` accepts such numbers.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class GalileoTime:
 
     @classmethod
     def normalized(cls, week: int, second: int, fraction: float = 0.0) -> GalileoTime:
-        """Return the time with second and fraction carried into range; both may be negative or too large."""
+        """Return the time for a second and a fraction that may be negative or too large."""
         whole = math.floor(fraction)
         fraction -= whole
         if fraction >= 1.0:  # a tiny negative fraction rounds up to 1.0
@@ -90,7 +90,7 @@ class GalileoTime:
         return GalileoTime.normalized(self.week, self.second + whole, self.fraction + (seconds - whole))
 
     def __sub__(self, other: GalileoTime) -> float:
-        """Return self - other in seconds."""
+        """Return the difference self - other in seconds."""
         whole = (self.week - other.week) * SECONDS_PER_WEEK + self.second - other.second
         return whole + (self.fraction - other.fraction)
 
@@ -111,7 +111,7 @@ class GalileoTime:
 
     @classmethod
     def from_calendar(cls, moment: datetime) -> GalileoTime:
-        """Return the time of a calendar date and time in GST; a time zone is ignored."""
+        """Return the time for a calendar date and time in GST; a time zone is ignored."""
         if moment.year > LAST_YEAR:
             raise ValueError(f"year {moment.year} is too late, expected {LAST_YEAR} at most")
         elapsed = moment.replace(tzinfo=UTC) - GST_EPOCH
@@ -122,21 +122,21 @@ class GalileoTime:
 
     @classmethod
     def from_utc(cls, moment: datetime) -> GalileoTime:
-        """Return the time of a UTC calendar date and time."""
+        """Return the time for a UTC calendar date and time."""
         moment = moment.replace(tzinfo=UTC)
         offset = next((leap for day, leap in LEAP_SECONDS if moment >= day), LEAP_SECONDS[-1][1])
         return cls.from_calendar(moment + timedelta(seconds=offset))
 
     @classmethod
     def parse(cls, text: str, *, default_scale: str = "GST") -> GalileoTime:
-        """Return the time that `text` names: `2025-12-12T13:22:16.5 GST`, `… UTC`, `…Z`, or `WEEK:SECOND`.
+        """Return the time that a text describes: `2025-12-12T13:22:16.5 GST`, `… UTC`, `…Z`, or `WEEK:SECOND`.
 
         Parameters
         ----------
         text
-            The time. A time without a scale is in `default_scale`.
+            Text of the time. A time without `GST`, `UTC` or `Z` is in `default_scale`.
         default_scale
-            `GST` or `UTC`.
+            Time scale, `GST` or `UTC`.
 
         Raises
         ------

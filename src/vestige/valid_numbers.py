@@ -8,7 +8,7 @@ from vestige.errors import VestigeError
 
 
 def require_finite(owner: str, **values: float) -> None:
-    """Check that all values are finite; each value is given under the name of its field.
+    """Check that all values are finite; each keyword is the name of a field for the message.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def _not_finite(owner: str, name: str, value: float) -> VestigeError:
 
 
 def require_time_uncertainty(seconds: float) -> None:
-    """Check an upper limit of a clock's error in s: 0 or more, infinite if the limit is unknown.
+    """Check that an upper limit of a clock error in s is 0 or more; an unknown limit is infinite.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The type of a usable TESLA key with its times on air; RECS are decrypted only with such keys."""
+"""Define the type of a validated TESLA key with its times on air; only such keys decrypt RECS."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any, NoReturn
 from vestige.time import GalileoTime
 
 _ROOM = "vestige.crypto.osnma.messages.tesla"
-_KINDS: list[type] = []  # the only class of validated keys, once the class exists
+_KINDS: list[type] = []  # contains the only class of validated keys, after the class is defined
 
 
 class ValidatedKey:
-    """A TESLA key that leads to a signed root key; only `vestige.crypto.osnma.messages.tesla.validate` makes one.
+    """TESLA key that leads to a signed root key; only `vestige.crypto.osnma.messages.tesla.validate` makes such a key.
 
-    Neither the constructor nor `dataclasses.replace` makes or changes a validated key. A pickled key is validated again
-    when it is read. These checks protect against mistakes and short cuts. Python cannot prevent code that calls
+    The constructor and `dataclasses.replace` refuse to make or change a validated key. A pickled key is validated again
+    when the pickle is read. These checks protect against programming errors. Python cannot prevent code that calls
     `object.__setattr__`, uses attributes whose names begin with an underscore, or replaces functions of vestige.
     """
 
@@ -46,17 +46,20 @@ class ValidatedKey:
 
     @property
     def time(self) -> GalileoTime:
-        """GST_SF of the key: start of the subframe in which it is transmitted."""
+        """GST_SF of the key, the start of the subframe in which the key is transmitted."""
         raise NotImplementedError
 
     @property
     def disclosed_at(self) -> GalileoTime:
-        """Earliest time at which a bit of the key is on air. Samples must be taken before this time."""
+        """Earliest time at which a bit of the key is on air.
+
+        Samples for a RECS with this key must be taken before this time.
+        """
         raise NotImplementedError
 
     @property
     def complete_at(self) -> GalileoTime:
-        """Time at which the last bit of the key has been sent, the earliest possible time of a verdict."""
+        """Time at which the last bit of the key has been sent, which is the earliest possible time of a verdict."""
         raise NotImplementedError
 
     @property

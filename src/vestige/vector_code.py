@@ -1,6 +1,6 @@
-"""Tools for kernels whose inner loop is written as LLVM code.
+"""Provide tools for kernels whose inner loop is written as LLVM code.
 
-numba vectorises simple loops, but numba cannot keep several vectors in registers over a loop.
+numba vectorises simple loops, but cannot keep several vectors in registers during a loop.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -11,14 +11,14 @@ from llvmlite import ir
 
 
 class Lanes:
-    """Loads and stores of vectors at an element of a numba array."""
+    """Access to a numba array that loads and stores vectors at an element."""
 
     def __init__(self, context, builder, array_type, array):
         self.builder = builder
         self.data = context.make_array(array_type)(context, builder, array).data
 
     def at(self, index, vector):
-        """Return the address of a vector."""
+        """Return the address of the vector that begins at an element."""
         return self.builder.bitcast(self.builder.gep(self.data, [index]), vector.as_pointer())
 
     def load(self, index, vector, align):
@@ -30,7 +30,7 @@ class Lanes:
         self.builder.store(value, self.at(index, value.type), align=align)
 
     def number(self, index):
-        """Return a single element."""
+        """Return the number at a single element."""
         return self.builder.load(self.builder.gep(self.data, [index]))
 
 

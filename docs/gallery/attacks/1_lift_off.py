@@ -2,9 +2,9 @@
 The lift-off attack
 ===================
 
-Use this example to see when each detector follows a spoofing signal. The attacker repeats E6, sends a
-spoofing signal on top of the true signal, raises its power and moves it away. The attack is that of the paper's
-Section VI-B.
+Use this example to see when each detector follows a spoofing signal. The attacker repeats E6, so a
+spoofing signal appears on top of the true signal. The attacker raises the power of the spoofing signal, and then
+increases the delay of this signal. Section VI-B of the paper has the same attack.
 """
 
 # %%
@@ -21,12 +21,13 @@ from vestige.scenario.shipped import shipped_scenarios
 results = direct_results(ScenarioPlan(scenario=vs.load_scenario(liftoff, ['fidelity="correlators"'])))
 
 # %%
-# The upper axes show the power of the spoofing signal, the axes below the range that each detector measures. The early
-# detector returns to the true signal as soon as the two peaks part, because nothing can arrive before the true signal.
+# The upper axes show the power of the spoofing signal. The lower axes show the range that each detector measures. The
+# early detector returns to the true signal as soon as the two peaks are separate, because nothing can arrive before
+# the true signal.
 axes = plots.attack_comparison(results)
 
 # %%
-# The numbers hold for the last 300 s.
+# The numbers are valid for the time from 1200 s on.
 last = results["time_s"].values >= 1200
 for detector in ("early", "maximum"):
     offset_m = results["range_offset_m"].sel(detector=detector).values[last, 0]

@@ -2,12 +2,13 @@
 Correlators against time
 ========================
 
-Use this figure to see a second signal come and go. The waterfall of the paper is drawn as a landscape and as a map.
+Use this figure to see a second signal appear and move away. The waterfall of the paper is drawn as a surface and as a
+map.
 """
 
 # %%
-# In the lift-off attack the spoofing signal is on top of the true signal at 600 s and then moves away. The two peaks
-# part at about 850 s.
+# In the lift-off attack the spoofing signal has the delay of the true signal at 600 s, and then moves away. The two
+# peaks separate at about 850 s.
 import vestige as vs
 from vestige import plots
 from vestige.campaign.execution.direct import direct_results
@@ -19,5 +20,5 @@ results = direct_results(ScenarioPlan(scenario=vs.load_scenario(liftoff, ['fidel
 landscape = plots.waterfall(results)
 
 # %%
-# The map shows every epoch. The two ridges are the true signal at 0 m and the spoofing signal at 71 m.
+# The map shows every epoch. The true signal stays at 0 m, and the spoofing signal ends at 71 m.
 map_axes = plots.waterfall_map(results)

@@ -2,12 +2,12 @@
 A sky of verdicts
 =================
 
-Use this example to read verdicts in a script. Two of eight satellites are pulled away; the sky plot shows the verdict
-of each satellite.
+Use this example to read verdicts in a script. An attacker pulls two of eight satellites away. The sky plot shows the
+verdict of each satellite.
 """
 
 # %%
-# ``vs.simulate`` is a source of snapshots, as a recording is. E1 of E07 and E13 is pulled away by 150 m.
+# ``vs.simulate`` is a source of snapshots, as a recording is. A spoofing signal pulls E1 of E07 and E13 away by 150 m.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -44,6 +44,6 @@ for place, svid in enumerate(results["svid"].values.tolist()):
 axes.set_rlim(0, 90)
 axes.set_xticks(np.radians([0, 90, 180, 270]), ["N", "E", "S", "W"])
 axes.set_yticks([30, 60], ["60°", "30°"])
-once = {line.get_label(): line for line in axes.lines}  # a line of the legend for each verdict
+once = {line.get_label(): line for line in axes.lines}  # one legend entry for each verdict
 figure.legend(once.values(), once.keys(), loc="outside lower center", ncols=4, frameon=False)
 plt.show()

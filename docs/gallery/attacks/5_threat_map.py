@@ -2,8 +2,8 @@
 A row of the threat table
 =========================
 
-Use this example to measure an attack against each mitigation level in a script. ``vestige threats --only A3 --quick``
-does the same.
+Use this example to measure an attack against each mitigation level in a script. The command
+``vestige threats --only A3 --quick`` makes the same measurement.
 """
 
 # %%

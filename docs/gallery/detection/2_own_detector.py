@@ -8,7 +8,7 @@ that counts as the signal. :doc:`/extend` says how a scenario names the class.
 """
 
 # %%
-# This detector takes the earliest peak that is at least a third as high as the highest correlator.
+# The detector takes the earliest peak that is at least a third as high as the highest correlator.
 from dataclasses import dataclass
 
 import matplotlib.pyplot as plt
@@ -42,14 +42,14 @@ MULTIPATH = 'receiver.multipath={kind="lms-lite", power_db=0.0, mean_excess_m=80
 (quick,) = (path for path in shipped_scenarios() if path.name == "quick.toml")
 results = direct_results(ScenarioPlan(scenario=vs.load_scenario(quick, [MULTIPATH])))
 magnitudes = np.abs(results["taps"].isel(satellite=0).values)
-noise = np.sqrt(results["noise_power"].isel(satellite=0).values / 2)[:, None]  # σ of one dimension
+noise = np.sqrt(results["noise_power"].isel(satellite=0).values / 2)[:, None]  # σ of one dimension of the noise
 detectors = {"own": RelativePeak(), "early": vs.EarlyDetector(), "maximum": vs.MaximumDetector()}
 threshold = vs.threshold(1e-7)
 chosen = {name: one.detect(magnitudes / noise, threshold) for name, one in detectors.items()}
 
 # %%
-# The figure shows which correlator each detector chooses. Correlators are 15 m apart; the prediction from E1 is at 0 m.
-# The counts on the right are reflections that a detector took for the signal.
+# The figure shows which correlator each detector chooses. Correlators are 15 m apart. The prediction from E1 is at
+# 0 m. The counts on the right are reflections that a detector took for the signal.
 offsets_m = results["tap_offset_m"].values
 figure, axes = plt.subplots(layout="constrained")
 for place, (name, taps) in enumerate(chosen.items()):

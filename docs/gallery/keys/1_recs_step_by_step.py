@@ -2,8 +2,9 @@
 Decrypt a RECS step by step
 ===========================
 
-Use this example to write a reader of RECS of your own, or to check one. The script encrypts 1 ms of E6-C chips as
-the server does. It decrypts the chips with hashlib and cryptography only, and shows the result of a wrong key.
+Use this example to write a reader of RECS of your own, or to check such a reader. The script encrypts 1 ms of E6-C
+chips as the server does. The script then decrypts the chips with hashlib and cryptography only, and shows the result
+of a wrong key.
 """
 
 # %%
@@ -23,7 +24,7 @@ from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E6C
 
 sent = vs.GalileoTime.parse("2026-11-21T12:00:16 GST")
-chips = primary_code(E6C, 11)  # 5115 chips, in place of encrypted chips
+chips = primary_code(E6C, 11)  # 5115 open chips, in place of encrypted chips
 secret = bytes(range(16))
 segment = encrypt(
     ChipSequence.of(svid=11, transmit_time=sent, chip_rate_hz=E6C.chip_rate_hz, chips=chips), secret, key_delay=1
@@ -31,8 +32,9 @@ segment = encrypt(
 print(f"{len(segment.cipher)} bytes, key of {segment.key_time}")
 
 # %%
-# **1. The AES key** is the SHA-256 of the OSNMA key. **2. The initialization vector** is the hash of the time of the
-# key's subframe. **3. AES-256 in CBC mode** gives the chips, one bit each, 0 for +1.
+# **1. The AES key** is the SHA-256 of the OSNMA key. **2. The initialization vector** is the first 16 bytes of
+# the SHA-256 of the time of the key's subframe and the random offset. **3. AES-256 in CBC mode** gives the chips as
+# bits. The bit 0 is the chip +1.
 wrapped = hashlib.sha256(secret).digest()
 word = (segment.key_time.week % 4096) << 20 | segment.key_time.second
 vector = hashlib.sha256(word.to_bytes(4, "big") + bytes([segment.random_offset]) + bytes(11)).digest()[:16]
@@ -48,7 +50,7 @@ def decrypted(aes_key):
 print("the same chips:", bool(np.array_equal(decrypted(wrapped), chips)))
 
 # %%
-# A wrong key gives random chips and no error message: only the correlation with the signal shows the mistake.
+# A wrong key gives random chips and no error message. Only the correlation with the signal shows the mistake.
 figure, axes = plt.subplots(layout="constrained")
 lag = np.arange(-60, 61)
 wrong = hashlib.sha256(bytes(16)).digest()

@@ -2,12 +2,13 @@
 How one OSNMA key proves another
 ================================
 
-Use this example to understand what "validated" means. Each key of the chain is the hash of the next one, so a receiver
-that knows one true key can check every later key, and nobody can compute a key before it is sent.
+Use this example to understand what "validated" means. Each key of the chain is the hash of the next key. So a
+receiver that knows a true key can check every later key. Nobody can compute a key before the key is sent.
 """
 
 # %%
-# The operator draws the last key of the chain, and hashes it down. The oldest key is the root key, which is signed.
+# The operator draws the last key of the chain at random, and computes the earlier keys with the hash. The oldest key is
+# the root key, which is signed.
 import secrets
 
 import matplotlib.pyplot as plt
@@ -26,12 +27,12 @@ for step in range(19, 0, -1):
 root, received = chain[0], chain[12]
 
 # %%
-# The receiver knows the root key. Six minutes later the receiver gets a key and hashes it down: the result must be the
-# root key.
+# The receiver knows the root key. Six minutes later the receiver gets a key. Twelve hashes of this key must give
+# the root key.
 
 
 def hashed_down(key):
-    """Return a key of 12:06:00 and the twelve keys before it, the root key last."""
+    """Return a key of 12:06:00 GST and the twelve keys before this key, the root key last."""
     keys = [key]
     for step in range(12, 0, -1):
         keys.append(one_way(keys[-1], start + 30 * (step - 1), parameters))
@@ -43,7 +44,7 @@ print("received key:", hashed_down(received)[-1] == root)
 print("forged key:  ", hashed_down(forged)[-1] == root)
 
 # %%
-# After one hash, half of all bits differ. A forged key that is nearly right is as wrong as any other forged key.
+# After one hash, half of all bits differ. A forged key with a single wrong bit fails like any other forged key.
 true_keys, forged_keys = (np.array([list(key) for key in hashed_down(one)], np.uint8) for one in (received, forged))
 differ = np.unpackbits(true_keys ^ forged_keys, axis=1)
 figure, axes = plt.subplots(layout="constrained")

@@ -28,15 +28,16 @@ recording = vs.open_recording(folder)
 batch = recording.e6.read(0, round(4e-3 * 12.5e6))
 
 # %%
-# The samples are complex numbers around the E6 carrier. The replica has the chip that is on air at each sample of 1 ms.
+# The samples are complex numbers around the E6 carrier. The replica has, for each sample of 1 ms, the chip that is on
+# air.
 rate_hz = batch.sample_rate_hz
 n = round(1e-3 * rate_hz)
 chips = primary_code(E6C, 3).astype(float)
 replica = chips[(np.arange(n) * E6C.chip_rate_hz / rate_hz).astype(int)]
 
 # %%
-# Two code periods of samples hold one whole period, wherever it begins. An FFT correlates at all code phases at once,
-# for each Doppler.
+# Two code periods of samples contain a whole code period, wherever this period begins. An FFT correlates at all code
+# phases at once, for each Doppler.
 samples, time_s = batch.samples[: 2 * n], np.arange(2 * n) / rate_hz
 spectrum = np.conj(np.fft.fft(replica, 2 * n))
 doppler_hz = np.arange(-3000, 3001, 250)

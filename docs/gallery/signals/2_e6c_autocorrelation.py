@@ -23,7 +23,7 @@ print(f"{chips.size} chips; highest side lobe {20 * np.log10(side_lobes.max()):.
 
 # %%
 # The figure shows the peak for the bandwidths of three front ends, and the peak of E1-C for comparison. A narrow front
-# end rounds the peak, so a second signal close by is harder to see.
+# end rounds the peak, so a second signal with a similar delay is harder to detect.
 chip_m = 299_792_458.0 / E6C.chip_rate_hz
 delay_m = np.linspace(-200, 200, 1601)
 figure, axes = plt.subplots(layout="constrained")

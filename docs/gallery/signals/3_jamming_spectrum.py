@@ -7,7 +7,7 @@ more power than the noise has.
 """
 
 # %%
-# The waveforms are those of ``[[attack]] kind = "jamming"`` in a scenario.
+# A scenario uses the same waveforms in ``[[attack]] kind = "jamming"``.
 import matplotlib.pyplot as plt
 import numpy as np
 from scipy.signal import welch
@@ -25,7 +25,8 @@ generator = np.random.default_rng(1)
 noise = generator.standard_normal((2, 250_000)) / np.sqrt(2)
 
 # %%
-# The pulsed and the wideband jammer have the same spectrum: only time tells them apart.
+# The pulsed and the wideband jammer have the same spectrum. Only the magnitude against time distinguishes these two
+# jammers.
 figure, axes = plt.subplots(2, 1, layout="constrained", figsize=(6.4, 6.4))
 for name, jammer in JAMMERS.items():
     samples = (noise[0] + 1j * noise[1]).astype(np.complex64)

@@ -21,7 +21,7 @@ code = np.repeat(primary_code(E1C, 11), 2) * np.tile([1.0, -1.0], 4092)  # BOC(1
 
 
 def signal(delay_s, doppler_hz, cn0_dbhz):
-    """Return E1-C of one satellite in noise of power 1."""
+    """Return the E1-C samples of one satellite, scaled for noise of power 1."""
     half_chip = np.floor((time_s - delay_s) * 2 * E1C.chip_rate_hz).astype(int) % code.size
     amplitude = np.sqrt(10 ** (cn0_dbhz / 10) / RATE_HZ)
     return amplitude * code[half_chip] * np.exp(2j * np.pi * doppler_hz * time_s)
@@ -32,8 +32,8 @@ noise = (generator.standard_normal(2 * n) + 1j * generator.standard_normal(2 * n
 samples = noise + signal(0.81e-3, 1700.0, CN0_DBHZ) + signal(2.18e-3, 1700.0, CN0_DBHZ + 4)
 
 # %%
-# Correlate one code period at each Doppler, and add the powers of two periods. ``vestige search e1`` does the same for
-# all satellites, over 100 ms.
+# Correlate one code period at each Doppler, and add the powers of two periods. ``vestige search e1`` makes this search
+# for all satellites, over 100 ms.
 replica = np.conj(np.fft.fft(code[np.floor(time_s[:n] * 2 * E1C.chip_rate_hz).astype(int) % code.size]))
 doppler_hz = np.arange(-500, 4001, 125)
 grid = np.zeros((doppler_hz.size, n))
@@ -45,7 +45,7 @@ grid /= np.median(grid)
 
 # %%
 figure, axes = plt.subplots(layout="constrained")
-shown = grid[:, : n // 64 * 64].reshape(doppler_hz.size, -1, 64).max(axis=2)  # the highest of 64 neighbours
+shown = grid[:, : n // 64 * 64].reshape(doppler_hz.size, -1, 64).max(axis=2)  # maximum of 64 neighbours
 mesh = axes.pcolormesh(np.linspace(0, 4, shown.shape[1]), doppler_hz, 10 * np.log10(shown), cmap="cividis", vmin=9)
 figure.colorbar(mesh, label="power over the median (dB)")
 arrow = {"color": "white", "width": 0.5, "headwidth": 4}

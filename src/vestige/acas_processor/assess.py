@@ -1,19 +1,22 @@
-"""Assess measured blocks: give verdicts, and carry the receiver's state from block to block [WFO, Sec. IV].
+"""Compute the verdicts of measured blocks, and carry the receiver's state from block to block [WFO, Sec. IV].
 
 Theory of operation
 -------------------
-`assess` judges a block of n epochs at once. The result has the same bits as the results of n blocks of one epoch. Most
-checks look only at the measurements of an epoch and of the epochs shortly before it. Two quantities depend on earlier
-verdicts. Reference levels are learned from epochs that raised no alarm. The range of the searches is the possible clock
-error, which depends on the last authentic position. So the block is judged with a guess of which epochs have no alarm:
+`assess` computes the verdicts of a block of n epochs at once. The result has the same bits as the results of n blocks
+of one epoch. Most checks use only the measurements of an epoch and of the epochs shortly before it. Two quantities
+depend on earlier verdicts. Reference levels are learned from epochs without an alarm. The searches cover the possible
+clock error, which depends on the last authentic position. So the verdicts of a block are computed from a guess, which
+says for each epoch whether there is no alarm:
 
-1. Guess that an epoch has no alarm if none of the checks that need no guess fails in it.
-2. Judge the block with the guess. The verdict of an epoch depends only on the guess for earlier epochs.
+1. In the first guess an epoch has no alarm if no check fails, among the checks that do not depend on the guess.
+2. Compute the verdicts of the block with the guess. The verdict of an epoch depends only on the guess for earlier
+   epochs.
 3. All verdicts up to and including the first wrongly guessed epoch are right. Take the result as the next guess and
    repeat step 2, until no guess was wrong. The guess for the last epoch may be wrong, because no other epoch depends on
-   it.
+   the last epoch.
 
-Every round settles at least one more epoch. Few rounds are needed, because epochs with an alarm follow each other.
+After every round the verdicts of at least one more epoch are right. Few rounds are needed, because epochs with an alarm
+follow each other.
 """
 
 from __future__ import annotations
@@ -51,16 +54,16 @@ from vestige.time import GalileoTime
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
-FORGET_S = 3600.0  # no verdict is due for a satellite that E1 has not tracked for this time, because it has set
-# clock error that a fix of fewer than `POSITION_SATELLITES` satellites leaves: the spread of the travel time from any
-# satellite to any receiver on Earth
+FORGET_S = 3600.0  # a satellite that E1 has not tracked for this time in s has set, and gets no verdict
+# Largest clock error after a fix of fewer than `POSITION_SATELLITES` satellites, in s: the spread of the travel time
+# from any satellite to any receiver on Earth
 TRAVEL_TIME_SPREAD_S = 0.07
 POSITION_SATELLITES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Guess:
-    """Assumption about each epoch: whether nothing raised an alarm, and the number of authentic satellites."""
+    """Assumption about each epoch: whether no satellite has an alarm, and the number of AUTHENTIC satellites."""
 
     quiet: Bool[np.ndarray, " n"]
     authentic: Int64[np.ndarray, " n"]
@@ -149,12 +152,12 @@ class _Assessment:
         return self._checks[name].series(self._with_memory(name, evidence))
 
     def _with_memory(self, name: CheckName | str, evidence: Evidence) -> Evidence:
-        """Return the evidence with what a check remembers of the epochs before the block."""
+        """Return the evidence with the memory of a check from the epochs before the block."""
         memory = self._state.memory.get(name)
         return replace(evidence, memory=memory) if memory else evidence
 
     def _settle(self) -> None:
-        """Judge the block repeatedly until the guess is right."""
+        """Compute the verdicts of the block repeatedly until the guess is right."""
         failed = {name: self._confirmed(series) for name, series in self._fixed.items()}
         guess, _ = self._combined(failed)
         while True:
@@ -164,7 +167,7 @@ class _Assessment:
             guess = found
 
     def _judge(self, guess: _Guess) -> _Guess:
-        """Judge the block with a guess, keep the results, and return the next guess, made from the verdicts."""
+        """Compute the verdicts with a guess, store the results, and return the next guess from the verdicts."""
         snapshots = self._measured.snapshots
         evidence = self._judged_by = self._evidence(self._references(guess.quiet & snapshots.recs))
         series = self._fixed | {
@@ -191,9 +194,9 @@ class _Assessment:
         return self._judged
 
     def _references(self, teaches: Bool[np.ndarray, " n"]) -> Mapping[Quantity, Reference]:
-        """Return the reference of each quantity at each epoch; an empty mapping if no check of the level needs any.
+        """Return the reference of each quantity at each epoch; an empty mapping if no check needs references.
 
-        `teaches` marks the epochs from which later epochs learn.
+        `teaches` marks the epochs from which the references of later epochs are learned.
         """
         if not self._needs_references:
             return {}
@@ -209,7 +212,7 @@ class _Assessment:
         return confirmed(series.failed, series.run, confirm, np.array([streaks.get(svid, 0) for svid in svids]))
 
     def _combined(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> tuple[_Guess, np.ndarray]:
-        """Return, from the failures of the checks, the next guess, and status and cause of each epoch and satellite."""
+        """Return the next guess, and status and cause of each epoch and satellite, from the failures of the checks."""
         available = self._fixed[CheckName.E6_POWER].run
         status, cause = combine(self._processor.level, failed, available, self._processor.added_checks)
         due = self._seen | self._lost
@@ -229,7 +232,7 @@ class _Assessment:
         for epoch in np.flatnonzero(fixes).tolist():
             limits += limits[-1:] * (epoch + 1 - len(limits))
             fixed_s = FIXED_S if guess.authentic[epoch] >= POSITION_SATELLITES else TRAVEL_TIME_SPREAD_S
-            # The receiver does not correct its clock by the fix: an error that the fix shows remains afterwards.
+            # The receiver does not correct its clock with the fix, so an error that the fix shows remains.
             error_s = abs(float(shown.error_s[epoch]))
             remains_s = error_s if error_s > fixed_s else 0.0
             limits.append(limits[-1].after_fix(times.at(epoch), fixed_s=fixed_s + remains_s))
@@ -241,12 +244,12 @@ class _Assessment:
             uncertainty=tuple(self._uncertainties[epoch] for epoch in epochs.tolist()),
             p_fa=self._processor.monitoring.search_p_fa,
             expected_s=self._measured.expected_s[epochs],
-            # Only recordings are searched in samples; their assistance contains the RECS as downloaded.
+            # Only recordings have a search in samples. The assistance of a recording contains the downloaded RECS.
             in_samples=ProcessorSearches(processor=self._processor, assistance=cast("Assistance", self._assistance)),
         )
 
     def _search_e1(self) -> SearchResults:
-        """Make the search on E1 with every RECS."""
+        """Run the search on E1 with every RECS."""
         found, searches = SearchResults.empty(self._seen.shape), self._measured.snapshots.searches
         epochs = np.flatnonzero(self._measured.snapshots.recs)
         if searches is not None and epochs.size and CheckName.E1_VESTIGIAL_SEARCH in self._specs:
@@ -254,7 +257,7 @@ class _Assessment:
         return found
 
     def _search_exhaustively(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> SearchMemory:
-        """Make the exhaustive search where it is due, and return its memory for the next block."""
+        """Run the exhaustive search with each RECS for which the search is due, and return its memory."""
         searches, times = self._measured.snapshots.searches, self._measured.snapshots.time
         memory, period_s = self._state.search, self._processor.monitoring.exhaustive_period_s
         any_failed = np.zeros(self._time_s.size, np.bool_)
@@ -278,7 +281,7 @@ class _Assessment:
 
     @property
     def verdicts(self) -> VerdictBlock:
-        """The verdicts on the block."""
+        """Verdicts of the block."""
         status, cause = self._status
         state, self._alarm_after = self._state.alarm.over(
             self._measured.snapshots.svids, self._time_s, status, self._seen | self._lost, self._lost
@@ -309,7 +312,10 @@ class _Assessment:
         return ranges_near(found, self._processor, limit_s, known)
 
     def _fixes_that_count(self, found: VerdictBlock) -> Float[np.ndarray, "n 3"]:
-        """Return the fixes near which the receiver must be later: no alarm, four authentic E1 ranges; NaN elsewhere."""
+        """Return the position fixes without an alarm and with four AUTHENTIC E1 ranges; NaN at other epochs.
+
+        Later the receiver must be near such a fix.
+        """
         if found.position is None or CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
             return np.full((self._time_s.size, 3), np.nan)
         judged = self._judged
@@ -317,7 +323,7 @@ class _Assessment:
         return np.where(counts[:, None], found.position.position_m, np.nan)
 
     def _fix_after(self) -> FixMemory | None:
-        """Return the last fix near which the receiver must be after the block."""
+        """Return the last fix without an alarm; after the block the receiver must be near this fix."""
         rows = np.flatnonzero(np.isfinite(self._fixed_m[:, 0]))
         if not rows.size:
             return self._state.fix
@@ -364,7 +370,7 @@ class _Assessment:
         )
 
     def _memory_after(self) -> dict[CheckName | str, CheckMemory]:
-        """Return what each check remembers after the block; checks that remember nothing are left out."""
+        """Return the memory of each check after the block; checks without a memory are left out."""
         found = {
             name: check.remember(self._with_memory(name, self._judged_by))
             for name, check in self._checks.items()
@@ -373,7 +379,7 @@ class _Assessment:
         return {name: memory for name, memory in found.items() if memory}
 
     def _streaks(self) -> dict[CheckName | str, dict[int, int]]:
-        """Return how many of the last tests failed in a row, for each check that needs confirmation."""
+        """Return the number of failures in a row up to the last test, for each check that needs confirmation."""
         found: dict[CheckName | str, dict[int, int]] = {}
         for name, series in self._found.items():
             confirm = self._specs[name].confirm

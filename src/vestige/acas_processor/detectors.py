@@ -4,7 +4,7 @@ Theory of operation
 -------------------
 c_0 … c_{N-1} are the magnitudes of N correlators at equal distances, early to late. The punctual tap c_i needs its
 early and late neighbours c_{i-n} and c_{i+n} for the range offset. The index i therefore runs from n to N−1−n. The
-paper's c_n … c_{N-n} ends one tap outside the vector.
+paper lets i run from n to N−n, which is one tap too far.
 
 **Maximum detector.** The detector takes the highest c_i that exceeds the threshold. The detector follows the strongest
 signal, whoever sends it.
@@ -17,21 +17,23 @@ signal, whoever sends it.
 4. minimise D_i = |c_{i+n} − c_{i-n}| under the constraint c_i > c_{i+n} ∧ c_i > c_{i-n};
 5. if there is no such i, the signal is not detected.
 
-The paper does not decide these details; vestige chooses:
+The paper does not specify the following details. vestige chooses:
 
 * The chosen tap itself exceeds the threshold. The taps that step 3 passes may be below the threshold.
 * If step 3 ends at a tap that is below the threshold or violates the constraint, the scan of step 2 continues after
-  this tap. The reason is that step 5 gives up only if *no* set can be found.
-* Step 4 moves to the right while the next tap satisfies the constraint, exceeds the threshold and has a smaller D. A
-  global minimum of D would jump to any symmetric point, such as a later and stronger spoofing signal.
+  this tap. Step 5 applies only if *no* tap satisfies the constraint.
+* Step 4 moves to later taps while the next tap satisfies the constraint, exceeds the threshold and has a smaller D. A
+  search for the global minimum of D could jump to a symmetric peak of a later and stronger spoofing signal.
 
 The scan only moves forward, and every tap that satisfies threshold and constraint also ends step 3. So steps 2 and 3
-together find *the first tap that exceeds the threshold and both its neighbours*. Step 4 moves to the first tap whose
-successor is no improvement. Both searches look for a first True, for all epochs at once.
+together find *the first tap that exceeds the threshold and both its neighbours*. Step 4 ends at the first tap whose
+successor is no peak or has no smaller D. The code finds both taps as the first True value of a Boolean array, for all
+epochs at once.
 
-Comparisons are strict. A magnitude equal to the threshold does not exceed it. Among equal maxima the maximum detector
-takes the earliest maximum. For the early detector two equal taps n apart are no peak. This case has probability zero
-with noise; without noise it occurs for a peak exactly halfway between two taps.
+All comparisons are strict: a magnitude equal to the threshold does not exceed the threshold. Among equal maxima the
+maximum detector takes the earliest maximum. If two taps at the distance n are equal, the early detector takes neither
+tap as a peak. With noise, the probability of two equal taps is zero. Without noise, two taps are equal if the peak is
+exactly halfway between them.
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ class Detector(Protocol):
         Parameters
         ----------
         magnitudes
-            |c|, early to late, at equal distances. A magnitude of NaN is never detected.
+            Magnitudes |c| of the correlators, early to late, at equal distances. A magnitude of NaN is never detected.
         threshold
             Threshold in the unit of the magnitudes: a single value, or a value for each epoch.
 
@@ -92,7 +94,7 @@ class MaximumDetector(_Spaced):
     Attributes
     ----------
     spacing
-        n, distance of the early and late tap from the punctual tap, in taps, 1 or more.
+        Distance n of the early and late tap from the punctual tap, in taps; 1 or more.
 
     Raises
     ------
@@ -111,7 +113,7 @@ class MaximumDetector(_Spaced):
     def detect(
         self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
     ) -> Int[np.ndarray, " n_epochs"]:
-        """Return the punctual tap of each epoch, with arguments and errors of `Detector.detect`."""
+        """Return the punctual tap of each epoch; see `Detector.detect` for arguments and errors."""
         candidates = _punctual(magnitudes, self.spacing)
         tap = np.argmax(candidates, axis=1)
         height = np.take_along_axis(candidates, tap[:, None], axis=1)[:, 0]
@@ -127,7 +129,7 @@ class EarlyDetector(_Spaced):
     Attributes
     ----------
     spacing
-        n, distance of the early and late tap from the punctual tap, in taps, 1 or more.
+        Distance n of the early and late tap from the punctual tap, in taps; 1 or more.
 
     Raises
     ------
@@ -146,7 +148,7 @@ class EarlyDetector(_Spaced):
     def detect(
         self, magnitudes: Float[np.ndarray, "n_epochs n_taps"], threshold: float | Float[np.ndarray, " n_epochs"]
     ) -> Int[np.ndarray, " n_epochs"]:
-        """Return the punctual tap of each epoch, with arguments and errors of `Detector.detect`."""
+        """Return the punctual tap of each epoch; see `Detector.detect` for arguments and errors."""
         n = self.spacing
         punctual = _punctual(magnitudes, n)
         early, late = magnitudes[:, : -2 * n], magnitudes[:, 2 * n :]
@@ -156,20 +158,20 @@ class EarlyDetector(_Spaced):
         first = np.argmax(peak, axis=1)
         goes_on = np.zeros_like(peak)
         goes_on[:, :-1] = peak[:, 1:] & (asymmetry[:, 1:] < asymmetry[:, :-1])
-        tap = np.argmax(~goes_on & (np.arange(peak.shape[1]) >= first[:, None]), axis=1)  # first tap from `first` on
+        tap = np.argmax(~goes_on & (np.arange(peak.shape[1]) >= first[:, None]), axis=1)  # tap at which step 4 ends
         return np.where(peak.any(axis=1), tap + n, NOT_DETECTED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnDetector:
-    """A detector that a user wrote; its results are checked."""
+    """Detector that a user wrote; vestige checks the results of this detector."""
 
     kind: str  # name of the detector in a scenario, `module:Name`
     detector: Detector
 
     @classmethod
     def of(cls, kind: str, detector_class: Any, *, spacing: int) -> OwnDetector:
-        """Return the detector that a user's class makes.
+        """Make a detector from a user's class.
 
         Raises `OwnPartError` if the class cannot be used.
         """
@@ -192,7 +194,7 @@ class OwnDetector:
         Raises
         ------
         OwnPartError
-            If the detector raises an exception, or returns anything other than such indices.
+            If the detector raises an exception, or returns anything other than indices of possible punctual taps.
         """
         with blamed_on_own_parts():
             tap = np.asarray(self.detector.detect(magnitudes, threshold))
@@ -210,7 +212,7 @@ DETECTORS: dict[str, type[EarlyDetector] | type[MaximumDetector]] = {"early": Ea
 
 
 def _punctual(magnitudes: Float[np.ndarray, "n_epochs n_taps"], n: int) -> Float[np.ndarray, "n_epochs n_punctual"]:
-    """Return the taps that have both neighbours."""
+    """Return the magnitudes of the taps that have an early and a late neighbour at the distance n."""
     if magnitudes.shape[1] < 2 * n + 1:
         raise ValueError(
             f"a correlator spacing of {n} needs at least {2 * n + 1} correlators, found {magnitudes.shape[1]}"

@@ -27,12 +27,13 @@ class Evidence:
     elevation_rad
         float64[n, m], elevation from the last known position; NaN before the first position.
     observed, references
-        Measured quantities of each check, and their reference levels.
+        Measured values of each quantity, and the reference levels of these quantities.
     subframes
         OSNMA of the subframes that ended in the block.
     memory
-        Numbers that the check itself remembered after the previous block (`CheckWithMemory`), by SVID; numbers of the
-        receiver have the key 0. The mapping is empty before the first block, and for a check without memory.
+        Mapping from SVID to the numbers that the check remembered after the previous block (`CheckWithMemory`). The
+        numbers of the receiver have the key 0. The mapping is empty before the first block, and for a check without
+        memory.
     """
 
     measured: MeasurementBlock
@@ -45,6 +46,6 @@ class Evidence:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers of epochs and satellites."""
+        """Number of epochs, and number of satellites."""
         epochs, satellites = self.measured.snapshots.asked.shape
         return epochs, satellites

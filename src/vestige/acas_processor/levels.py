@@ -2,30 +2,30 @@
 
 Theory of operation
 -------------------
-A level is a table of checks. Each row gives the paper's step, the status after a failure, the scope (one satellite or
-the whole receiver), and how often the check runs.
+A level is a table of checks. A row of the table gives the paper's step, the status after a failure, the scope (one
+satellite or the whole receiver), and the times of the tests.
 
-* Level 1 is the minimum defence, steps 1 and 2: the true E6 signal is received, and its range agrees with E1.
-* Level 2 adds power and C/N0 monitoring (3), the vestigial search on E1 with hand-over to E6 (4), and the position fix:
-  clock drift and RAIM (5).
-* Level 3 adds OSNMA from a second channel (4) and the exhaustive search on E6 (5). Power–distortion and inertial
-  sensors bridge the time between two RECS (7). In the paper, steps 4 and 5 of level 3 replace steps 4 and 5 of level 2,
-  and the fix is step 6. vestige keeps the hand-over search, because the exhaustive search takes minutes. The exhaustive
-  search is made at the start, on suspicion, and at a set period. Between exhaustive searches a second signal on E1
-  counts as a suspicion.
+* Level 1 is the minimum defence: the true E6 signal is received (step 1), and its range agrees with E1 (step 2).
+* Level 2 adds power and C/N0 monitoring (step 3), and the vestigial search on E1 with hand-over to E6 (step 4). The
+  position fix is the source of the checks of the clock and of RAIM (step 5).
+* Level 3 adds OSNMA from a second channel (step 4) and the exhaustive search on E6 (step 5). Power–distortion and
+  inertial sensors monitor the time between two RECS (step 7). In the paper, steps 4 and 5 of level 3 replace steps 4
+  and 5 of level 2, and the fix is step 6. In contrast to the paper, vestige also makes the hand-over search at level 3,
+  because the exhaustive search takes minutes. The exhaustive search is made at the start, on suspicion, and at a set
+  period. Between exhaustive searches a second signal on E1 counts as a suspicion.
 
-Failures of different checks are evidence of different strength. A check that finds a second signal, or an E6 range that
-differs from E1, gives SPOOFED. The reason is that somebody sends signals that the satellite did not send. A missing E6
-signal gives NOT_DETECTED. A failure that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a
-satellite is found twice, every other satellite is SUSPECT too. A meaconer repeats the whole band, and its copy of a
-weak satellite may hide the true signal. If several checks fail, the gravest failure counts. A check that was not run
-counts neither for nor against an attack. Without steps 1 and 2 the status is NOT_AVAILABLE. The reason of a verdict
-names the other checks that were not run. Between two RECS only the monitors run.
+Failures of different checks are evidence of different strength. A second signal, or an E6 range that differs from E1,
+gives SPOOFED, because such signals do not come from the satellite. A missing E6 signal gives NOT_DETECTED. A failure
+that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a satellite is found twice, every other
+satellite is SUSPECT too, because a meaconer repeats the whole band. The repeated signal of a weak satellite may hide
+the true signal. If several checks fail, the gravest failure counts. A check that was not run counts neither for nor
+against an attack. If steps 1 and 2 were not run, the status is NOT_AVAILABLE. The reason of a verdict names the other
+checks that were not run. Between two RECS only the monitors run.
 
-A row contains everything that the processor needs to know of a check. The row says how the check is made from the
-settings, whether the check compares with reference levels, and how its false-alarm probability is found. So a new check
-is a file in `checks/`, a row here, and a member of `CheckName`. The settings of the check, if any, are a field of
-`MonitoringSettings`. Checks of `OPTIONAL` are for every level, if their settings turn them on.
+A row of the table contains all properties of a check that the processor needs. Three of these properties are the
+function that makes the check from the settings, the use of reference levels, and the false-alarm probability. A new
+check needs a file in `checks/`, a row in this file, and a member of `CheckName`. The settings of the check, if any, are
+a field of `MonitoringSettings`. The checks of `OPTIONAL` belong to every level if their settings turn them on.
 
 A check with frequent false alarms (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in a row. The state
 that a receiver shows its user changes even less often: see `alarm.py`.
@@ -67,18 +67,18 @@ class Scope(Enum):
 
 
 class TestCadence(Enum):
-    """Time at which a check is made."""
+    """Times at which a check is made."""
 
-    __test__ = False  # not a test of pytest
+    __test__ = False  # pytest must not collect this class as a test
 
     RECS = "RECS"
     OBSERVATION = "observation"  # every epoch of E1
-    SUBFRAME = "subframe"  # every 30 s of navigation message
+    SUBFRAME = "subframe"  # the end of each subframe of 30 s
     SEARCH = "search"  # when `searches.search_due` is true
 
 
 class DetectionAssumptions(NamedTuple):
-    """Assumptions from which the false-alarm probability of steps 1 and 2 follows, because no setting gives it."""
+    """Assumptions from which the false-alarm probability of steps 1 and 2 follows."""
 
     kappa: float = KAPPA  # factor of the range check
     pd: float = MIN_PD  # probability that E6 is detected
@@ -95,7 +95,7 @@ class CheckSpec:
     """All properties of a check of a level that the processor needs."""
 
     step: int  # number of the step in [WFO, Sec. IV]
-    name: CheckName | str  # the check; a text for a check that a user wrote
+    name: CheckName | str  # name of the check; a string if a user wrote the check
     failure: Status  # status after a failure
     # function that makes the check; None for the searches, which `assess` makes, and for checks that a user wrote
     make: CheckMaker | None = None
@@ -106,11 +106,12 @@ class CheckSpec:
     suspects_all_satellites: bool = False
     # the check's own false-alarm probability of one test; None if the check has a share of the level's budget
     own_p_fa: Callable[[DetectionAssumptions], float] | None = None
-    # part of the false-alarm probability that no threshold changes; used if the level's false alarms a day are set
+    # part of the false-alarm probability that does not depend on the threshold of the check; used if the level's false
+    # alarms a day are set
     fixed_p_fa: Callable[[DetectionAssumptions], float] | None = None
-    settable: bool = True  # whether threshold or confirmation can follow from the level's false alarms a day
-    exact: bool = False  # whether the probability is exact; otherwise it is an upper limit
-    one_of: int = 1  # number of checks that share the probability of one monitor
+    settable: bool = True  # whether threshold or confirmation can be computed from the level's false alarms a day
+    exact: bool = False  # whether the false-alarm probability is exact, and not an upper limit
+    one_of: int = 1  # number of checks that share the false-alarm probability of a single monitor
     needs_references: bool = False  # whether the check compares with reference levels
 
 
@@ -119,7 +120,11 @@ _SUSPECT, _SPOOFED = Status.SUSPECT, Status.SPOOFED
 
 
 def _e6_power(processor: AcasProcessor, p_fa: float) -> Check:
-    """Return the check that fails with every miss, or with improbable misses if the false alarms a day are set."""
+    """Return the check of E6 power.
+
+    The check fails with every missing signal. If the false alarms a day are set, the check fails only after an
+    improbable number of missing signals in a row.
+    """
     if processor.monitoring.alarms_per_day is None:
         return E6PowerCheck(min_pd=processor.min_pd)
     return E6MissesCheck(p_fa=p_fa, prediction=processor.miss_prediction)
@@ -189,7 +194,7 @@ _POWER = (
 
 
 def _second_signal(processor: AcasProcessor, p_fa: float) -> Check | None:
-    """Return the check for a second signal, unless a filter of the front end makes two signals look like one."""
+    """Return the check for a second signal; None if a filter of the front end distorts the correlation function."""
     settings = processor.monitoring
     if settings.second_signal_filtered:
         return None
@@ -270,7 +275,7 @@ _SECOND_CHANNEL = (
         make=lambda _processor, _p_fa: OsnmaAgreementMonitor(),
         scope=_RECEIVER,
         cadence=_SUBFRAME,
-        own_p_fa=lambda _: 2.0**-24,  # CRC-24 passes a damaged page
+        own_p_fa=lambda _: 2.0**-24,  # probability that CRC-24 passes a damaged page
         settable=False,
     ),
 )
@@ -311,14 +316,14 @@ STEADY_P_FA = 1e-6  # false-alarm probability of one test of E6 phase or E6 fadi
 
 
 def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor | E6FadingMonitor | None]) -> CheckSpec:
-    """Return the row of a monitor of the carrier on E6; `settings` returns the monitor's settings, or None."""
+    """Return the row of a monitor of the carrier on E6; `settings` returns None if the monitor is turned off."""
 
     def make(processor: AcasProcessor, p_fa: float) -> Check | None:
         monitor = settings(processor)
         return None if monitor is None else replace(monitor, p_fa=p_fa)
 
     return CheckSpec(
-        step=8,  # after the steps of [WFO, Sec. IV]: the paper treats the phase in Sec. VI-B
+        step=8,  # number after the last step of [WFO, Sec. IV]; Sec. VI-B of the paper treats the phase
         name=name,
         failure=_SUSPECT,
         make=make,
@@ -327,24 +332,24 @@ def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor 
     )
 
 
-# Checks that every level has if they are turned on. They do not reduce the budget of the other checks.
+# Checks that every level has if they are turned on. These checks do not reduce the budget of the other checks.
 OPTIONAL = (
     _steady(CheckName.E6_PHASE, lambda processor: processor.monitoring.e6_phase),
     _steady(CheckName.E6_FADING, lambda processor: processor.monitoring.e6_fading),
 )
 
-# Ascending by gravity; statuses from SUSPECT on are alarms.
+# Statuses from the least grave to the gravest. SUSPECT and all graver statuses are alarms.
 GRAVITY = (Status.NOT_AVAILABLE, Status.AUTHENTIC, Status.SUSPECT, Status.NOT_DETECTED, Status.SPOOFED)
 ALARMS = GRAVITY[GRAVITY.index(Status.SUSPECT) :]
-NO_CAUSE = -2  # as a cause: nothing failed
-OTHERS = -1  # as a cause: another satellite was found twice
+NO_CAUSE = -2  # value of a cause if no check failed
+OTHERS = -1  # value of a cause if another satellite was found twice
 
-POSITION = {status: place for place, status in enumerate(Status)}  # number of a status in arrays
+POSITION = {status: place for place, status in enumerate(Status)}  # number that stands for a status in arrays
 _BY_GRAVITY = np.array([POSITION[status] for status in GRAVITY], np.int8)
 
 
 def is_alarm(status: Int[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
-    """Return whether statuses, as positions in `Status`, are alarms."""
+    """Return which statuses are alarms; each status is given by its position in `Status`."""
     return np.isin(status, [POSITION[one] for one in ALARMS])
 
 
@@ -363,8 +368,8 @@ def combine(
     Returns
     -------
     status, cause
-        The cause is the index of the gravest failure in `LEVELS[level]` followed by `own`, or `OTHERS` or `NO_CAUSE`.
-        Among equally grave failures the first failure is the cause.
+        The cause is the index of the gravest failure in the checks of `LEVELS[level]` followed by `own`; otherwise
+        `OTHERS` or `NO_CAUSE`. Among equally grave failures the first failure is the cause.
     """
     found = np.where(available, GRAVITY.index(Status.AUTHENTIC), GRAVITY.index(Status.NOT_AVAILABLE))
     cause = np.full(found.shape, NO_CAUSE, np.int8)

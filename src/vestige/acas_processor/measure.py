@@ -38,8 +38,8 @@ from vestige.theory.thresholds import probability_of_detection
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
-# C/N0 is rounded for P_d, because a P_d for each different value would take most of the time; estimates are accurate
-# to 0.1 dB
+# C/N0 is rounded before P_d is computed, because to compute P_d for every value would take most of the time. An
+# estimate of C/N0 is accurate to 0.1 dB only.
 _CN0_DECIMALS = 2
 
 
@@ -74,7 +74,7 @@ def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: Assi
 
 
 def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
-    """Return the result of the processor's detector for banks."""
+    """Return the result of the processor's detector for banks of correlators."""
     limit = processor.detection_threshold
     found = detect_block(
         banks.taps[correlated],
@@ -113,10 +113,10 @@ def detect_block(
     detector: Detector,
     threshold_sigma: float,
 ) -> DetectedBlock:
-    """Return the result of `detector` for banks.
+    """Return the result of `detector` for banks of correlators.
 
-    `noise_power` is the mean of |tap|² of noise, both dimensions together; the threshold is in standard deviations per
-    dimension.
+    `noise_power` is the mean of |tap|² of the noise, in I and Q together. The threshold is in standard deviations of
+    the noise per dimension.
     """
     magnitudes = normalised_magnitudes(taps, noise_power)
     tap = detector.detect(magnitudes, threshold_sigma)
@@ -132,7 +132,7 @@ def detect_block(
 
 
 def _before_samples(snapshots: SnapshotBlock, recs: RecsBlock) -> np.ndarray:
-    """Return the `Availability` of each satellite before samples are used; the first impossible step counts."""
+    """Return the `Availability` of each satellite before samples are used, from the first impossible step."""
     lead_s = recs.disclosed - snapshots.received_at
     secret = provably_before_disclosure(lead_s, snapshots.time_uncertainty_s[:, None])
     availability = np.full(snapshots.asked.shape, Availability.CORRELATED, np.int8)

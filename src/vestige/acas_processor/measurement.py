@@ -1,4 +1,4 @@
-"""Measurements of n epochs and m satellites, the input of the checks. Epochs are independent of each other."""
+"""Measurements of n epochs and m satellites, the input of the checks. Each epoch is measured by itself."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Availability(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DetectedBlock:
-    """Result of the detector for each bank; NaN, and −1 for `tap`, where nothing was detected."""
+    """Result of the detector for each bank. If nothing was detected, `tap` is −1, and the other values are NaN."""
 
     tap: Int[np.ndarray, "*n"]  # index of the punctual correlator
     # magnitude of the punctual correlator in standard deviations of the noise per dimension
@@ -41,10 +41,10 @@ class DetectedBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FixBlock:
-    """The position fix of each epoch from all E1 pseudoranges; NaN where there is none."""
+    """The position fix of each epoch from all E1 pseudoranges; NaN where there is no fix."""
 
     fix: Fix  # position and clock
-    sent: Transmission  # satellites at transmission; NaN for satellites without an orbit
+    sent: Transmission  # positions and clocks of the satellites at transmission; NaN for satellites without an orbit
     sigma_m: Float[np.ndarray, "n m"]  # standard deviation of each pseudorange as the receiver assumes it
     # part of `sigma_m` from the ionosphere that is common to all satellites; None if this part is not modelled
     common_m: Float[np.ndarray, "n m"] | None
@@ -52,17 +52,18 @@ class FixBlock:
     range_rate_mps: Float[np.ndarray, "n m"]  # measured rate of the pseudorange
     static_range_rate_mps: Float[np.ndarray, "n m"]  # rate of the pseudorange for a receiver and a clock at rest
     sigma_rate_mps: Float[np.ndarray, "n m"]  # standard deviation of the measured rate
-    drift_mps: Float[np.ndarray, " n"]  # rate of the receiver clock times c
-    # standard deviations of `drift_mps` and of the clock times c, without errors that are common to all satellites
+    drift_mps: Float[np.ndarray, " n"]  # rate of the receiver's clock error, multiplied by c
+    # standard deviations of `drift_mps`, and of the clock error multiplied by c; both without errors that are common to
+    # all satellites
     sigma_drift_mps: Float[np.ndarray, " n"]
     own_sigma_clock_m: Float[np.ndarray, " n"]
     raim_statistic: Float[np.ndarray, " n"]  # weighted sum of squared residuals; NaN without redundancy
-    separation_sigmas: Float[np.ndarray, "n 3"]  # largest separations east, north, up in standard deviations
+    separation_sigmas: Float[np.ndarray, "n 3"]  # largest separations in standard deviations: east, north, up
     separation_modes: Int64[np.ndarray, " n"]  # number of satellites left out in turn
 
     @property
     def satellites(self) -> Int64[np.ndarray, " n"]:
-        """Number of satellites used; 0 without a fix."""
+        """Number of satellites used in the fix of each epoch; 0 without a fix."""
         return np.where(self.fix.valid, self.fix.n_used, 0).astype(np.int64)
 
     def at(self, epoch: int) -> Fix:
@@ -70,7 +71,7 @@ class FixBlock:
         return cast("Fix", _rows(self.fix, slice(epoch, epoch + 1)))
 
     def rows(self, epochs: Int64[np.ndarray, " k"]) -> FixBlock:
-        """Return a copy of some epochs."""
+        """Return a copy of the given epochs."""
         return cast("FixBlock", _rows(self, epochs))
 
     def put(self, places: Int64[np.ndarray, " k"], other: FixBlock) -> None:
@@ -79,7 +80,7 @@ class FixBlock:
 
 
 def _rows(record: object, rows: Int64[np.ndarray, " k"] | slice) -> object:
-    """Return a record with the given rows of all its arrays, also of arrays in inner records."""
+    """Return a record with the given rows of all arrays, including the arrays of records inside the record."""
     if isinstance(record, np.ndarray):
         return record[rows]
     if not is_dataclass(record) or isinstance(record, type):
@@ -88,7 +89,7 @@ def _rows(record: object, rows: Int64[np.ndarray, " k"] | slice) -> object:
 
 
 def _put(record: object, places: Int64[np.ndarray, " k"], values: object) -> None:
-    """Overwrite rows of all arrays of a record."""
+    """Overwrite rows of all arrays of a record, including the arrays of records inside the record."""
     if isinstance(record, np.ndarray):
         record[places] = values
     elif is_dataclass(record):
@@ -110,7 +111,7 @@ class MeasurementBlock:
     """Measurements of n epochs and m satellites, each epoch by itself."""
 
     snapshots: SnapshotBlock  # the block that was measured
-    recs: RecsBlock  # RECS and keys
+    recs: RecsBlock  # RECS and keys of the block
     availability: Int8[np.ndarray, "n m"]  # values of `Availability`
     banks: BankBlock  # correlators of E6
     detected: DetectedBlock  # result of the detector
@@ -125,7 +126,7 @@ class MeasurementBlock:
     predicted_phase_rad: Float[np.ndarray, "n m"]
     # time over which the Doppler of E1 extrapolates the carrier phase, in s; NaN where `predicted_phase_rad` is NaN
     extrapolated_s: Float[np.ndarray, "n m"]
-    fixes: Fixes | None = None  # makes the position fix
+    fixes: Fixes | None = None  # object that computes the position fixes; None without position fixes
 
     @property
     def fix(self) -> FixBlock | None:
@@ -182,7 +183,7 @@ class MeasurementBlock:
 def spread_over_block(
     values: np.ndarray, where: np.ndarray, shape: tuple[int, ...], nothing: float = np.nan
 ) -> np.ndarray:
-    """Return an array of a given shape with values at some rows or where a mask is true, and `nothing` elsewhere."""
+    """Return an array of a given shape with `values` at the places `where` (rows or a mask), else `nothing`."""
     found = np.full((*shape, *values.shape[1:]), nothing, values.dtype)
     found[where] = values
     return found

@@ -1,9 +1,9 @@
 """Compare demodulated OSNMA with the OSNMA of a second channel, subframe by subframe [WFO, Sec. IV-C].
 
-Validation drops forged keys, so validated keys alone would show a forgery as a loss. Therefore this module compares
-everything that was demodulated with a good checksum, validated or not. The key of each subframe is compared, whichever
-satellite sent the key. Where both channels have navigation pages, the 40 bits of OSNMA in each page of the same
-satellite are compared too (tags, MACSEQ, root keys).
+Validation drops forged keys, so validated keys alone would show a forgery as a loss. Therefore this module compares all
+data that were demodulated with a good checksum, validated or not. The key of each subframe is compared, whichever
+satellite sent the key. If both channels have navigation pages of a satellite, the 40 bits of OSNMA in each page are
+compared too (tags, MACSEQ, root keys).
 
 Keys that are computed from later keys do not count as received. If the demodulated keys are unknown (`Assistance` that
 was not read from a folder), the validated keys replace them.
@@ -25,12 +25,14 @@ from vestige.time import GalileoTime
 def compare_osnma(
     own: Assistance, second: Assistance, since: GalileoTime, until: GalileoTime, svids: tuple[int, ...]
 ) -> OsnmaBlock:
-    """Compare the subframes that begin in a window, as far as received, with the subframes of the second channel.
+    """Compare the received parts of subframes with the subframes of the second channel.
 
-    The key of a subframe is the same from every satellite, so it counts once, in the first column. A different key from
-    any satellite is in the last column. A right key that was not validated counts as lost.
+    All subframes that begin in a window of time are compared. The window includes its end but not its beginning. There
+    is at least one satellite.
 
-    The window includes its end but not its beginning. There is at least one satellite.
+    The key of a subframe is the same from every satellite, so the key counts once, in the first column. If a different
+    key was received beside the right key, the different key is in the last column. A right key that was not validated
+    counts as lost.
     """
     keys: dict[GalileoTime, set[bytes]] = defaultdict(set)
     demodulated = _between(own, since, until)
@@ -50,7 +52,7 @@ def compare_osnma(
         wrong, right = bool(sent - {key.data}), valid.get(key.time) in sent
         due[row, 0] = KEY_BIT
         received[row, 0] = KEY_BIT * (right or wrong)
-        # another satellite sent the forged key if the right key came too
+        # if the right key was received too, another satellite sent the forged key
         forged = len(svids) - 1 if right else 0
         received[row, forged] |= KEY_BIT * wrong
         differs[row, forged] |= KEY_BIT * wrong

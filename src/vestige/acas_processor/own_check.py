@@ -1,15 +1,20 @@
-"""Checks that a user wrote: their properties, and tests of their results.
+"""Checks that a user wrote: vestige reads the properties of such a check, and tests its results.
 
 A user's check satisfies `Check`. Class attributes of the check give the properties that `levels.py` gives for vestige's
-own checks. Defaults are in parentheses. `level` is the lowest level with the check (1). `failure` is the status after a
-failure (SUSPECT). `of_receiver` says whether the check concerns the whole receiver and not each satellite (False).
-`confirm` is the number of tests in a row that must fail (1). `cadence` says when a test is made (every observation). A
-user's check has its own `p_fa` and no share of the level's budget.
+own checks:
 
-The result of an epoch may depend on that epoch, and on what the check remembers of the epochs before. A check with
-memory has a method `remember`, see `CheckWithMemory`. Stored results contain all of the evidence except the samples. A
-check must give the same result for a recording, a simulation and stored results. A user's check may therefore use
-neither E6 (`correlate`) nor the searches: their use is an `OwnPartError`.
+* `level` is the lowest level with the check (default 1);
+* `failure` is the status after a failure (default SUSPECT);
+* `of_receiver` says whether the check concerns the whole receiver and not each satellite (default False);
+* `confirm` is the number of tests in a row that must fail (default 1);
+* `cadence` says when a test is made (default: every observation).
+
+A user's check has its own `p_fa` and no share of the level's budget.
+
+The result of an epoch may depend on that epoch, and on the memory of the check from earlier epochs. A check with memory
+has a method `remember`, see `CheckWithMemory`. Stored results contain all of the evidence except the samples. A check
+must give the same result for a recording, a simulation and stored results. A user's check may therefore use neither E6
+(`correlate`) nor the searches: every such use raises `OwnPartError`.
 """
 
 from __future__ import annotations
@@ -31,19 +36,19 @@ from vestige.records import Status
 from vestige.records.checks import CheckName, CheckSeries
 
 _MOST_CONFIRM = 1000
-_OWN_STEP = 8  # after the steps of [WFO, Sec. IV]
+_OWN_STEP = 8  # number after the last step of [WFO, Sec. IV]
 
 
 @runtime_checkable
 class OwnCheckProtocol(Protocol):
-    """Protocol of a user's own check: the attributes and the method that it must have; see `Check`."""
+    """Protocol of a user's own check: the attributes and the method that the check must have; see `Check`."""
 
     name: str
     unit: str
     p_fa: float
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block of epochs."""
+        """Return statistic and threshold of the check for every epoch of a block."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +58,7 @@ class OwnProbability:
     p_fa: float
 
     def __call__(self, assumed: DetectionAssumptions) -> float:  # noqa: ARG002
-        """Return the probability."""
+        """Return the false-alarm probability of one test."""
         return self.p_fa
 
 
@@ -76,7 +81,7 @@ class OwnCheck:
 
     @classmethod
     def of(cls, check: Any) -> OwnCheck:
-        """Return a check with the properties from its attributes.
+        """Make an own check from a user's object, whose attributes give the properties of the check.
 
         Raises `OwnPartError` if an attribute is wrong.
         """
@@ -138,10 +143,10 @@ class OwnCheck:
         return float(self.check.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block of epochs.
+        """Return statistic and threshold of the check for every epoch of a block.
 
-        Raises `OwnPartError` if the check raises an exception, or returns anything other than a `CheckSeries` of its
-        name and shape.
+        Raises `OwnPartError` if the check raises an exception, or returns anything other than a `CheckSeries` with the
+        name of the check and the shape of the block.
         """
         with blamed_on_own_parts():
             found = self.check.series(_offered(evidence, self.kind))

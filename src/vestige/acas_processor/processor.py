@@ -43,7 +43,7 @@ from vestige.signals.definitions import E6C
 from vestige.source import Source
 from vestige.theory.thresholds import threshold
 
-EARLY_REACH_M = 600.0  # the search on E1 omits 2 chips, 586 m, around the tracked signal
+EARLY_REACH_M = 600.0  # more than 2 chips (586 m), which the search on E1 omits around the tracked signal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ class Step:
 
     @cached_property
     def changes(self) -> tuple[StateChange, ...]:
-        """Changes of the state that a receiver shows."""
+        """Changes of the state that a receiver shows its user."""
         return tuple(self.block.changes())
 
     @cached_property
@@ -70,7 +70,7 @@ class Step:
 
     @property
     def unseen(self) -> frozenset[int]:
-        """Satellites with a verdict due that E1 does not show in some epoch, even if E1 never showed them."""
+        """Satellites with a verdict due that E1 does not show in some epoch, or has never shown."""
         snapshots = self.block.measured.snapshots
         missing = np.any(snapshots.asked & ~snapshots.e1.seen, axis=0)
         return frozenset(svid for svid, one in zip(snapshots.svids, missing.tolist(), strict=True) if one)
@@ -78,7 +78,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AcasProcessor:
-    """Judge the snapshots of a receiver by ACAS; the attributes are all settings of this processing.
+    """Turn the snapshots of a receiver into verdicts by ACAS; the attributes are the settings of the processor.
 
     Attributes
     ----------
@@ -92,12 +92,12 @@ class AcasProcessor:
         Bank around the predicted range: number of correlators, and distance between neighbours in m.
     early_reach_m
         Distance in m before the prediction to which the bank extends at the same spacing, limited by the correlator's
-        window of 820 m. A meaconer with a short delay captures E1. The true E6 signal is then earlier than E1 predicts.
+        window of 820 m. If a meaconer with a short delay captures E1, the true E6 signal is earlier than E1 predicts.
         The search for a second signal on E1 omits 2 chips, 586 m, around the tracked signal, so the bank has to cover
         this distance.
     budget, kappa
-        Error budget of E6 − E1 and its factor: the range check is |offset| ≤ κσ. If `monitoring.alarms_per_day` is set,
-        `range_kappa` replaces κ.
+        Error budget of the range check, and its factor κ: the check passes if |range offset| ≤ κσ. If
+        `monitoring.alarms_per_day` is set, `range_kappa` replaces κ.
     min_pd
         Smallest predicted probability of detection at which a missing signal is an alarm [WFO, Sec. III-A, step 5].
     e6_over_e1_db
@@ -112,9 +112,9 @@ class AcasProcessor:
     Raises
     ------
     ValueError
-        If there is no such level, or the bank is too short for the detector or too long for the correlator.
+        If the level does not exist, or the bank is too short for the detector or too long for the correlator.
     VestigeError
-        If `monitoring.alarms_per_day` is smaller than the checks of the level allow.
+        If `monitoring.alarms_per_day` is too small for the checks of the level.
 
     Examples
     --------
@@ -156,7 +156,7 @@ class AcasProcessor:
         if len(set(names)) < len(names):
             raise ValueError(f"the names of checks must differ, found {', '.join(names)}")
         if self.monitoring.alarms_per_day is not None:
-            set_shares(self)  # raises VestigeError if so few alarms are impossible
+            set_shares(self)  # raises VestigeError if the number of alarms a day is too small
 
     @property
     def own_of_level(self) -> tuple[OwnCheck, ...]:
@@ -184,7 +184,7 @@ class AcasProcessor:
 
     @property
     def bank_p_fa(self) -> float:
-        """Probability that noise exceeds the detection threshold in any correlator of the bank, an upper limit."""
+        """Upper limit of the probability that noise exceeds the detection threshold in any correlator of the bank."""
         return self.p_fa * self.offsets_m.size
 
     @property
@@ -196,7 +196,7 @@ class AcasProcessor:
 
     @property
     def range_limit_m(self) -> float:
-        """κσ in m, the largest range offset that passes the range check."""
+        """Largest range offset that passes the range check: κσ in m."""
         return self.budget.limit_m(self.range_kappa)
 
     @property
@@ -272,7 +272,7 @@ class AcasProcessor:
         return measure(self, block, assistance)
 
     def detect(self, banks: BankBlock, correlated: Bool[np.ndarray, "n m"]) -> DetectedBlock:
-        """Return the result of the detector for banks; `correlated` marks the banks with correlations."""
+        """Return the result of the detector for banks; `correlated` is True for banks that contain correlators."""
         return detect(self, banks, correlated)
 
     def exceeds_threshold(self, banks: BankBlock) -> Bool[np.ndarray, "n m n_taps"]:
@@ -286,5 +286,5 @@ class AcasProcessor:
     def assess(
         self, state: ReceiverState | None, measured: MeasurementBlock, assistance: AssistanceData
     ) -> tuple[VerdictBlock, ReceiverState]:
-        """Return the verdicts of a measured block, and the state after it."""
+        """Return the verdicts of a measured block, and the state after the block."""
         return assess(self, state, measured, assistance)

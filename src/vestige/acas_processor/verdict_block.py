@@ -39,7 +39,7 @@ class PositionBlock:
 
     @property
     def covariance_m2(self) -> Float[np.ndarray, "n 3 3"]:
-        """Covariances of the positions."""
+        """Covariances of the positions in m²; NaN where there is no position."""
         return spread_over_block(self.fixes.fix.covariance_m2[:, :3, :3], self.rows, self.used.shape[:1])
 
 
@@ -47,12 +47,12 @@ class PositionBlock:
 class VerdictBlock:
     """Verdicts on n epochs and m satellites at one mitigation level, with the checks that led to them."""
 
-    measured: MeasurementBlock  # measurements behind the verdicts
+    measured: MeasurementBlock  # measurements from which the verdicts follow
     level: int  # mitigation level
     specs: tuple[CheckSpec, ...]  # checks of the level
     status: Int8[np.ndarray, "n m"]  # verdict of each epoch, as index in `Status`
     cause: Int8[np.ndarray, "n m"]  # check that caused the verdict (`combine`)
-    state: Int8[np.ndarray, "n m"]  # state that a receiver shows its user after that epoch
+    state: Int8[np.ndarray, "n m"]  # state that a receiver shows its user after each epoch
     before: AlarmState  # state before the block
     due: Bool[np.ndarray, "n m"]  # epochs and satellites with a verdict due
     checks: Mapping[CheckName | str, CheckSeries]  # all checks of the level that could be made
@@ -61,7 +61,7 @@ class VerdictBlock:
     exhaustive_search: SearchResults  # results of the exhaustive search
     searched: Bool[np.ndarray, " n"]  # epochs in which the exhaustive search was made
     evidence: Evidence  # input of the checks
-    true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)  # as in `Verdict`
+    true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)  # `Verdict.true_offset_m`
     range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)  # NaN if no range is in use
     # whether the range in use is the range of the earliest of several signals, not the E1 range
     earlier: Bool[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.bool_))
@@ -75,7 +75,7 @@ class VerdictBlock:
         return self.e1_search.twice | self.exhaustive_search.twice
 
     def verdicts(self) -> Iterator[Verdict]:
-        """Yield the verdicts that are due, epoch by epoch, satellites in ascending order."""
+        """Yield the verdicts that are due, epoch by epoch, in ascending order of SVID."""
         for epoch, satellite in zip(*(axis.tolist() for axis in np.nonzero(self.due)), strict=True):
             yield self.verdict(epoch, satellite)
 

@@ -1,1 +1,1 @@
-"""Navigation messages of the satellites: pages made of ephemerides and an OSNMA source."""
+"""Navigation messages of the satellites: pages made from ephemerides and a source of OSNMA."""

@@ -8,9 +8,9 @@
 | CRC-24Q over the fields above | 24 |
 | tail | 6, zero |
 
-The page passes through the convolutional code and the interleaver of I/NAV, here with 123 columns and 8 rows. With the
-16 synchronisation symbols before it, the page has 1000 symbols, one in each period of the E6-B code. A page begins at a
-whole second of GST.
+The page passes through the convolutional code and the interleaver of I/NAV, here with 123 columns and 8 rows. Together
+with 16 synchronisation symbols at the beginning, a page has 1000 symbols, one symbol in each period of the E6-B code. A
+page begins at a whole second of GST.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def dummy_page(message: int) -> UInt8[np.ndarray, " 492"]:
     Raises
     ------
     ValueError
-        If the message has more bits.
+        If the message has more than 424 bits.
     """
     if not 0 <= message < 1 << _MESSAGE_BITS:
         raise ValueError(f"a HAS message has {_MESSAGE_BITS} bits, found {message.bit_length()}")
@@ -69,9 +69,9 @@ def cnav_symbols(
     Parameters
     ----------
     seed, svid
-        Seed and SVID, from which the dummy messages follow; satellites and seconds have different messages.
+        Seed and SVID from which the dummy messages follow. Every satellite and second has a different message.
     reference
-        A whole second, at which symbol 0 begins.
+        Whole second at which symbol 0 begins.
 
     In each call of the returned function the numbers must ascend.
     """

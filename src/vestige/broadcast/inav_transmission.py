@@ -32,7 +32,8 @@ class InavTransmission:
     osnma
         Function of SVID and start of a page that returns the 5 bytes of the page's OSNMA field.
     sends_ssp
-        Whether the satellite sends secondary synchronisation patterns; None: only if it sends FEC2.
+        Whether the satellite sends secondary synchronisation patterns. None stands for True if the satellite sends
+        FEC2, and for False otherwise.
 
     Examples
     --------
@@ -66,7 +67,7 @@ class InavTransmission:
         return InavPage(svid=self.words.svid, time=start, data=data)
 
     def pages(self, start: GalileoTime, count: int) -> Iterator[InavPage]:
-        """Yield successive pages.
+        """Yield successive pages of the satellite.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
-"""OSNMA fields of the pages of all satellites, made when a page needs them.
+"""OSNMA fields of the pages of all satellites. The fields are made when a page needs them.
 
-The fields of a subframe depend on the words of the `SUBFRAMES_REMEMBERED` subframes before it, and on no earlier words.
-So the fields of any subframe can be made without the fields of the whole broadcast, with the same bits.
+The fields of a subframe depend on the words of the `SUBFRAMES_REMEMBERED` subframes before the subframe, and on no
+earlier words. So the fields of any subframe can be made without the earlier broadcast, and have the same bits.
 """
 
 from __future__ import annotations
@@ -32,9 +32,10 @@ class OsnmaFields:
     Attributes
     ----------
     operator
-        Operator that makes the fields; used by this source only.
+        Operator that makes the fields; nothing else may use this operator.
     words
-        Words of all satellites by SVID, from the operator's start or from `SUBFRAMES_REMEMBERED` before the first page.
+        Words of all satellites by SVID. The words begin at the operator's start, or `SUBFRAMES_REMEMBERED` subframes
+        before the first page.
     """
 
     operator: OsnmaOperator

@@ -51,16 +51,17 @@ class EphemerisIssue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SystemData:
-    """Data that all satellites send alike: UTC conversion, ionosphere model and almanac.
+    """Data that all satellites send with the same content: UTC conversion, ionosphere model and almanac.
 
     Attributes
     ----------
     utc
-        Conversion to UTC, in word 6.
+        Conversion to UTC, sent in word 6.
     ionosphere
-        Ionosphere model, in word 5.
+        Ionosphere model, sent in word 5.
     almanac
-        Sets of words 7 to 10. One set is sent each minute, in turn. Without any set, word 0 is sent instead.
+        Sets of words 7 to 10. The satellite sends one set each minute, in turn. Without any set, word 0 is sent
+        instead.
     """
 
     utc: UtcModel
@@ -69,14 +70,14 @@ class SystemData:
 
 
 class SatelliteWords:
-    """The words of one satellite.
+    """The navigation words of one satellite.
 
     Parameters
     ----------
     issues
         Ephemerides of the satellite with their times of issue, in any order; successive issues have different IODnav.
     system
-        Data that all satellites send alike.
+        Data that all satellites send with the same content.
     fec2
         Whether the satellite sends FEC2 and reduced CED.
 
@@ -86,7 +87,7 @@ class SatelliteWords:
         If there is no ephemeris, a value does not fit into the message, or two successive issues have the same IODnav;
         the message names the satellite.
     ValueError
-        If the ephemerides are of several satellites.
+        If the ephemerides belong to several satellites.
     """
 
     def __init__(self, issues: Iterable[EphemerisIssue], system: SystemData, *, fec2: bool = True) -> None:
@@ -114,7 +115,7 @@ class SatelliteWords:
 
     @property
     def system(self) -> SystemData:
-        """Data that all satellites send alike."""
+        """Data that all satellites send with the same content."""
         return self._system
 
     @property
@@ -128,7 +129,7 @@ class SatelliteWords:
         Parameters
         ----------
         time
-            Any time.
+            Any time in the subframe.
 
         Raises
         ------
@@ -148,7 +149,7 @@ class SatelliteWords:
         Returns
         -------
         int
-            Word of 128 bits, its first bit the most significant.
+            Word of 128 bits; the first bit of the word is the most significant bit.
 
         Raises
         ------
@@ -183,8 +184,8 @@ class SatelliteWords:
         return number
 
     def _reduced_ced(self, start: GalileoTime) -> ReducedCed | None:
-        """Return the reduced CED of a subframe; the fit is made once for all its pages."""
-        subframe, known = start.subframe, self._reduced  # read once, because threads share the words
+        """Return the reduced CED of a subframe; the fit is made once for all pages of the subframe."""
+        subframe, known = start.subframe, self._reduced  # the attribute is read once, because threads share the words
         if known is None or known[0] != subframe:
             known = self._reduced = subframe, _fitted(self.ephemeris(start), subframe)
         return known[1]

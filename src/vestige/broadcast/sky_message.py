@@ -1,4 +1,4 @@
-"""The navigation message of all satellites of a sky: I/NAV words with OSNMA in them, and the symbols of E1-B.
+"""The navigation message of all satellites of a sky: I/NAV words with OSNMA, and the symbols of E1-B.
 
 In each subframe the operator of OSNMA authenticates the words of earlier subframes, from all satellites. Pages are made
 when they are needed, and a message keeps only a few pages. A page has the same bits in every message that
@@ -31,23 +31,23 @@ from vestige.navigation.reissue import referred_to
 from vestige.streams import stream_key
 from vestige.time import GalileoTime
 
-_ISSUE_S = 600  # a new issue every ten minutes, as on air
+_ISSUE_S = 600  # time between two issues: ten minutes, as on air
 _ISSUES = 128  # number of IODnav values: IODnav is toe in steps of ten minutes, modulo 128, as on air
 Symbols = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]
 _SYMBOLS_A_PAGE = PAGE_S * SYMBOLS_PER_S
-_PAGES_KEPT = 16  # number of pages of a satellite, enough for the workers and for a delayed signal
-_FORGED_CLOCK_S = 2.0**-20  # 286 m, a multiple of the resolution of word 4
+_PAGES_KEPT = 16  # number of pages of a satellite that are kept, enough for the workers and for a delayed signal
+_FORGED_CLOCK_S = 2.0**-20  # clock offset of 286 m, a multiple of the resolution of word 4
 
 
 def ephemeris_issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[EphemerisIssue]:
-    """Yield the issues of a satellite from `start` to `end`: the same orbit each time, with a new IODnav.
+    """Yield the issues of a satellite from `start` to `end`: each issue has the same orbit and a new IODnav.
 
     Parameters
     ----------
     ephemeris
         Orbit and clock, which all issues share to within the rounding of their fields.
     start, end
-        Between these times the satellite always sends an issue.
+        Times between which the satellite always sends an issue.
     """
     first = start + -(start.gst_seconds % _ISSUE_S + start.fraction)
     for number in range(int((end - first) // _ISSUE_S) + 1):
@@ -76,7 +76,7 @@ class SkyMessage:
 
     @property
     def pages(self) -> dict[int, tuple[InavPage, ...]]:
-        """All pages of each satellite by SVID, in the order of time, one every 2 s. They are made at each access."""
+        """All pages of each satellite by SVID, in the order of time. Each access makes the pages again."""
         subframes = list(self.subframes())
         return {svid: tuple(page for pages in subframes for page in pages[svid]) for svid in self.transmissions}
 
@@ -96,7 +96,7 @@ class SkyMessage:
         svid
             SVID of the satellite.
         reference
-            A whole second, at which symbol 0 begins.
+            Whole second at which symbol 0 begins.
         """
         transmission, n_pages = self.transmissions[svid], self.n_subframes * PAGES_A_SUBFRAME
         first = self.first + float(FIRST_PAGE_OFFSET_S)
@@ -151,7 +151,7 @@ def _with_later_clock(words: SatelliteWords) -> SatelliteWords:
 
 
 def _invented_mack(true: OsnmaSource, seed: int) -> OsnmaSource:
-    """Return fields with the HKROOT byte of the true field and four random bytes."""
+    """Return a source of fields that have the HKROOT byte of the true field and four random bytes."""
 
     def field(svid: int, start: GalileoTime) -> bytes:
         key = stream_key(seed, "MACK that an attacker invents", svid, start.gst_seconds)
@@ -169,14 +169,14 @@ def make_sky_message(
     almanac: Iterable[Ephemeris] = (),
     ionosphere: BroadcastIonosphere = NO_IONOSPHERE,
 ) -> SkyMessage:
-    """Return the message of some satellites.
+    """Return the navigation message of the satellites of a sky.
 
     Parameters
     ----------
     ephemerides
         One ephemeris of each satellite that sends.
     operator
-        Operator that makes the OSNMA fields; used by this message only.
+        Operator that makes the OSNMA fields; nothing else may use this operator.
     end
         Time up to which the message must last.
     first
@@ -186,13 +186,13 @@ def make_sky_message(
         One ephemeris of each satellite of the constellation, for words 7 to 10. Without any ephemeris, word 0 is sent
         instead.
     ionosphere
-        Ionosphere model, for word 5.
+        Ionosphere model, sent in word 5.
 
     Raises
     ------
     VestigeError
-        If an ephemeris does not fit into its words; the message names the satellite. The pages raise this error when
-        they are made, if the operator does not broadcast at their time.
+        If an ephemeris does not fit into its words; the text of the error names the satellite. A page raises this error
+        when the page is made, if the operator does not broadcast at the time of the page.
     """
     start = operator.configuration.start
     begin = start if first is None else max(first.subframe, start)

@@ -1,1 +1,1 @@
-"""Campaigns: workers measure many epochs in chunks, a store keeps the results, and statistics count them."""
+"""Campaigns: measure many epochs in chunks on several workers, store the results, and compute statistics."""

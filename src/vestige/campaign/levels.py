@@ -1,4 +1,4 @@
-"""Verdicts of each mitigation level on a campaign, beside the truth.
+"""Verdicts of each mitigation level on a campaign, together with the truth.
 
 The results contain the receiver's measurements (`measured_columns`). In `level_verdicts` the processor judges these
 measurements again, at the level of the scenario or at another level. The same code makes the verdicts of `vestige
@@ -89,7 +89,7 @@ class LevelVerdicts(VerdictBlock):
         return alarm_begins(self.state)
 
     def of_recs(self) -> Int8[np.ndarray, "n m"]:
-        """Return, for epochs with RECS, the gravest verdict since the previous RECS; NOT_AVAILABLE for other epochs."""
+        """Return the gravest verdict since the previous RECS in epochs with RECS; NOT_AVAILABLE in other epochs."""
         by_gravity = np.array([POSITION[one] for one in GRAVITY], np.int8)
         gravity = np.argsort(by_gravity)[self.status]
         verdict = np.full(self.status.shape, POSITION[Status.NOT_AVAILABLE], np.int8)
@@ -100,7 +100,7 @@ class LevelVerdicts(VerdictBlock):
         return verdict
 
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
-        """Return the checks that failed in the selected epochs, each with its first failed epoch, earliest first."""
+        """Return the checks that failed in the selected epochs, each with its first failed epoch, in order of time."""
         return failures_in_order(self.failed, rows)
 
 
@@ -110,7 +110,7 @@ def level_verdicts(
     """Return the verdicts of mitigation levels on a campaign.
 
     Level 1 takes the results of any campaign. Levels above 1 need a sky, or a processor of level 2 or 3.
-    `alarms_per_day` replaces the value in the processor's `MonitoringSettings`; None keeps it.
+    `alarms_per_day` replaces the value in the processor's `MonitoringSettings`; None keeps this value.
 
     Raises `VestigeError` if the results have too few columns for a level above 1.
     """
@@ -164,8 +164,8 @@ def failures(check: CheckSeries) -> Proportion:
 def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdicts | None]:
     """Return the results of a run with one verdict for each RECS, and the verdicts of all epochs.
 
-    A run at level 1 without user's checks has no verdicts between RECS. Its results are returned unchanged, with None.
-    The results of a run that has not ended (coordinate `epoch`) are returned in the same way.
+    A run at level 1 without user's checks has no verdicts between RECS. The results of such a run are returned
+    unchanged, with None. The results of a run that has not ended (coordinate `epoch`) are returned in the same way.
     """
     if not judged_between_recs(results) or "epoch" in results.coords:
         return results, None

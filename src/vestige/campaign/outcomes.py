@@ -1,14 +1,15 @@
-"""Outcome of a detector under attack, compared with the truth: true signal, spoofer, both in one peak, or nothing.
+"""Classify the detections under attack by the truth: true signal, spoofing signal, both in one peak, or no detection.
 
 Theory of operation
 -------------------
-A detection gives the delay of a signal after its prediction. The truth gives this delay for the line of sight and for
+A detection gives the delay of a signal after the prediction. The truth gives this delay for the line of sight and for
 each spoofing signal. A detection belongs to the signal with the nearest delay. Two signals closer than the *resolution*
-make one common peak, and a detection of this peak belongs to both: MIXED.
+make one common peak. A detection of this peak belongs to both signals and is MIXED.
 
 The correlation function of E6-C is a triangle of ±1 chip. The sum of two triangles has two maxima only if the distance
 of the triangles is more than about half of the base. The default resolution is one chip, 58.6 m: at this distance,
-neither triangle reaches the peak of the other. From about this distance on, the early detector can see both peaks.
+neither triangle reaches the peak of the other triangle. From about this distance on, the early detector can find both
+peaks.
 
 A spoofing signal counts if its power relative to the true signal exceeds `FLOOR_DB`. A weaker spoofing signal moves a
 detection by less than 1 m on average. A spoofing signal with invented chips makes no peak and never counts.
@@ -19,7 +20,8 @@ The report gives two times and an error:
     time to mitigate    from the attack's first epoch to the epoch from which on `SHARE` of the detections are TRUE
     worst range         largest error of a range in use (`range_errors.py`)
 
-All functions are pure and take results as the campaign stores them. Without an attack every detection is TRUE.
+No function has side effects. All functions take results as the campaign stores them. Without an attack every detection
+is TRUE.
 """
 
 from __future__ import annotations
@@ -120,7 +122,7 @@ class AttackReport:
     # time from the attack's first epoch to the epoch from which on the detector finds the true signal; NaN if there is
     # no such epoch, 0 if the detector always found the true signal
     time_to_mitigate_s: float
-    # error of a range in use that is largest in magnitude, with its sign; NaN if no range was in use
+    # error of a range in use with the largest magnitude, with its sign; NaN if no range was in use
     worst_range_m: float
     e1_captured: float  # share of the attacked epochs in which E1 tracking was on a spoofing signal
 
@@ -128,8 +130,8 @@ class AttackReport:
 def report(results: xarray.Dataset, detector: str = "early", *, satellite: int = 0) -> AttackReport | None:
     """Return the outcome of the attack on a satellite; None if no verdict was due under attack.
 
-    `satellite` is the index on the axis of satellites. The time of mitigation is the first epoch from which on at least
-    the share `SHARE` of the detections belongs to the true signal.
+    `satellite` is the index on the axis of satellites. From the time of mitigation on, at least the share `SHARE` of
+    the detections belongs to the true signal.
     """
     if "truth_spoofed" not in results:
         return None

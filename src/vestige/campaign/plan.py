@@ -2,16 +2,16 @@
 
 Epoch i of a plan is one snapshot of a simulated receiver. The state of the simulation (clock, multipath, ionosphere)
 has memory and is cheap to compute. Signals, noise, correlators and detection are expensive, but each epoch is
-independent of the others. A plan therefore has two parts, and may have a third:
+independent of the other epochs. A plan therefore has two parts, and may have a third part:
 
 * `prepare()` returns an object that runs through the epochs in order. The method `advance(first, count)` of this object
   returns the inputs of the next `count` epochs as arrays and keeps the state. Only the coordinating process calls
   `advance`.
 * `measure(first, inputs)` turns inputs into columns. Any thread, process or machine may call `measure`, in any order.
-* `judge(state, first, columns)`, if a plan has it, adds the columns that depend on the order of time, such as a
+* `judge(state, first, columns)` is optional. The method adds the columns that depend on the order of time, such as a
   receiver's verdicts. The coordinating process calls `judge` chunk after chunk; the first `state` is None.
 
-Resuming a campaign and running it in parallel rely on these rules:
+The following rules make it possible to resume a campaign and to run a campaign in parallel:
 
 1. `advance` is called with the epochs in order, from 0, without a gap: `advance(0, a)`, `advance(a, b)`, … The bits of
    the inputs of an epoch must not depend on how the epochs are divided into calls. A resumed campaign calls `prepare()`
@@ -21,8 +21,8 @@ Resuming a campaign and running it in parallel rely on these rules:
    are divided into calls. Random numbers come from streams that are named by the epoch, never from a generator that
    keeps its state between epochs. Several threads may call `measure` at once, and twice for the same epochs.
 3. `measure` returns every column of the plan except the columns of `judge`. The columns include the truth from the
-   inputs. Each column has the exact dtype and shape: the column's dims, with `epoch` as long as the inputs. Any
-   difference is a `ValueError`.
+   inputs. Each column has exactly the dtype of the plan, and the shape that follows from the column's dims. Any
+   difference raises `ValueError`.
 4. `judge` returns the same state and columns whether `columns` has only the columns of `measure`, or all columns. A
    resumed campaign judges its stored chunks again to get the state. The result must not depend on how the epochs are
    divided into calls.
@@ -30,7 +30,7 @@ Resuming a campaign and running it in parallel rely on these rules:
    Data that can be derived from the plan (replicas, tables) are derived and cached in the worker.
 6. Two plans with equal `attrs` give equal results. A store compares `attrs` to decide whether it may be resumed.
    `attrs` contain the scenario, its digest and the seed; the store adds version and source of vestige. If the bits
-   depend on the kind of CPU, `attrs` contain this kind as `processor`.
+   depend on the kind of CPU, `attrs` contain the kind of CPU as `processor`.
 
     @dataclass(frozen=True, kw_only=True)
     class Coins:
@@ -62,15 +62,15 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-EPOCH = "epoch"  # the dimension along which a campaign is cut
-CHUNK_EPOCHS = 2000  # many, because each chunk makes about 40 small files; but few compared with a run
+EPOCH = "epoch"  # the dimension along which a campaign is divided into chunks
+CHUNK_EPOCHS = 2000  # a large number, because each chunk makes about 40 small files, but small compared with a run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
     """A variable of the results."""
 
-    # names of the axes in order; `epoch` may be at any position, each other axis is the dim of a `Coord`
+    # names of the axes in order; `epoch` may be at any position, and every other axis is the dim of a `Coord`
     dims: tuple[str, ...]
     dtype: str  # a numpy dtype by name, e.g. `float32`, `complex64`, `int8`.
     units: str  # UDUNITS spelling: `m`, `m s-1`, `Hz`, `rad`, `1`
@@ -94,7 +94,7 @@ def column_table(
 class Coord:
     """Coordinates of an axis other than `epoch`; a coordinate with the name of its dim is the index of the axis."""
 
-    dim: str  # the axis
+    dim: str  # name of the axis
     values: np.ndarray  # one number or text for each position on the axis
     long_name: str
     units: str = "1"
@@ -122,7 +122,7 @@ class Plan(Protocol):
 
     @property
     def coords(self) -> Mapping[str, Coord]:
-        """Coordinates by name; each axis other than `epoch` needs at least one."""
+        """Coordinates by name; each axis other than `epoch` needs at least one coordinate."""
 
     @property
     def attrs(self) -> Mapping[str, Any]:
@@ -132,7 +132,7 @@ class Plan(Protocol):
         """Return the sequential part of the plan before its first epoch."""
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
-        """Return all columns except those of `judge` for the epochs of `inputs`; `first` is the first of them."""
+        """Return all columns except the columns of `judge` for the epochs of `inputs`, which begin at `first`."""
 
 
 @runtime_checkable
@@ -146,7 +146,7 @@ class JudgedPlan(Plan, Protocol):
 def judged(
     plan: Plan, state: Any, first: int, columns: Mapping[str, np.ndarray]
 ) -> tuple[Any, Mapping[str, np.ndarray]]:
-    """Return the state after the epochs of `columns`, and all their columns; a plan without `judge` adds no columns."""
+    """Return the state after the epochs of `columns`, and all columns; a plan without `judge` adds no columns."""
     return plan.judge(state, first, columns) if isinstance(plan, JudgedPlan) else (None, columns)
 
 

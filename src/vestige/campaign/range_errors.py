@@ -1,16 +1,16 @@
-"""Errors of the ranges in use, and the largest of them under attack.
+"""Errors of the ranges in use, and the largest error under attack.
 
 `acas_processor/position/range_in_use.py` decides which range may be used. The results store this range in
-`range_in_use_m` and `range_is_earlier`. This module compares the ranges with the truth and decides nothing.
+`range_in_use_m` and `range_is_earlier`. This module only compares the ranges with the truth.
 
-**Error of a range in use.** A RECS authenticates the time since the previous RECS. The error of an E1 range in use is
-therefore the largest error that the attack caused in that time. If the range of the earliest of several signals is in
-use instead, the error of this range counts.
+**Error of a range in use.** A range in use stands for the time since the previous RECS. The error of an E1 range in use
+is therefore the largest error that the attack caused in that time. If the range of the earliest of several signals is
+in use instead, the error of this range counts.
 
-**RECS that count.** These are the RECS from the first start of an attack to the last stop, and the first RECS after the
-stop. The RECS after the stop judges the last part of the attack. Without an attack every RECS counts.
+**RECS that count.** All RECS from the first start of an attack to the last stop count. The first RECS after the stop
+also counts, because this RECS judges the last part of the attack. Without an attack every RECS counts.
 
-`vestige run`, the page of a run, sweeps and the threat table give the largest of these errors as `worst_range_m`.
+`vestige run`, the page of a run, sweeps and the threat table give the largest error as `worst_range_m`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def range_errors_m(
     Parameters
     ----------
     results
-        Results with the truth.
+        Results of a campaign, with the columns of the truth.
     in_use_m
         Ranges in use; NaN if no range is in use.
     earlier
@@ -85,7 +85,7 @@ def window_of(scenario: CampaignScenario | StoredScenario) -> tuple[float, float
 
 
 def worst_of(values_m: Float[np.ndarray, "..."]) -> float:
-    """Return the value of largest magnitude; NaN if no value is finite."""
+    """Return the value with the largest magnitude; NaN if no value is finite."""
     known = values_m[np.isfinite(values_m)]
     return float(known[np.argmax(np.abs(known))]) if known.size else nan
 

@@ -1,4 +1,4 @@
-"""The processor that judged the results of a campaign, for the answers that the results do not contain."""
+"""Make the processor of a campaign again, to compute quantities that the results do not contain."""
 
 from __future__ import annotations
 

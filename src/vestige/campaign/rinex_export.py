@@ -1,12 +1,13 @@
 """RINEX files of the simulated receiver's E1 observations, which other receiver software can read.
 
 The files have pseudorange, Doppler and C/N0 of E1-C at every epoch, on the receiver's clock. The observations belong
-to the tracked signal; under attack this may be a spoofing signal. The files have no carrier phase, because the results
-contain none. The navigation file has the orbits and clocks of the run, with a new issue of the ephemerides every 2 h.
+to the tracked signal; under attack, the tracked signal may be a spoofing signal. The files have no carrier phase,
+because the results contain no carrier phase. The navigation file has the orbits and clocks of the run, with a new issue
+of the ephemerides every 2 h.
 
 Pseudoranges contain the residual of the ionosphere, but no troposphere. The settings of `rnx2rtkp` [RTKLIB] therefore
 apply no corrections, and use RAIM with exclusion of one satellite. If the scenario has the table `[atmosphere]`, the
-pseudoranges contain its delays.
+pseudoranges contain the delays from this table.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ pos1-posopt5       =on
 out-solformat      =xyz
 out-timesys        =gpst
 """
-_TENTHS = 10  # tenths in a second; epochs are at whole tenths
+_TENTHS = 10  # number of tenths in a second; epochs are at whole tenths of a second
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,13 +52,13 @@ class RinexExport:
     """Summary of the RINEX files that were written."""
 
     files: tuple[Path, ...]  # observations, navigation data, settings of `rnx2rtkp`
-    n_epochs: int  # epochs with at least one satellite
+    n_epochs: int  # number of epochs with at least one satellite
     svids: tuple[int, ...]  # satellites that were tracked at some epoch
-    n_ephemerides: int  # records of the navigation file
+    n_ephemerides: int  # number of records of the navigation file
 
 
 def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
-    """Write the results of a sky into a new folder.
+    """Write E1 observations and ephemerides of a sky as RINEX files into a new folder.
 
     The results must contain all epochs of a campaign. The folder must not exist.
 

@@ -28,7 +28,7 @@ from vestige.campaign.store.store import Store, make_store, open_store
 from vestige.errors import VestigeError
 from vestige.folder_lock import only_writer
 
-IN_FLIGHT = 3  # chunks for each worker: one runs, one waits to run, one result may wait for an earlier chunk
+IN_FLIGHT = 3  # chunks for each worker: a running chunk, a waiting chunk, and a result that waits for earlier results
 
 ExecutorChoice = Literal["threads", "processes"] | Executor
 
@@ -44,13 +44,13 @@ class RunProgress:
 
     @property
     def rate_epochs_per_s(self) -> float:
-        """Epochs measured in a second; NaN before the first chunk."""
+        """Number of epochs that are measured in a second; NaN before the first chunk."""
         measured = self.epochs_done - self.epochs_resumed
         return measured / self.elapsed_s if measured and self.elapsed_s > 0 else float("nan")
 
     @property
     def remaining_s(self) -> float:
-        """Time left at this rate, in s; NaN before the first chunk."""
+        """Remaining time in s at the present rate; NaN before the first chunk."""
         left = self.epochs_total - self.epochs_done
         return left / self.rate_epochs_per_s if left else 0.0
 
@@ -65,21 +65,22 @@ def run(
     progress: Callable[[RunProgress], None] | None = None,
     enough: Callable[[Columns], bool] | None = None,
 ) -> xarray.Dataset:
-    """Return the results of a plan, after measuring the epochs that the store lacks.
+    """Measure the epochs of a plan that the store lacks, and return the results.
 
     Parameters
     ----------
     store
         Folder, which is made if it does not exist. Stored results of the same work are kept.
     workers
-        Number of threads or processes to start. For your own executor: number of calls that it runs at the same time.
+        Number of threads or processes to start. For your own executor: number of calls that the executor runs at the
+        same time.
     executor
-        `threads` if the kernels release the GIL, `processes` if they do not, or any executor (see `cluster.connect`).
-        Your own executor is left open. Processes import the main module again: a script needs
-        `if __name__ == "__main__":`. For `threads`, set the variables of `executors.ONE_THREAD` before numpy is
-        loaded, as the command line does.
+        `threads` if the plan's computations release the GIL of Python, `processes` if they do not, or any executor (see
+        `cluster.connect`). Your own executor is left open. Processes import the main module again, so a script needs
+        `if __name__ == "__main__":`. For `threads`, set the variables of `executors.ONE_THREAD` before numpy is loaded,
+        as the command line does.
     chunk_epochs
-        Epochs in one call of `measure`, for a new store.
+        Number of epochs in one call of `measure`, for a new store.
     progress
         Function that is called at the beginning and after each chunk.
     enough
@@ -90,15 +91,17 @@ def run(
     Raises
     ------
     InputFileError
-        If `store` is no store, belongs to another scenario, seed or source of vestige, or is written by another
-        process.
+        If `store` is no store, belongs to another scenario, seed or source code of vestige, or another process writes
+        into the store.
     VestigeError
-        If workers are lost, have another source of vestige, or have another kind of CPU and the bits depend on the CPU.
+        If workers are lost, have another source code of vestige, or have another kind of CPU and the bits depend on the
+        CPU.
     KeyboardInterrupt
-        If the user presses Ctrl-C. This exception, like every other, has a note (`__notes__`) with the number of
-        stored epochs. The same call continues the run.
+        If the user presses Ctrl-C. This exception, like every other exception, has a note (`__notes__`) with the number
+        of stored epochs. The same call continues the run.
     """
-    # a new store replaces an empty folder; the lock prevents this while another process is about to write there
+    # A new store replaces an empty folder. The lock prevents the replacement while another process may write into the
+    # folder.
     with only_writer(Path(store)) if Path(store).is_dir() else nullcontext():
         make_store(Path(store), plan, chunk_epochs=chunk_epochs)
     with only_writer(Path(store)):
@@ -168,8 +171,7 @@ def measure_chunks(
 ) -> Generator[tuple[int, Columns]]:
     """Yield number and results of each chunk, in order, with any number of workers.
 
-    A caller that needs no more chunks closes this iterator. The chunks until then do not depend on the number of
-    workers.
+    A caller that needs no more chunks closes this iterator. The yielded chunks do not depend on the number of workers.
     """
     left = [chunk for chunk in range(-(-plan.n_epochs // chunk_epochs)) if chunk not in skip]
     if not left:
@@ -182,7 +184,7 @@ def measure_chunks(
                 chunk, future = pending[0]
                 results = future.result()
                 pending.popleft()
-                pending.extend(islice(submitted, 1))  # before the yield: workers continue while the results are written
+                pending.extend(islice(submitted, 1))  # workers continue while the caller writes the yielded results
                 yield chunk, results
         finally:
             for _, future in pending:

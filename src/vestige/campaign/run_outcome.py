@@ -3,10 +3,10 @@
 Theory of operation
 -------------------
 A run is one campaign with one attack. The epochs of a run from the attack's start to its stop are *attacked*.
-`levels.py` gives the verdicts. For every RECS it also gives the ranges in use, and the largest error of each range that
-the attack caused since the previous RECS. The first RECS after the stop counts as well, because it judges the last part
-of the attack. An error is *harmful* if it exceeds twice the limit of the range check, 2κσ. The noise of E6 can hide a
-smaller error from this test. More than one of these outcomes may be true for a run:
+`levels.py` gives the verdicts and the ranges in use. For every range in use, `levels.py` also gives the largest error
+that the attack caused since the previous RECS. The first RECS after the stop counts as well, because this RECS judges
+the last part of the attack. An error is *harmful* if the error exceeds twice the limit of the range check, 2κσ. The
+noise of E6 can hide a smaller error from the range check. Several of these outcomes may be true for a run:
 
     detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite in attacked epochs or with the next RECS
     missed       a harmful range was in use at any time
@@ -20,7 +20,7 @@ of the range check is therefore given separately. Failures of single tests are c
 groups:
 
 * the checks whose probability can be chosen;
-* the checks among these whose probability is exact (`AlarmShare.exact`), against a lower and an upper limit;
+* the checks whose probability can be chosen and is exact (`AlarmShare.exact`), with a lower and an upper limit;
 * the range check, whose budget is an upper limit.
 
 `budgets` has the failures and the budget of every check by its name, after confirmation.
@@ -50,23 +50,23 @@ if TYPE_CHECKING:
 
 HALF = 0.5
 HARMLESS = "no alarm, no harm"
-_LAST = 0.25  # share of the attack's RECS that is the last part
-_HARMFUL = 2.0  # an error above this number of κσ is harmful
+_LAST = 0.25  # share of the attack's RECS that belongs to the last part of the attack
+_HARMFUL = 2.0  # multiple of κσ above which an error is harmful
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutcomeCounts:
-    """Counts of alarms and failed tests of a run, and the numbers that the budgets allow; sums for many runs."""
+    """Counts of alarms and failed tests of a run or of many runs, and the numbers that the budgets allow."""
 
-    duration_s: float  # duration of the attacked epochs, or of all epochs without an attack
-    alarms: int  # alarms that began in these epochs
+    duration_s: float  # duration of the attacked epochs; without an attack, duration of all epochs
+    alarms: int  # number of alarms that began in the attacked epochs, or in all epochs
     budget_alarms: float  # number of alarms that the budget allows
     budget_range_alarms: float  # the range check's part of `budget_alarms`
-    failures: int  # failed tests of the checks whose p_fa can be chosen
+    failures: int  # number of failed tests of the checks whose p_fa can be chosen
     budget_failures: float  # number of `failures` that the budget allows
-    exact_failures: int  # failed tests of those checks whose p_fa can be chosen and is exact
+    exact_failures: int  # number of failed tests of the checks whose p_fa can be chosen and is exact
     budget_exact_failures: float  # number of `exact_failures` that the budget allows
-    range_failures: int  # failed tests of the range check, whose p_fa is an upper limit
+    range_failures: int  # number of failed tests of the range check, whose p_fa is an upper limit
     budget_range_failures: float  # number of `range_failures` that the budget allows
 
 
@@ -87,8 +87,8 @@ class RunOutcome(OutcomeCounts):
     # each check with its failed tests after confirmation, and the number that its own budget allows:
     # `E6 power 3 2.9; RAIM 0 0.01`
     budgets: str
-    worst_range_m: float  # error of a range in use with the largest magnitude, with its sign; NaN if none was in use
-    worst_position_m: float  # largest error of a position in use; NaN if none was in use
+    worst_range_m: float  # error of a range in use with the largest magnitude, with its sign; NaN without such a range
+    worst_position_m: float  # largest error of a position in use; NaN if no position was in use
 
     @property
     def word(self) -> str:
@@ -191,7 +191,7 @@ def run_outcome(
 
 
 def _failures(found: JudgedRun, attacked: Bool[np.ndarray, " n"], names: Set[CheckName | str]) -> tuple[int, float]:
-    """Return the number of failed tests of some checks in attacked epochs, and the number that the budget allows."""
+    """Return the number of failed tests of the named checks in attacked epochs, and the number the budget allows."""
     made = [name for name in found.failed if name in names and name in found.budget]
     return (
         sum(int(np.count_nonzero(found.failed[name][attacked])) for name in made),
@@ -223,8 +223,8 @@ def outcomes_of(
 ) -> tuple[RunOutcome, ...]:
     """Return the outcome of one campaign in a time window at each level.
 
-    Level 1 takes any scenario. Levels above 1 need a sky, or a processor of level 2 or 3. `window_s` is the begin
-    and the end of the window in s after the start; the end is excluded.
+    Level 1 takes any scenario. Levels above 1 need a sky, or a processor of level 2 or 3. `window_s` contains the
+    beginning and the end of the window in s after the start of the campaign; the end is excluded.
     """
     time_s = results["time_s"].values
     counted = (time_s >= window_s[0]) & (time_s < window_s[1])

@@ -22,9 +22,9 @@ def run_scenario(
     executor: ExecutorChoice = "threads",
     progress: Callable[[RunProgress], None] | None = None,
 ) -> Results:
-    """Run a campaign, keep its results in a folder, and return them; `vestige run` does the same.
+    """Run a campaign, store the results in a folder, and return the results; `vestige run` does the same.
 
-    The same call continues a run that was stopped. The results have the same bits as those of a run that was not
+    The same call continues a run that was stopped. The results have the same bits as the results of a run that was not
     stopped, with any number of workers.
 
     Parameters
@@ -32,7 +32,7 @@ def run_scenario(
     scenario
         Campaign, or path of its scenario file.
     store
-        Folder of the results (zarr); `run` makes it if it does not exist.
+        Folder of the results (zarr); `run` makes the folder if it does not exist.
     settings
         Values that replace values of the scenario file, each as `table.key=value`. Settings need a scenario file.
     workers

@@ -1,4 +1,4 @@
-"""Plan of a campaign scenario: a simulated receiver measures, its processor judges, and the results add the truth.
+"""Plan of a campaign scenario: measurements of a simulated receiver, verdicts of the processor, and the truth.
 
 `measure` makes the snapshots of a chunk on any worker, and the processor measures these snapshots. In `judge`, the
 processor assesses the measurements in order of time. The processor alone decides about checks, alarms and ranges in
@@ -52,7 +52,7 @@ from vestige.source_version import processor_name
 from vestige.theory.search_budget import SEARCH_P_FA
 
 _log = logging.getLogger(__name__)
-_MANY_EPOCHS = 10_000  # epochs in a chunk if writing the store takes longer than measuring
+_MANY_EPOCHS = 10_000  # number of epochs in a chunk if writing the store takes longer than measuring
 _EPOCH, _SATELLITE = ("epoch",), ("epoch", "satellite")
 _RAYS, _FOUND = ("epoch", "satellite", "ray"), ("detector", "epoch", "satellite")
 _FLAGS = {"e6_saturated": {"flag_values": [-1, 0, 1], "flag_meanings": "no_samples no yes"}}
@@ -86,7 +86,7 @@ class ScenarioPlan:
     """A campaign scenario, ready to run."""
 
     scenario: CampaignScenario
-    # whether `truth_phase_rad` is measured under attack; this needs the arrival of E6 at all epochs, not only at RECS
+    # whether `truth_phase_rad` is computed under attack; the column needs the arrival of E6 at all epochs
     with_phases: bool = True
 
     @property
@@ -191,7 +191,7 @@ class ScenarioPlan:
         return _Preparation(self._receiver.truth())
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
-        """Return all columns except those of `judge` for the epochs from `first` on: measurements and truth."""
+        """Return all columns except the columns of `judge` for the epochs from `first` on: measurements and truth."""
         with blamed_on_own_parts():
             return self._measured(first, inputs)
 
@@ -231,7 +231,7 @@ class ScenarioPlan:
     def judge(
         self, state: ReceiverState | None, first: int, columns: Mapping[str, np.ndarray]
     ) -> tuple[ReceiverState, Mapping[str, np.ndarray]]:
-        """Return the state after the epochs, and all columns; `columns` has the columns of `measure`, or all."""
+        """Return the state after the epochs, and all columns; `columns` has at least the columns of `measure`."""
         n = columns["time_s"].size
         measured = measured_block(self._judged, first + np.arange(n, dtype=np.int64), columns)
         block, after = self._judged.processor.assess(state, measured, self._receiver.assistance)

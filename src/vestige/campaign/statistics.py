@@ -3,7 +3,8 @@
 Every probability is estimated from k successes in n independent trials. The interval of a probability is the exact
 interval of Clopper and Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects p at level α if and only
 if p is outside the interval of confidence 1 − α. The campaign must make trials independent. Epochs that share a slow
-error, such as an ionosphere with a time constant of hours, are not independent trials. The true interval is then wider.
+error, such as an ionosphere with a time constant of hours, are not independent trials. With such epochs the true
+interval is wider.
 """
 
 from __future__ import annotations
@@ -60,9 +61,9 @@ def binomial_intervals(
 def binomial_interval(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """Return the exact interval of a probability after `successes` in `trials`.
 
-    At the lower end, a count of at least `successes` has probability (1 − confidence)/2. At the upper end, a count of
-    at most `successes` has this probability. The interval contains the true probability with at least this confidence.
-    Without trials the interval is (0, 1).
+    If the true probability is the lower end, a count of at least `successes` has the probability (1 − confidence)/2. If
+    the true probability is the upper end, a count of at most `successes` has the probability (1 − confidence)/2. The
+    interval contains the true probability with at least the given confidence. Without trials the interval is (0, 1).
 
     Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
     """
@@ -88,13 +89,13 @@ def binomial_test(successes: int, trials: int, probability: float) -> float:
 
 
 def proportion(successes: int, trials: int) -> Proportion:
-    """Return `successes` in `trials` with their exact interval."""
+    """Return the proportion of `successes` in `trials`, with the exact interval of the probability."""
     low, high = binomial_interval(successes, trials)
     return Proportion(successes=successes, trials=trials, low=low, high=high, confidence=CONFIDENCE)
 
 
 def count_interval(count: float) -> tuple[float, float, float]:
-    """Return a Poisson count and the ends of the exact interval of its mean."""
+    """Return a Poisson count, and the two ends of the exact interval of the mean."""
     tail = (1 - CONFIDENCE) / 2
     low = float(chdtri(2 * count, 1 - tail)) / 2 if count else 0.0
     return float(count), low, float(chdtri(2 * count + 2, tail)) / 2
@@ -122,15 +123,15 @@ class Summary:
 
     detector: str
     epochs: int
-    # detections among all decisions (correlated epochs × satellites): with a signal the probability of detection,
-    # without a signal the probability of a false alarm
+    # proportion of detections among all decisions (correlated epochs × satellites). With a signal, this proportion is
+    # the probability of detection; without a signal, this proportion is the probability of a false alarm.
     detections: Proportion
-    misses: int  # decisions without a detection
-    cluster: Proportion  # detections with a range offset in `cluster_m`, among all detections
-    cluster_m: tuple[float, float]  # limits of the cluster in m, included
+    misses: int  # number of decisions without a detection
+    cluster: Proportion  # proportion of detections with a range offset in `cluster_m`
+    cluster_m: tuple[float, float]  # limits of the cluster in m; both limits belong to the cluster
     range_offset_mean_m: float  # mean range offset of the detections; NaN without detections
     range_offset_std_m: float  # standard deviation of the range offsets; NaN without detections
-    percentiles_m: dict[float, float]  # range offset in m by percentage, linear between detections
+    percentiles_m: dict[float, float]  # percentiles of the range offset in m, interpolated linearly between detections
 
 
 def detectors_of(results: xarray.Dataset) -> tuple[str, ...]:
@@ -172,7 +173,7 @@ def summarise(results: xarray.Dataset, detector: str = "early") -> Summary:
 
 
 def false_alarms(results: xarray.Dataset, processor: AcasProcessor) -> Proportion:
-    """Return the proportion of single correlators with noise only that exceed the threshold of the processor.
+    """Return the proportion of correlators with noise only that exceed the threshold of the processor.
 
     Only correlators more than a chip apart are counted, so that the trials are independent. The correlation of the
     noise of two correlators is a triangle that ends at one chip. A narrow filter makes the triangle slightly wider. If
@@ -200,7 +201,7 @@ _LATE = (("iono_diff", 1), ("bias", 1), ("e1_noise", -1), ("e1_multipath", -1))
 
 
 def _first_arrival_m(block: xarray.Dataset) -> Float[np.ndarray, "epochs satellites"]:
-    """Return the delay of the earliest signal on E6 after the prediction, in m; this may be a spoofing signal."""
+    """Return the delay in m, after the prediction, of the earliest signal on E6, which may be a spoofing signal."""
     if "truth_spoofer_offset_m" not in block:
         return np.sum([sign * block[f"truth_{name}_m"].values for name, sign in _LATE], axis=0)
     forged = block["forged"].values[:, None, None]

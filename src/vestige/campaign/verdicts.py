@@ -1,8 +1,8 @@
-"""Counts of the verdicts of a campaign: each status, and false alarms.
+"""Count the verdicts of a campaign by status, and count its false alarms.
 
 A verdict is due in an epoch with RECS for each satellite in view. An alarm (`ALARMS`) in such an epoch is false if no
 attack acts. In a campaign with an attack, the epochs before and after the attack give the rate of false alarms.
-NOT_AVAILABLE verdicts do not count as trials, because the receiver decided nothing.
+NOT_AVAILABLE verdicts do not count as trials, because the receiver made no decision.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from vestige.records.checks import CheckName
 class VerdictCounts:
     """Number of verdicts of each status in a campaign, and the proportion of false alarms."""
 
-    due: int  # verdicts that were due
+    due: int  # number of verdicts that were due
     of: dict[Status, int]  # number of due verdicts of each status
-    attacked: int  # verdicts that were due under attack
-    false_alarms: Proportion  # alarms without an attack, among the available verdicts without an attack
-    recs_a_day: float  # RECS of one satellite in a day, for `false_alarms_a_day`
+    attacked: int  # number of verdicts that were due under attack
+    false_alarms: Proportion  # proportion of alarms among the available verdicts without an attack
+    recs_a_day: float  # number of RECS of one satellite in a day, for `false_alarms_a_day`
 
     @property
     def false_alarms_a_day(self) -> tuple[float, float, float]:
-        """False alarms of one satellite in a day, and the ends of their interval."""
+        """Number of false alarms of one satellite in a day, and the two ends of the confidence interval."""
         rate = self.false_alarms
         return rate.value * self.recs_a_day, rate.low * self.recs_a_day, rate.high * self.recs_a_day
 

@@ -1,1 +1,1 @@
-"""The command line has a file for each verb. No numeric module is imported before a command runs."""
+"""The command line of vestige, with a file for each verb. No numeric module is imported before a command runs."""

@@ -1,4 +1,4 @@
-"""Run the verb of a command line, and turn errors into exit codes. No large module is imported before a verb runs.
+"""Run a command of vestige, and turn errors into exit codes. No large module is imported before the command runs.
 
 The help of `vestige` lists the exit statuses.
 """
@@ -21,7 +21,7 @@ from vestige.cli.terminal import echo, usual_amount, warn, with_common_options
 from vestige.errors import VestigeError, VestigeWarning
 from vestige.own_parts import blamed_on_own_parts
 
-# for each verb: module of its `command` within this package, and one line of help
+# name of each verb, with the module of its `command` within this package, and one line of help
 VERBS = {
     "demo": ("start.demo", "Show in a minute what vestige does, with every command as you would type it."),
     "init": ("start.init", "Write the scenario files that come with vestige into a folder."),
@@ -78,7 +78,7 @@ def _version(ctx: click.Context, _parameter: click.Parameter, value: bool) -> No
     "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Print the version."
 )
 def vestige() -> None:
-    """Galileo ACAS / SAS signal authentication: simulate it, attack it, process it.
+    """Simulate, attack and process signals of the Galileo authentication service ACAS (SAS).
 
     Every command has the options --quiet and -v. --quiet prints results and errors only.
     -v also prints details that help to find the cause of a problem. Neither option
@@ -89,13 +89,14 @@ def vestige() -> None:
       0    The command has finished. Verdicts do not change this status.
       1    Bad input, a failed verification or lost samples. One line on
            standard error says what was expected, and where.
-      2    Options that do not exist or do not go together.
+      2    Options that do not exist or do not go together. The command
+           does not begin.
       3    process and live: the verdicts match the value of --fail-on.
-      130  Ctrl-C or SIGTERM. A line says what is kept.
+      130  Ctrl-C or SIGTERM. A line says which results are kept.
 
-    If several apply: 130 before 1, and 1 before 3. 2 ends a command before it begins.
+    If several statuses apply, status 130 has priority over 1, and status 1 over 3.
 
-    """  # noqa: D301 - click wants the character
+    """  # noqa: D301 - click needs this character
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -110,7 +111,7 @@ def main(arguments: list[str] | None = None) -> None:
         echo(*text.getvalue().rstrip("\n").split("\n"), err=True)
         sys.exit(error.exit_code)
     except click.Abort as abort:
-        # the notes report a write that was cut off, so asyncio need not log it, too
+        # the notes report an interrupted write, so asyncio need not log the interruption, too
         logging.getLogger("asyncio").setLevel(logging.CRITICAL)
         echo(f"interrupted{_notes(abort.__cause__)}", err=True)
         sys.exit(130)

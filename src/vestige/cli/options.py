@@ -100,7 +100,7 @@ DETECTOR_NAMES = ("early", "maximum")
 
 
 def detector_name(_context: click.Context, _parameter: click.Parameter, name: str) -> str:
-    """Return the name of a detector; usage error if it is neither vestige's nor of the form `module:Name`."""
+    """Return the name of a detector; raise a usage error for a name that is not vestige's and not `module:Name`."""
     if name not in DETECTOR_NAMES and not is_own(name):
         raise click.BadParameter(f"found {name!r}, expected {', '.join(DETECTOR_NAMES)} or module:Name")
     return name
@@ -164,7 +164,7 @@ def check_trust(public_key: Path | None, merkle_tree: Path | None) -> None:
 
 
 def time_option(_context: click.Context, _parameter: click.Parameter, text: str | None) -> GalileoTime | None:
-    """Return the time that an option gives, None without the option; usage error if the text is no time."""
+    """Return the time that an option gives, None without the option; raise a usage error if the text is no time."""
     from vestige.time import GalileoTime
 
     try:
@@ -204,7 +204,7 @@ def threads_option(what: str) -> Callable[..., Any]:
     return click.option("-j", "--workers", type=click.IntRange(1, 1024), default=2, help=what)
 
 
-# The service has not published the AES mode and the meaning of a BGD value, so these two options state them
+# The service has not published the AES mode and the meaning of a BGD value, so the user chooses both by options
 cipher_mode_option = click.option(
     "--cipher-mode",
     type=click.Choice(["cbc", "ctr"]),
@@ -221,9 +221,9 @@ group_delay_option = click.option(
 
 
 def parse_svids(text: str) -> tuple[int, ...]:
-    """Return the satellites of a text such as `2,3,7-9`, () for an empty text.
+    """Return the satellites of a text such as `2,3,7-9`; () for an empty text.
 
-    A satellite that does not exist is a usage error.
+    Raises a usage error for a satellite that does not exist.
     """
     from vestige.constants import MAX_SVID
 

@@ -12,7 +12,7 @@ from vestige.cli.terminal import detail, warn
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-MAX_THREADS = 2  # more threads wait for each other in Python code between the kernels; processes take 200 MB each
+MAX_THREADS = 2  # more than two threads wait for each other in Python code; a process needs 200 MB of memory
 _OF_DASK = ("asyncio", "distributed", "distributed.client", "distributed.comm", "distributed.core", "tornado")
 
 
@@ -29,7 +29,7 @@ def pool(
     if scheduler is not None:
         from vestige.campaign.execution.cluster import connect
 
-        for name in _OF_DASK:  # vestige reports these errors in one line of its own
+        for name in _OF_DASK:  # vestige itself reports the errors of dask, in one line
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         with connect(scheduler, warn=warn) as cluster:
             detail(f"number of workers on the cluster {scheduler}: {cluster.workers}")

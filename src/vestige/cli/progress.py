@@ -47,7 +47,7 @@ def _shown_progress() -> Iterator[ProgressReport]:
 
 @contextmanager
 def _step_times() -> Iterator[Callable[[str], None]]:
-    """Yield `begin(step)`, which may be called repeatedly; the time of a step ends with the next step or at the end."""
+    """Yield `begin(step)`, which starts the time of a step; the next step or the exit of the context ends the time."""
     step, begin_s = "", 0.0
 
     def end() -> None:
@@ -67,7 +67,7 @@ def _step_times() -> Iterator[Callable[[str], None]]:
 
 
 def _lines() -> Iterator[ProgressReport]:
-    began: dict[str, tuple[float, int]] = {}  # time and amount of each step at its first report
+    began: dict[str, tuple[float, int]] = {}  # time and amount of finished work at the first report of each step
     last_s = time.monotonic()
 
     def report(step: str, done: int, total: int) -> None:
@@ -158,7 +158,7 @@ def _campaign_bar() -> Iterator[Callable[[str, RunProgress], None]]:
 
 
 def _pace(now: RunProgress) -> str:
-    """Return rate and remaining time as text; "starting" as long as the rate is not known."""
+    """Return rate and remaining time as text; the text is "starting" as long as the rate is not known."""
     if now.rate_epochs_per_s != now.rate_epochs_per_s:
         return "starting"
     return f"{now.rate_epochs_per_s:.0f} epochs/s, {_duration(now.remaining_s)} left"

@@ -31,7 +31,8 @@ class _Terminal(logging.Handler):
     def __init__(self) -> None:
         super().__init__(logging.INFO)
         self.amount, self.began_s = Amount.USUAL, 0.0
-        self.n_unsaid, self.first_unsaid = 0, ""  # warnings that `--quiet` suppressed: their number, the first
+        # number of warnings that `--quiet` suppressed, and the first of these warnings
+        self.n_unsaid, self.first_unsaid = 0, ""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a log message of a module of vestige."""
@@ -43,12 +44,12 @@ _log = logging.getLogger("vestige")
 
 
 def echo(*lines: object, err: bool = False, nl: bool = True) -> None:
-    """Print each of `lines` as a single line; characters that a terminal does not show literally are escaped."""
+    """Print each of `lines` as a single line, and escape characters that a terminal does not show literally."""
     click.echo("\n".join(printable(str(line)) for line in lines), err=err, nl=nl)
 
 
 def warn(line: object) -> None:
-    """Print a warning on standard error; with `--quiet` one line at the end stands for all warnings."""
+    """Print a warning on standard error. With `--quiet`, one line at the end replaces all warnings."""
     if is_quiet():
         _terminal.n_unsaid += 1
         _terminal.first_unsaid = _terminal.first_unsaid or str(line)
@@ -57,7 +58,7 @@ def warn(line: object) -> None:
 
 
 def note(*lines: object) -> None:
-    """Print lines about the progress of the work on standard error; none with `--quiet`."""
+    """Print lines about the progress of the work on standard error, unless `--quiet` is given."""
     if not is_quiet():
         echo(*lines, err=True)
 
@@ -80,7 +81,10 @@ def is_detailed() -> bool:
 
 @contextmanager
 def usual_amount() -> Iterator[None]:
-    """Set the usual amount of text for a command. Its options may change the amount, which is restored at the end."""
+    """Set the usual amount of text for a command, and restore the amount after the command.
+
+    The options of the command may change the amount.
+    """
     _choose(Amount.USUAL)
     _terminal.began_s = time.monotonic()
     try:
@@ -134,7 +138,7 @@ def with_common_options(command: click.Command) -> click.Command:
 
 
 def raise_last(errors: Sequence[Exception]) -> None:
-    """Raise the last of some errors, and print the earlier errors; do nothing without errors."""
+    """Raise the last error of `errors`, and print the earlier errors. Without errors, do nothing."""
     for earlier in errors[:-1]:
         echo(f"vestige: {earlier}", err=True)
     if errors:

@@ -1,4 +1,4 @@
-"""Options for the expectations of a receiver: usual power and C/N0, errors of E1 ranges, and false alarms a day.
+"""Options for the reference values of a receiver: power, C/N0, errors of E1 ranges, and accepted false alarms a day.
 
 If a power or a C/N0 is not stated, the receiver learns the value from RECS without an alarm.
 """
@@ -84,9 +84,9 @@ usual_level_options = options_together(
 
 
 def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
-    """Return the reference levels that the options state; the receiver learns the other levels.
+    """Return the reference levels that the options state. The receiver learns the other levels.
 
-    Raises `click.UsageError` if only one C/N0 is given, or the fall without both C/N0.
+    Raises `click.UsageError` if only one C/N0 is given, or if `--cn0-fall-db` is given without both C/N0.
     """
     from vestige.acas_processor.monitoring.baseline import Antenna, ReferenceLevels
 
@@ -103,7 +103,11 @@ def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
 
 
 def expected_e6_over_e1_db(options: dict[str, Any]) -> float:
-    """Return the stated C/N0 of E6-C minus C/N0 of E1-C, in dB; by default the difference at minimum received power."""
+    """Return the expected C/N0 of E6-C minus the C/N0 of E1-C, in dB.
+
+    The options state this difference, or the usual C/N0 of E1 and E6. The default is the difference at minimum received
+    power.
+    """
     if options["e6_over_e1_db"] is not None:
         return float(options["e6_over_e1_db"])
     e1_dbhz, e6_dbhz = (options[f"usual_{band}_cn0_dbhz"] for band in ("e1", "e6"))
@@ -125,9 +129,9 @@ def fix_settings(
 
 
 def approximate_position(options: dict[str, Any]) -> ApproximatePosition | None:
-    """Return the approximate position of the receiver that the options state, or None.
+    """Return the approximate position of the receiver that the options state; None without `--near`.
 
-    Raises `click.UsageError` if `--near` is no position, or there are no orbits.
+    Raises `click.UsageError` if `--near` is not a valid position, or if there are no orbits.
     """
     import numpy as np
 

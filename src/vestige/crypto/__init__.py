@@ -1,1 +1,1 @@
-"""Codecs and cryptography of bytes: I/NAV pages, OSNMA keys, RECS, group delays. Other packages read samples."""
+"""File formats and cryptography of OSNMA messages, keys, RECS and group delays. The package does not read samples."""

@@ -18,7 +18,7 @@ def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
 
     A file of more than `at_most` bytes cannot be valid, and is not read.
 
-    Raises `InputFileError` if there is no such file, it is not a regular file, it cannot be read, or it is longer than
+    Raises `InputFileError` if `path` does not exist, is not a regular file, cannot be read, or is longer than
     `at_most`.
     """
     with open_file(path) as file:
@@ -46,15 +46,17 @@ def read_text(path: Path, *, at_most: int, expected: str = "a text file") -> str
 
 
 def open_file(path: Path) -> BinaryIO:
-    """Return the regular file `path`, open for reading; a pipe or device, which may never end, is refused.
+    """Return the regular file `path`, open for reading.
 
-    Raises `InputFileError` if there is no such file, it is not a regular file, or it cannot be read.
+    A pipe or a device is refused, because its data may never end.
+
+    Raises `InputFileError` if `path` does not exist, is not a regular file, or cannot be read.
     """
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             raise InputFileError(path, "file", "something else", "a regular file")
         return path.open("rb")
-    except (OSError, ValueError) as error:  # ValueError: an impossible file name
+    except (OSError, ValueError) as error:  # a ValueError means an invalid file name
         raise InputFileError(path, "file", _reason(error), "a readable file") from error
 
 

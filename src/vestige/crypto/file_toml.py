@@ -14,11 +14,11 @@ from typing import Any
 from vestige.crypto.file_bytes import read_bytes
 from vestige.errors import InputFileError
 
-DEEPEST = 20  # nested tables and lists, and parts of a key; real files need at most 5
+DEEPEST = 20  # largest number of nested tables and lists, and of parts of a key; real files need at most 5
 
-# Multi-line strings, single-line strings, and comments. The atomic group keeps a backslash and the escaped character
-# together. An unterminated string extends to the end of the text, because a new search from every quote in it would
-# take too long.
+# The pattern matches multi-line strings, single-line strings, and comments. The atomic group keeps a backslash and the
+# escaped character together. An unterminated string extends to the end of the text, because a new search from every
+# quote in the string would take too long.
 _TEXTS = re.compile(
     r'"""(?>\\.|.)*?(?:"{3,5}|\Z)' r"|'''.*?(?:'{3,5}|\Z)" r'|"(?>\\[^\n]|[^"\\\n])*+"?' r"|'[^'\n]*+'?" r"|\#[^\n]*",
     re.DOTALL,
@@ -44,14 +44,17 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise ValueError(f"line {line}: a key of more than {DEEPEST} parts")
     try:
         tables = tomllib.loads(text)
-    except RecursionError:  # endless brackets
+    except RecursionError:  # too many nested brackets for the parser
         raise ValueError(_TOO_DEEP) from None
     _check_depth(tables)
     return tables
 
 
 def read_toml_file(path: Path, *, at_most: int) -> dict[str, Any]:
-    """Return the tables of a TOML file; raises `InputFileError` if it is not TOML, or longer than `at_most` bytes."""
+    """Return the tables of a TOML file.
+
+    Raises `InputFileError` if the file is not TOML, or is longer than `at_most` bytes.
+    """
     try:
         return parse_toml(read_bytes(path, at_most=at_most).decode())
     except ValueError as error:

@@ -1,1 +1,1 @@
-"""Positions of satellites and receiver: broadcast orbits and clocks, position fix, receiver autonomous integrity."""
+"""Positions of satellites and receiver: broadcast orbits and clocks, position fix, RAIM."""

@@ -1,7 +1,7 @@
 """The rotating Earth: Earth-centred, Earth-fixed (ECEF), geodetic and local coordinates.
 
 Positions are ECEF in the Galileo Terrestrial Reference Frame (GTRF), in m. Latitude and height refer to the WGS 84
-ellipsoid, which differs from the GTRF ellipsoid by 0.1 mm. Local axes are east, north, up; azimuth is counted from
+ellipsoid, which differs from the GTRF ellipsoid by 0.1 mm. Local axes are east, north, up. Azimuth is counted from
 north towards east.
 """
 
@@ -11,14 +11,14 @@ import numpy as np
 from jaxtyping import Float
 
 GRAVITATION_M3PS2 = 3.986004418e14  # μ [OS-ICD, 5.1.1]
-ROTATION_RADPS = 7.2921151467e-5  # ω_E, of the Earth [OS-ICD, 5.1.1]
+ROTATION_RADPS = 7.2921151467e-5  # ω_E, rotation rate of the Earth [OS-ICD, 5.1.1]
 SEMI_MAJOR_AXIS_M = 6_378_137.0  # a [WGS84]
 FLATTENING = 1 / 298.257223563  # f [WGS84]
 
 _SEMI_MINOR_AXIS_M = SEMI_MAJOR_AXIS_M * (1 - FLATTENING)
 _E2 = FLATTENING * (2 - FLATTENING)  # first eccentricity squared
 _SECOND_E2 = _E2 / (1 - _E2)
-_BOWRING_STEPS = 4  # latitude error below 1e-15 rad from the ground to beyond Galileo's orbit
+_BOWRING_STEPS = 4  # keeps the latitude error below 1e-15 rad from the ground to beyond Galileo's orbit
 
 
 def ecef_from_geodetic(
@@ -29,9 +29,9 @@ def ecef_from_geodetic(
     Parameters
     ----------
     latitude_rad, longitude_rad
-        Geodetic coordinates, positive north and east.
+        Geodetic latitude and longitude in rad, positive north and east.
     height_m
-        Height above the ellipsoid.
+        Height above the ellipsoid in m.
     """
     sine, cosine = np.sin(latitude_rad), np.cos(latitude_rad)
     radius = SEMI_MAJOR_AXIS_M / np.sqrt(1 - _E2 * sine**2)
@@ -52,7 +52,7 @@ def geodetic_from_ecef(
     Parameters
     ----------
     position_m
-        ECEF positions.
+        ECEF positions in m.
     """
     x, y, z = np.moveaxis(position_m, -1, 0)
     across = np.hypot(x, y)
@@ -83,7 +83,7 @@ def local_axes(
 
 
 def local_axes_at(position_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Return the local axes, rows east, north, up, at ECEF positions; equal positions are computed once."""
+    """Return the local axes (rows east, north, up) at ECEF positions. Equal positions are computed once."""
     if position_m.ndim == 2 and position_m.shape[0] > 1 and np.array_equal(position_m[1:], position_m[:-1]):
         return np.repeat(local_axes_at(position_m[:1]), position_m.shape[0], axis=0)
     latitude, longitude, _ = geodetic_from_ecef(position_m)
@@ -115,7 +115,7 @@ def turned_with_earth(
 
 
 def carried_by_earth(vector: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-    """Return ω × v; for an ECEF position, the velocity due to the rotation of the Earth."""
+    """Return ω × v, which is the velocity due to the rotation of the Earth if v is an ECEF position."""
     carried = np.zeros_like(vector)
     carried[..., 0] = -ROTATION_RADPS * vector[..., 1]
     carried[..., 1] = ROTATION_RADPS * vector[..., 0]

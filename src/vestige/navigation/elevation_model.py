@@ -1,7 +1,8 @@
 """Elevation model: multipath power, and obliquity of the path through the ionosphere.
 
-multipath    −14 dB at 5° to −18 dB at 30° in a straight line, −22 dB above; −15.8 dB, as in the paper, at 16.25°
-ionosphere   M(e) = 1/√(1 − (R cos e/(R + h))²) of a thin shell at h = 350 km
+The multipath power in dB falls linearly from −14 dB at 5° to −18 dB at 30°, and is −22 dB above 30°. At 16.25° the
+power is −15.8 dB, as in the paper. The ionosphere is a thin shell at the height h = 350 km, with the obliquity
+M(e) = 1/√(1 − (R cos e/(R + h))²) at the elevation e.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from jaxtyping import Float
 _EARTH_M, _SHELL_M = 6_371_000.0, 350_000.0
 REFERENCE_OBLIQUITY_DEG = 17.5  # middle elevation of the ionosphere presets
 LOWEST_DEG, HIGH_DEG = 5.0, 30.0
-MULTIPATH_DB = (-14.0, -18.0)  # at LOWEST_DEG and HIGH_DEG
+MULTIPATH_DB = (-14.0, -18.0)  # multipath power at LOWEST_DEG and at HIGH_DEG
 OPEN_SKY_DB = -22.0
 REFERENCE_MULTIPATH_DB = -15.8  # [WFO, Sec. VI-A]
 _GRID_DEG = np.arange(0.0, 90.5, 0.5)
@@ -34,7 +35,7 @@ def relative_ray_amplitude(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.n
 
 
 def obliquity(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return M(e) over M(17.5°); elevations below the horizon count as 0."""
+    """Return the obliquity M(e) over M(17.5°). Elevations below the horizon count as 0°."""
     return _mapping(elevation_rad) / _mapping(np.radians(np.array([REFERENCE_OBLIQUITY_DEG])))
 
 

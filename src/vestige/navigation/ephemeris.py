@@ -1,6 +1,6 @@
 """The broadcast ephemeris of a Galileo satellite, and the choice of the ephemeris for a time.
 
-Fields are those of the I/NAV words [OS-ICD, 4.3.5], with angles in rad instead of semicircles.
+An ephemeris has the fields of the I/NAV words [OS-ICD, 4.3.5], with angles in rad instead of semicircles.
 `vestige.navigation.inav.ephemeris_words` reads and writes the words.
 """
 
@@ -44,7 +44,7 @@ class Ephemeris:
     bgd_e1_e5a_s, bgd_e1_e5b_s
         Broadcast group delays of the pairs (E1, E5a) and (E1, E5b).
     sisa_m
-        Predicted signal-in-space accuracy, NaN if none is predicted.
+        Predicted signal-in-space accuracy in m, NaN without a prediction.
     e1b_health
         Status of E1-B: 0 OK, 1 out of service, 2 extended operations, 3 in test [OS-ICD, signal health status].
     e1b_data_valid
@@ -104,7 +104,7 @@ def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> 
 
 
 def why_no_orbits(ephemerides: Iterable[Ephemeris], time: GalileoTime, needed: int) -> str | None:
-    """Return why fewer than `needed` satellites have an ephemeris for a time; None if enough have an ephemeris.
+    """Return the reason why fewer than `needed` satellites have an ephemeris for a time; None without such a reason.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Line of sight from a satellite to a receiver at times of reception: range, its derivatives, direction.
+"""Line of sight from a satellite to a receiver at times of reception: range, derivatives of the range, and direction.
 
 Theory of operation
 -------------------
@@ -9,8 +9,8 @@ travel time,
     ρ̇ = u·(ṙ − ṡ) / (1 − u·ṡ/c)                                        exact: s is taken at t − τ, and τ changes too
     ρ̈ = [ (|ḋ|² − ρ̇²)/ρ + u·(r̈ − s̈ (1 − τ̇)²) ] / (1 − u·ṡ/c),   ḋ = ṙ − ṡ(1 − τ̇)
 
-The satellite's state at t − τ is in the ECEF axes of that time. The Earth rotates by ω_E τ until reception (Sagnac: 40
-m).
+The satellite's state at t − τ is in the ECEF axes of the time t − τ. The Earth rotates by ω_E τ until reception (Sagnac
+effect, 40 m).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from vestige.navigation.orbit import satellite_position, satellite_state
 from vestige.time import GalileoTime
 
 _TYPICAL_FLIGHT_S = 0.08
-_LIGHT_TIME_STEPS = 3  # each step multiplies the error by ρ̇/c < 3e-6: 0.02 s, 60 ns, 0.2 ps, 0
+_LIGHT_TIME_STEPS = 3  # each step multiplies the error by ρ̇/c < 3e-6, from 0.02 s to 60 ns, 0.2 ps and 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,11 +71,11 @@ def line_of_sight(
     Parameters
     ----------
     ephemeris
-        The satellite's orbit and clock, taken as true.
+        Orbit and clock of the satellite, which are assumed to be true.
     start, elapsed_s
         Times of reception.
     receiver
-        The receiver at these times.
+        Motion of the receiver at the times of reception.
     """
     flight_s = _flight_s(ephemeris, start, elapsed_s, receiver)
     state = satellite_state(ephemeris, start, elapsed_s - flight_s)

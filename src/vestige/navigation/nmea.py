@@ -1,4 +1,4 @@
-"""Write positions as NMEA 0183 sentences of the talker GA, Galileo: GGA and RMC.
+"""Write positions as the NMEA 0183 sentences GGA and RMC of the talker GA (Galileo).
 
 A sentence has no field for the authenticity of a position, so the validity fields state the authenticity. Only an
 authentic position is a fix (GGA quality 1, RMC status A). Without an authentic position the position fields are empty,
@@ -12,7 +12,7 @@ from datetime import datetime
 
 TALKER = "GA"
 _MAX_SATELLITES = 12  # largest number in the field of GGA
-_ROUNDED = 5  # decimals of minutes: 2 cm
+_ROUNDED = 5  # decimals of minutes, for steps of 2 cm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,9 +22,9 @@ class NmeaFix:
     Attributes
     ----------
     latitude_deg, longitude_deg
-        Geodetic position, north and east positive.
+        Geodetic position in degrees, north and east positive.
     height_m
-        Height over the ellipsoid.
+        Height over the ellipsoid in m.
     n_satellites
         Number of satellites whose range is used.
     """
@@ -38,16 +38,17 @@ class NmeaFix:
 def sentences(utc: datetime, fix: NmeaFix | None) -> tuple[str, str]:
     """Return GGA and RMC for one time, without line ends.
 
-    Without a model of the geoid the altitude is the height over the ellipsoid and the separation is 0, so their sum is
-    right. Dilution of precision, speed and course are empty. RMC ends with the mode, as before NMEA 0183 4.1. A
-    navigational status after the mode could only be V (not provided), and readers such as pynmea2 take V as no fix.
+    Without a model of the geoid the altitude is the height over the ellipsoid, and the geoid separation is 0. So the
+    sum of altitude and separation is right. Dilution of precision, speed and course are empty. RMC ends with the mode,
+    as before NMEA 0183 4.1. A navigational status after the mode could only be V (not provided), and readers such as
+    pynmea2 take V as no fix.
 
     Parameters
     ----------
     utc
-        The time in UTC.
+        Time in UTC.
     fix
-        The position; None without a valid position.
+        Authentic position; None without an authentic position.
 
     Examples
     --------

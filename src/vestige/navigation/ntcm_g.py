@@ -1,4 +1,4 @@
-"""Compute the ionosphere in closed form from Galileo's broadcast coefficients: NTCM-G [NTCM-G].
+"""Compute the ionospheric delay in closed form from Galileo's broadcast coefficients: NTCM-G [NTCM-G].
 
 The European Commission publishes NTCM-G as an alternative to NeQuick-G for receivers. NTCM-G uses the same three
 coefficients of word 5, and 12 coefficients of its own in place of NeQuick's profile. The vertical electron content is
@@ -16,8 +16,8 @@ from vestige.navigation.inav.ionosphere import BroadcastIonosphere
 
 _EARTH_M, _SHELL_M = 6_371_000.0, 450_000.0
 _DELAY_PER_TECU = 40.3e16  # m Hz² per TECU [NTCM-G]
-_POLE_RAD = np.radians(79.74), np.radians(-71.78)  # geomagnetic: latitude, longitude
-_DEFAULT_ACTIVITY = 63.7  # sfu, if the message has no coefficients [OS-ICD, 5.1.6]
+_POLE_RAD = np.radians(79.74), np.radians(-71.78)  # latitude and longitude of the geomagnetic pole
+_DEFAULT_ACTIVITY = 63.7  # solar activity in sfu if the message has no coefficients [OS-ICD, 5.1.6]
 _LOCAL_TIME = (0.92519, 0.16951, 0.00443, 0.06626, 0.00899)
 _YEAR = (0.21289, -0.15414)
 _GEOMAGNETIC = -0.38439
@@ -39,15 +39,15 @@ def ntcm_slant_tecu(
     Parameters
     ----------
     ionosphere
-        The coefficients of word 5; all zero stand for 63.7 sfu. The disturbance flags are not used.
+        Coefficients of word 5. If all coefficients are zero, 63.7 sfu is used. The disturbance flags are not used.
     day_of_year
         Day of the year, 1 to 366.
     ut_hours
-        Universal time in hours; whole days may be added.
+        Universal time in hours. Whole days may be added.
     latitude_rad, longitude_rad
         Position of the receiver.
     azimuth_rad, elevation_rad
-        Direction to the satellite; below the horizon the elevation counts as 0.
+        Direction to the satellite. Below the horizon the elevation counts as 0.
 
     Examples
     --------
@@ -70,9 +70,9 @@ def ntcm_slant_tecu(
 
 
 def delay_e1_m(slant_tecu: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the delay of the code on E1 by an electron content in m; the carrier is advanced by the same amount.
+    """Return the delay of the code on E1 in m for a slant electron content.
 
-    On E6 delay and advance are `constants.GAMMA_E1_E6` times larger.
+    The carrier is advanced by the same amount. On E6 delay and advance are `constants.GAMMA_E1_E6` times larger.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def _pierce_point(
 def _of_local_time(
     local_hours: Float[np.ndarray, " n"], latitude: Float[np.ndarray, " n"], day_of_year: int
 ) -> Float[np.ndarray, " n"]:
-    """Return F1, the factor of the sun's height and waves of 24, 12 and 8 hours."""
+    """Return F1, the factor of the sun's elevation and of waves with periods of 24, 12 and 8 hours."""
     declination = np.radians(23.44) * np.sin(np.radians(0.9856 * (day_of_year - 80.7)))
     height = np.cos(latitude - declination)
     day, half, third = (
@@ -112,7 +112,7 @@ def _of_local_time(
 
 
 def _of_year(day_of_year: int) -> float:
-    """Return F2, the factor of the year."""
+    """Return F2, the factor of the day of the year."""
     once, twice = ((day_of_year - day) * 2 * np.pi * n / 365.25 for n, day in ((1, 18), (2, 6)))
     return float(1 + _YEAR[0] * np.cos(once) + _YEAR[1] * np.cos(twice))
 

@@ -2,16 +2,17 @@
 
     E − e sin E = M0 + (√(μ/A³) + Δn) t,   t = time − toe           Kepler's equation, by Newton's method
     φ = ν + ω,   ν from E                                           argument of latitude
-    u = φ + Cus sin 2φ + Cuc cos 2φ,  r, i alike
+    u = φ + Cus sin 2φ + Cuc cos 2φ                                 r and i have such corrections, too
     Ω = Ω0 + (Ω̇ − ω_E) t − ω_E · (toe's second of the week)         longitude of the node
     x = R_z(Ω) R_x(i) (r cos u, r sin u, 0)
 
-Velocity and acceleration are the exact derivatives of these equations in the rotating frame. The clock is
+Velocity and acceleration are the exact derivatives of these equations in the rotating frame. The clock error for a user
+of the pair (E1, E5b) is
 
     Δt = af0 + af1 t_c + af2 t_c² + F e √A sin E,   t_c = time − toc,   F = −2√μ/c²    [OS-ICD, 5.1.4]
 
-for a user of the pair (E1, E5b); a user of E1 alone subtracts BGD(E1,E5b) [OS-ICD, 5.1.5]. Times enter as differences
-of `GalileoTime`, so the end of a week needs no special case.
+A user of E1 alone subtracts BGD(E1,E5b) [OS-ICD, 5.1.5]. The equations use differences of `GalileoTime`, so the end of
+a week needs no special case.
 """
 
 from __future__ import annotations
@@ -29,21 +30,21 @@ from vestige.time import GalileoTime
 RELATIVITY_S_PER_SQRT_M = (
     -2 * np.sqrt(GRAVITATION_M3PS2) / SPEED_OF_LIGHT_MPS**2
 )  # F = −4.442807309e-10 [OS-ICD, 5.1.4]
-_NEWTON_STEPS = 10  # quadratic: 4 for the e < 0.01 of Galileo, 10 up to e = 0.9
+_NEWTON_STEPS = 10  # 4 steps are enough for the e < 0.01 of Galileo, and 10 steps up to e = 0.9
 
 _Curve = tuple[Float[np.ndarray, " n"], ...]  # the value, or the value and two derivatives
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteState:
-    """A satellite at n times, in the rotating frame of each time.
+    """State of a satellite at n times, in the rotating frame of each time.
 
     Attributes
     ----------
     position_m, velocity_mps, acceleration_mps2
         ECEF coordinates.
     clock_s, clock_drift
-        Satellite clock minus system time, for a user of E1 alone, and its rate in s/s.
+        Satellite clock minus system time in s, for a user of E1 alone, and rate of this difference in s/s.
     """
 
     position_m: Float[np.ndarray, "n 3"]
@@ -54,12 +55,12 @@ class SatelliteState:
 
 
 def eccentric_anomaly(mean_rad: Float[np.ndarray, " n"], eccentricity: float) -> Float[np.ndarray, " n"]:
-    """Return E with E − e sin E = M, in rad.
+    """Return the eccentric anomaly E with E − e sin E = M, in rad.
 
     Parameters
     ----------
     mean_rad
-        Mean anomaly M.
+        Mean anomaly M in rad.
     eccentricity
         Eccentricity e, 0 to 0.9.
     """
@@ -73,7 +74,7 @@ def eccentric_anomaly(mean_rad: Float[np.ndarray, " n"], eccentricity: float) ->
 
 
 def satellite_state(ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"]) -> SatelliteState:
-    """Return the satellite at `start` + `elapsed_s` in system time.
+    """Return the state of the satellite at `start` + `elapsed_s` in system time.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ def satellite_state(ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[n
 def satellite_position(
     ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Return `position_m` and `clock_s` of `satellite_state` with the same bits, in less than half the time.
+    """Return `position_m` and `clock_s` of `satellite_state` with the same bits, in less than half the computing time.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ def satellite_position(
 
 
 def _clock_s(orbit: Ephemeris, t: Float[np.ndarray, " n"], sine: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the error of the satellite clock at times after toc; `sine` is the sine of the eccentric anomaly."""
+    """Return the error of the satellite clock at the times `t` after toc. `sine` is sin E."""
     aging = (orbit.af1 + orbit.af2_per_s * t) * t
     return orbit.af0_s + aging + _relativity_s(orbit) * sine - orbit.bgd_e1_e5b_s
 
@@ -124,7 +125,7 @@ def _relativity_s(orbit: Ephemeris) -> float:
 def _orbit(
     orbit: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], *, derivatives: bool
 ) -> tuple[tuple[Float[np.ndarray, "n 3"], ...], tuple[Float[np.ndarray, " n"], ...]]:
-    """Return the position with or without its two derivatives; and sin E, cos E, and the derivative of E."""
+    """Return the position with or without its two derivatives, and return sin E, cos E and the derivative of E."""
     t = (start - orbit.toe) + elapsed_s
     axis, e = orbit.sqrt_a**2, orbit.eccentricity
     motion = np.sqrt(GRAVITATION_M3PS2 / axis**3) + orbit.delta_n_radps
@@ -154,7 +155,7 @@ def _orbit(
 
 
 def _harmonic(sine_term: float, cosine_term: float, angle: _Curve, twice: _Curve) -> _Curve:
-    """Return S sin 2φ + C cos 2φ and its derivatives; `twice` is sin 2φ and cos 2φ."""
+    """Return S sin 2φ + C cos 2φ and its derivatives. `twice` is sin 2φ and cos 2φ."""
     sine, cosine = twice
     value = sine_term * sine + cosine_term * cosine
     if len(angle) == 1:

@@ -21,7 +21,8 @@ but the covariance does: with S = (HᵀWH)⁻¹HᵀW and σ² = 1/w,
 
 The range rate is linear in velocity and drift, with the same matrix up to the factor 1/(1 − u·ṡ/c).
 
-The first axis of arrays is the epoch, and the second axis is the satellite. A satellite that was not measured is NaN.
+The first axis of arrays is the epoch, and the second axis is the satellite. NaN means that a satellite was not
+measured.
 """
 
 from __future__ import annotations
@@ -39,14 +40,15 @@ from vestige.navigation.orbit import satellite_position, satellite_state
 from vestige.time import GalileoTime
 
 UNKNOWNS = 4  # position and clock of one system
-_STEPS = 12  # 6 are enough from the Earth's centre
+_STEPS = 12  # largest number of steps; 6 steps are enough from the Earth's centre
 _SETTLED_M = 1e-4
-_SINGULAR = 1e-10  # smallest over largest eigenvalue of HᵀH; a geometry with a DOP of 10⁴ has 1e-8
+# limit of the smallest over the largest eigenvalue of HᵀH; a geometry with a DOP of 10⁴ has 1e-8
+_SINGULAR = 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transmission:
-    """All satellites at transmission of the received signals, n epochs by m satellites; NaN where nothing was received.
+    """States of m satellites at the transmission of the signals of n epochs; NaN for signals that were not received.
 
     Attributes
     ----------
@@ -64,21 +66,21 @@ class Transmission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fix:
-    """Position fixes of n epochs; NaN where there are too few satellites or their geometry is singular.
+    """Position fixes of n epochs; NaN with too few satellites or a singular geometry.
 
     Attributes
     ----------
     position_m, clock_m
         ECEF position, and c times the receiver clock's error, positive if the clock is ahead.
     covariance_m2
-        P of (x, y, z, clock), ECEF, if the errors have the σ of the weights and are independent apart from the common
-        part.
+        Covariance P of (x, y, z, clock) in ECEF. The covariance is valid if the errors have the σ of the weights and
+        are independent apart from the common part.
     residual_m
-        Measured minus fitted pseudorange; NaN where not used.
+        Measured minus fitted pseudorange; NaN for unused satellites.
     geometry
-        H, rows of zeros where not used.
+        Matrix H, with rows of zeros for unused satellites.
     weight
-        1/σ² in 1/m², 0 where not used.
+        1/σ² in 1/m²; 0 for unused satellites.
     n_used
         Number of satellites used.
     """
@@ -93,7 +95,7 @@ class Fix:
 
     @property
     def valid(self) -> Bool[np.ndarray, " n"]:
-        """Whether there is a fix."""
+        """Whether each epoch has a fix."""
         return np.isfinite(self.clock_m)
 
 
@@ -103,7 +105,7 @@ def transmission(
     elapsed_s: Float[np.ndarray, " n"],
     pseudorange_m: Float[np.ndarray, "n m"],
 ) -> Transmission:
-    """Return the satellites at the transmission of the received signals.
+    """Return the states of the satellites at the transmission of the received signals.
 
     Parameters
     ----------
@@ -117,7 +119,7 @@ def transmission(
     columns = []
     for ephemeris, pseudorange in zip(ephemerides, pseudorange_m.T, strict=True):
         sent_s = elapsed_s - pseudorange / SPEED_OF_LIGHT_MPS
-        # sent_s is on the satellite's clock, whose error is computed at sent_s; the drift over 1 ms is negligible
+        # `sent_s` is on the satellite's clock, whose error is computed at `sent_s`. The drift over 1 ms is negligible.
         _, clock_s = satellite_position(ephemeris, start, sent_s)
         columns.append(satellite_state(ephemeris, start, sent_s - clock_s))
     return Transmission(
@@ -142,11 +144,11 @@ def position_fix(
     sent
         Satellites at transmission.
     pseudorange_m
-        Pseudoranges; NaN where not measured.
+        Pseudoranges in m; NaN for satellites that were not measured.
     sigma_m
-        Standard deviation of each pseudorange.
+        Standard deviation of each pseudorange in m.
     common_m
-        c, contribution of 1σ of the common part to each pseudorange; `sigma_m` includes this part.
+        Vector c in m: the contribution of 1σ of the common part to each pseudorange. `sigma_m` includes this part.
     """
     measured = pseudorange_m + sent.clock_m
     used, weight = _weights(measured, sigma_m)
@@ -200,7 +202,7 @@ def _position_and_clock(
         residual = np.where(used, measured - predicted - clock[:, None], 0.0)
         step = np.where(moving[:, None], _solve(geometry, weight, residual), 0.0)
         position, clock = position + step[:, :3], clock + step[:, 3]
-        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # epoch by epoch, so that fixes are independent
+        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # for each epoch, so that fixes are independent
         if not np.any(moving):
             break
     return position, clock
@@ -216,9 +218,9 @@ def velocity_fix(
     sent
         Satellites at transmission.
     fix
-        Position fix of the same epochs; its weights are used.
+        Position fix of the same epochs, whose weights are used.
     range_rate_mps
-        Rate of the pseudorange, −λ · Doppler; NaN where not measured.
+        Rate of the pseudorange, −λ · Doppler, in m/s; NaN for satellites that were not measured.
     """
     known, slowed = _static_rates(sent, fix)
     used = np.isfinite(range_rate_mps) & (fix.weight > 0)
@@ -249,14 +251,14 @@ def _static_rates(sent: Transmission, fix: Fix) -> tuple[Float[np.ndarray, "n m"
     in_space = sent.velocity_mps + carried_by_earth(sent.position_m)
     s_1 = turned_with_earth(in_space, _flight_s(sent.position_m, fix.position_m))
     carried = carried_by_earth(fix.position_m)
-    towards = fix.geometry[..., :3]  # u, from satellite to receiver
+    towards = fix.geometry[..., :3]  # u, the unit vector from satellite to receiver
     slowed = 1 - np.einsum("nmi,nmi->nm", towards, s_1) / SPEED_OF_LIGHT_MPS
     return np.einsum("nmi,nmi->nm", towards, carried[:, None] - s_1) / slowed - sent.clock_mps, slowed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dilution:
-    """Dilutions of precision: standard deviations of the fix over the σ of a pseudorange, equal for all satellites."""
+    """Dilutions of precision: standard deviations of the fix in m if every pseudorange has σ = 1 m."""
 
     geometric: Float[np.ndarray, " n"]
     position: Float[np.ndarray, " n"]
@@ -297,7 +299,8 @@ def inverse_normal(
     """Return (HᵀWH)⁻¹, NaN where HᵀWH is singular."""
     sighted = np.matmul(np.where(weight[..., None] > 0, geometry, 0.0).transpose(0, 2, 1), geometry)
     solvable = _solvable(np.where(np.isfinite(sighted), sighted, 0.0))
-    columns = np.ascontiguousarray(np.moveaxis(geometry, 0, -1))  # epochs last: sums over satellites are of long rows
+    # The epochs are the last axis, so that a sum over satellites adds long rows.
+    columns = np.ascontiguousarray(np.moveaxis(geometry, 0, -1))
     normal = np.moveaxis(np.sum((columns * weight.T[:, None])[:, :, None] * columns[:, None], axis=0), -1, 0)
     normal[~solvable] = np.eye(UNKNOWNS)
     inverse = np.linalg.inv(normal)
@@ -325,7 +328,7 @@ def _solvable(sighted: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
 def _covariance(
     geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"], common_m: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n 4 4"]:
-    """Return S (diag(σ² − c²) + c cᵀ) Sᵀ; S diag(σ²) Sᵀ is (HᵀWH)⁻¹."""
+    """Return S (diag(σ² − c²) + c cᵀ) Sᵀ, where S diag(σ²) Sᵀ is (HᵀWH)⁻¹."""
     inverse = inverse_normal(geometry, weight)
     gain = np.einsum("nij,nmj,nm->nim", inverse, geometry, weight)
     shifts = gain * np.where(weight > 0, common_m, 0.0)[:, None]
@@ -334,7 +337,7 @@ def _covariance(
 
 
 def _flight_s(sent_m: Float[np.ndarray, "n m 3"], receiver_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n m"]:
-    # A flight time without Earth rotation has an error of up to 0.1 µs, and gives a Sagnac correction right to 0.3 mm.
+    # A travel time without Earth rotation has an error of up to 0.1 µs. The error of the Sagnac correction is 0.3 mm.
     apart = sent_m - receiver_m[:, None]
     flight_s = np.sqrt(np.einsum("nmi,nmi->nm", apart, apart)) / SPEED_OF_LIGHT_MPS
     apart = turned_with_earth(sent_m, flight_s) - receiver_m[:, None]
@@ -344,7 +347,7 @@ def _flight_s(sent_m: Float[np.ndarray, "n m 3"], receiver_m: Float[np.ndarray, 
 def _predict(
     sent_m: Float[np.ndarray, "n m 3"], receiver_m: Float[np.ndarray, "n 3"], used: Bool[np.ndarray, "n m"]
 ) -> tuple[Float[np.ndarray, "n m 4"], Float[np.ndarray, "n m"]]:
-    """Return H and the ranges."""
+    """Return the matrix H and the predicted ranges."""
     apart = receiver_m[:, None] - turned_with_earth(sent_m, _flight_s(sent_m, receiver_m))
     ranges = np.sqrt(np.einsum("nmi,nmi->nm", apart, apart))
     rows = np.concatenate((apart / ranges[..., None], np.ones((*ranges.shape, 1))), axis=-1)

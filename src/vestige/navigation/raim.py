@@ -2,17 +2,18 @@
 
 Theory of operation
 -------------------
-The residuals of a weighted least-squares fix are r = (I − H(HᵀWH)⁻¹HᵀW) y. With S = (HᵀWH)⁻¹HᵀW and
-P = I − HS, whose diagonal is the share of each measurement that no position can explain:
+The residuals of a weighted least-squares fix are r = (I − H(HᵀWH)⁻¹HᵀW) y. The tests use the matrices S = (HᵀWH)⁻¹HᵀW
+and P = I − HS. The diagonal of P is the share of each measurement that no position can explain.
 
     chi-square            T = Σ rᵢ²wᵢ ~ χ²(m − 4),    alarm if T > χ²⁻¹(1 − P_fa)
     bias b on satellite i T ~ χ²(m − 4, λ),  λ = b² wᵢ Pᵢᵢ
     leave one out         x₍ᵢ₎ − x = −S.ᵢ rᵢ / Pᵢᵢ                          a rank-one update, no second fit
-    its deviation         σ_ss,q = |S_qᵢ| / √(wᵢ Pᵢᵢ)
+    standard deviation    σ_ss,q = |S_qᵢ| / √(wᵢ Pᵢᵢ)
     solution separation   alarm if |x₍ᵢ₎ − x|_q > K σ_ss,q,   K = Q⁻¹(P_fa,q / 2m)
-    exclusion             T₍ᵢ₎ = T − rᵢ²wᵢ/Pᵢᵢ: the fault is where this is least
+    exclusion             T₍ᵢ₎ = T − rᵢ²wᵢ/Pᵢᵢ                              the fault has the smallest T₍ᵢ₎
 
-For single faults both tests use rᵢ√wᵢ/√Pᵢᵢ, so they differ only in the division of the budget.
+For single faults, exclusion and solution separation use rᵢ√wᵢ/√Pᵢᵢ. So the two tests differ only in the division of the
+false-alarm probability.
 
 RAIM does not detect errors that a position and a clock explain. A bias common to all satellites changes the clock, but
 no residual. Errors of all satellites that agree with a wrong position change the position, but no residual.
@@ -41,7 +42,7 @@ class Redundancy:
     gain
         Matrix S from measurements to (three coordinates, clock).
     unexplained
-        Pᵢᵢ, 0 to 1; 0 where not used.
+        Pᵢᵢ, 0 to 1; 0 for unused satellites.
     inverse
         (HᵀWH)⁻¹, a factor of S.
     """
@@ -57,9 +58,9 @@ def redundancy(geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "
     Parameters
     ----------
     geometry
-        H, in any axes; S gives coordinates in the same axes.
+        Matrix H in any axes. S gives coordinates in the same axes.
     weight
-        1/σ² in 1/m², 0 where not used.
+        1/σ² in 1/m²; 0 for unused satellites.
     """
     inverse = inverse_normal(geometry, weight)
     gain = np.einsum("nij,nmj,nm->nim", inverse, geometry, weight)
@@ -70,7 +71,7 @@ def redundancy(geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "
 def chi_square_statistic(
     residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, " n"]:
-    """Return T = Σ r²w; NaN residuals (unused measurements) do not count."""
+    """Return T = Σ r²w. NaN residuals of unused measurements do not count."""
     return np.sum(np.where(weight > 0, residual_m, 0.0) ** 2 * weight, axis=1)
 
 
@@ -93,12 +94,14 @@ def missed_detection(noncentrality: Float[np.ndarray, " n"], freedom: int, p_fa:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """Differences of the fixes without each satellite from the full fix, in the axes of the geometry; NaN if undefined.
+    """Differences between the fix without a satellite and the full fix, for each satellite; NaN if undefined.
+
+    The differences are in the axes of the geometry.
 
     Attributes
     ----------
     difference_m
-        x₍ᵢ₎ − x of (three coordinates, clock).
+        Difference x₍ᵢ₎ − x of (three coordinates, clock).
     sigma_m
         Standard deviation of the difference without a fault.
     """
@@ -127,7 +130,7 @@ def separation_factor(p_fa: float, n_modes: int) -> float:
 def exclude_one(
     parts: Redundancy, residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"], p_fa: float
 ) -> Int[np.ndarray, " n"]:
-    """Return the column of the single satellite without which a failed test passes; `NOT_EXCLUDED` where none does.
+    """Return the column of the satellite without which a failed test passes; `NOT_EXCLUDED` without such a satellite.
 
     An exclusion needs six satellites, because any four of five satellites fit exactly.
 

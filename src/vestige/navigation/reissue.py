@@ -1,11 +1,11 @@
-"""Issue an orbit repeatedly as a satellite does: the same orbit and clock, given at later times.
+"""Issue an orbit repeatedly as a satellite does: the same orbit and clock, referred to later times.
 
 Mean anomaly, node, inclination and clock continue with their rates, and the harmonics depend only on the argument of
 latitude. So a new issue is exactly the old orbit. Ω0 is the longitude at the start of toe's week, so Ω0 changes after
 the end of a week.
 
-Satellites issue orbits whose toe is past, and receivers expect a past toe. `rnx2rtkp` refuses orbits with a future toe
-[RTKLIB], and some programs refuse orbits that are older than 2 h.
+Satellites issue orbits whose toe is in the past, and receivers expect a toe in the past. `rnx2rtkp` refuses orbits with
+a future toe [RTKLIB], and some programs refuse orbits that are older than 2 h.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _BEFORE_S = 60.0  # margin before the start for the travel time and a wrong cloc
 
 
 def referred_to(ephemeris: Ephemeris, toe: GalileoTime) -> Ephemeris:
-    """Return the same orbit and clock, given at another time; the issue of data does not change.
+    """Return the same orbit and clock, referred to another time. The issue of data does not change.
 
     Parameters
     ----------
     ephemeris
         Any ephemeris.
     toe
-        The new toe; toc moves by the same step.
+        New toe. The time toc moves by the same amount.
     """
     t = toe - ephemeris.toe
     motion = math.sqrt(GRAVITATION_M3PS2 / ephemeris.sqrt_a**6) + ephemeris.delta_n_radps
@@ -47,7 +47,7 @@ def referred_to(ephemeris: Ephemeris, toe: GalileoTime) -> Ephemeris:
 
 
 def with_clock_moved(ephemeris: Ephemeris, t: float) -> Ephemeris:
-    """Return the same orbit and clock, the clock given `t` seconds later."""
+    """Return the same orbit and clock, the clock referred to a time `t` seconds later."""
     return replace(
         ephemeris,
         toc=ephemeris.toc + t,
@@ -57,13 +57,13 @@ def with_clock_moved(ephemeris: Ephemeris, t: float) -> Ephemeris:
 
 
 def reissued(ephemeris: Ephemeris, number: int) -> Ephemeris:
-    """Return the `number`th issue after an ephemeris, at intervals of 2 h; 0 returns the ephemeris itself."""
+    """Return the `number`th issue after an ephemeris, at intervals of 2 h. Issue 0 is the ephemeris itself."""
     moved = referred_to(ephemeris, ephemeris.toe + number * ISSUE_S)
     return replace(moved, iod_nav=(ephemeris.iod_nav + number) % _ISSUES)
 
 
 def issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[Ephemeris]:
-    """Yield issues of an ephemeris; at any time from `start` to `end`, an issue has a toe at most 2 h in the past."""
+    """Yield issues of an ephemeris. At any time from `start` to `end`, an issue has a toe at most 2 h in the past."""
     first, last = (math.ceil((time - ephemeris.toe) / ISSUE_S) - 1 for time in (start + -_BEFORE_S, end))
     for number in range(first, last + 1):
         yield reissued(ephemeris, number) if number else ephemeris

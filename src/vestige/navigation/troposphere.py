@@ -7,8 +7,8 @@ temperature T in K, and the pressure e of water vapour in hPa. The receiver has 
     wet    2.277 mm · (1255/T + 0.05) · e
     slant  (dry + wet) · 1.001/√(0.002001 + sin² E)                  [DO-229, A.4.2.4]
 
-Pressure and temperature are those of the standard atmosphere at the receiver's height [ISA]. The mapping is valid from
-4° on; at 5° the mapping is within 1 % of Niell's.
+Pressure and temperature come from the standard atmosphere at the receiver's height [ISA]. The mapping function is valid
+from 4° on. At 5° the mapping function differs by less than 1 % from Niell's mapping function.
 """
 
 from __future__ import annotations
@@ -65,15 +65,15 @@ class SaastamoinenTroposphere:
         Parameters
         ----------
         elevation_rad
-            Elevation of the satellite; below the horizon the delay equals the delay at the horizon.
+            Elevation of the satellite in rad. Below the horizon the delay equals the delay at the horizon.
         latitude_rad, height_m
-            Position of the receiver; the height is limited to −1 to 11 km.
+            Position of the receiver. The height is limited to the range from −1 km to 11 km.
         """
         height_m = np.clip(height_m, _LOWEST_M, _TROPOPAUSE_M)
         temperature_k = _SEA_LEVEL_K - _LAPSE_K_PER_M * height_m
         pressure_hpa = _SEA_LEVEL_HPA * (temperature_k / _SEA_LEVEL_K) ** _EXPONENT
         celsius = temperature_k - _FREEZING_K
-        vapour_hpa = self.relative_humidity * 6.1094 * np.exp(17.625 * celsius / (celsius + 243.04))  # Magnus
+        vapour_hpa = self.relative_humidity * 6.1094 * np.exp(17.625 * celsius / (celsius + 243.04))  # Magnus formula
         gravity = 1 - 0.00266 * np.cos(2 * latitude_rad) - 0.00028e-3 * height_m
         zenith_m = 2.2768e-3 * pressure_hpa / gravity + 2.277e-3 * (1255 / temperature_k + 0.05) * vapour_hpa
         return zenith_m * 1.001 / np.sqrt(0.002001 + np.sin(np.maximum(elevation_rad, 0.0)) ** 2)

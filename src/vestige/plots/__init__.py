@@ -2,8 +2,8 @@
 
 Each function takes results and returns axes. A figure computes only bins and counts.
 
-`results` are the results of a campaign. `detector` and `svid` choose a detector and a satellite; None means the only
-satellite. A figure is drawn on the axes `ax`, by default on new axes.
+`results` are the results of a campaign. `detector` and `svid` choose a detector and a satellite. If `svid` is None, the
+results must have only one satellite. A figure is drawn on the axes `ax`, by default on new axes.
 """
 
 from __future__ import annotations

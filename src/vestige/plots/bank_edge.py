@@ -1,4 +1,4 @@
-"""Mark of the edge of the correlator bank: a detector measures no range offset beyond this edge."""
+"""Mark the edge of the bank of correlators, beyond which a detector measures no range offset."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from vestige.plots.epochs import column
 from vestige.plots.figure import GREY
 
 EDGE_LABEL = "edge of the bank"
-LIMIT_LINE: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 0.7}  # limits of the range check
+# style of the limits of the range check
+LIMIT_LINE: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 0.7}
 _EDGE_LINE: dict[str, Any] = {"color": GREY, "linestyle": (0, (7, 3)), "linewidth": 0.9, "zorder": 1.5}
-# A range offset belongs to a tap that is at least one detector spacing inside the edge, and lies at most half a spacing
-# from this tap. So offsets end half a tap inside the edge for a spacing of 1, and one tap for a spacing of 2.
+# A range offset belongs to a tap that is at least one detector spacing inside the edge. The range offset lies at most
+# half a spacing from this tap. So range offsets end half a tap inside the edge for a spacing of 1 tap, and 1 tap inside
+# the edge for a spacing of 2 taps.
 _NEAR_TAPS = 1.0
 
 

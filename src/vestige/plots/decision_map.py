@@ -50,8 +50,8 @@ def decision_map(
 ) -> Axes:
     """Return the axes of the map: power to the right, distortion upwards, a colour for each class.
 
-    Measurements are drawn as dots, or as crosses under attack. Measurements beyond the map are drawn at its edge, and
-    belong to the class at that edge.
+    Measurements are drawn as dots, or as crosses under attack. Measurements beyond the map are drawn at the edge of the
+    map, and belong to the class at the edge.
     """
     ax = new_axes() if ax is None else ax
     x, y = regions.power_edges_db, np.log10(1 + regions.distortion_edges)

@@ -28,7 +28,7 @@ MAGNITUDE_SHARE = 0.66  # share of the height for flags and magnitude, below the
 _BELOW = 0.06  # free share of the height below the flags
 _DOTS: dict[str, Any] = {"marker": ".", "markeredgewidth": 0, "rasterized": True}
 _FLAG_PT = 2.5  # size of the flags, so that a single miss in a long run is visible
-_CURVE_EPOCHS = 20_000  # largest number of epochs drawn as a curve; more are drawn as dots, which show the density
+_CURVE_EPOCHS = 20_000  # largest number of epochs that are drawn as a curve; more epochs are drawn as dots
 
 
 def detecting_correlator(
@@ -87,7 +87,7 @@ def _draw_phase(
 
 
 def _name_the_curves(ax: Axes, threshold: float | None) -> None:
-    """Set a legend below the axes, with dots larger than those of a long run."""
+    """Set a legend below the axes, with larger dots than the dots of a long run."""
     dot: dict[str, Any] = {**_DOTS, "linestyle": "none", "markersize": 4.0}
     names = [
         Line2D([], [], color=ORANGE, linewidth=1.2, label="magnitude"),

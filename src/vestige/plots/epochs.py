@@ -1,4 +1,4 @@
-"""Selection of campaign results for a figure: one satellite, one detector, a stretch of time."""
+"""Select campaign results for a figure: one satellite, one detector, an interval of time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VARIABLES = {
 
 
 def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None = None) -> xarray.Dataset:
-    """Return one satellite and one detector of the results; large variables are not read yet.
+    """Return the results of one satellite and one detector, without reading large variables.
 
     Without `svid` the only satellite is chosen.
 
@@ -96,8 +96,7 @@ def magnitudes_sigma(selected: xarray.Dataset) -> Float[np.ndarray, "n_epochs n_
 def phase_rad(selected: xarray.Dataset) -> tuple[Float[np.ndarray, " n_epochs"], str]:
     """Return the phase of the detecting correlator, and a label if the phase is relative to the prediction of E1.
 
-    From each epoch to the next the carrier itself makes thousands of cycles. The prediction of E1 contains these
-    cycles.
+    The carrier makes thousands of cycles from an epoch to the next epoch. The prediction of E1 contains these cycles.
     """
     phase = column(selected, "phase_rad")
     if "predicted_phase_rad" not in selected.variables:
@@ -112,12 +111,12 @@ def is_attacked(results: xarray.Dataset) -> bool:
 
 
 def is_detected(selected: xarray.Dataset) -> Bool[np.ndarray, " n_epochs"]:
-    """Return whether the detector chose a tap."""
+    """Return whether the detector chose a tap in each epoch."""
     return np.asarray(selected["tap_index"].values >= 0)
 
 
 def is_missed(selected: xarray.Dataset) -> Bool[np.ndarray, " n_epochs"]:
-    """Return whether there was a correlation in which the detector chose no tap."""
+    """Return whether each epoch has a correlation in which the detector chose no tap."""
     return ~is_detected(selected) & np.isfinite(_noise_power(selected))
 
 
@@ -145,6 +144,6 @@ def attribute(selected: xarray.Dataset, name: str) -> float | None:
     value = selected.attrs.get(name)
     try:
         number = float(value) if isinstance(value, (int, float, np.number)) else math.nan
-    except OverflowError:  # a whole number of 400 digits
+    except OverflowError:  # for example, a whole number of 400 digits
         return None
     return number if math.isfinite(number) else None

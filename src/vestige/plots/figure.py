@@ -18,12 +18,12 @@ from matplotlib.figure import Figure, SubFigure
 
 from vestige.output import replacement
 
-WIDTH_CM = 8.0  # width of all figures in [WFO]
+WIDTH_CM = 8.0  # width in cm of all figures in [WFO]
 HEIGHT_CM = 5.6
 CM_PER_INCH = 2.54
 DPI = 300
 LETTERS_PT = 7.0
-PD_TEXT, PFA_TEXT = r"$P_\mathrm{d}$", r"$P_\mathrm{fa}$"  # text of the two probabilities for Matplotlib
+PD_TEXT, PFA_TEXT = r"$P_\mathrm{d}$", r"$P_\mathrm{fa}$"  # texts of P_d and P_fa for Matplotlib
 SMALL_LETTERS_PT = 6.0
 LEGEND: dict[str, Any] = {
     "fontsize": SMALL_LETTERS_PT,
@@ -45,14 +45,14 @@ FIGURE_FORMATS = ("png", "pdf", "svg")
 def new_axes(*, width_cm: float = WIDTH_CM, height_cm: float = HEIGHT_CM, projection: str | None = None) -> Axes:
     """Return the axes of a new figure.
 
-    The projection is `3d` for the waterfall, and `polar` for the sky.
+    The projection is `3d` for the waterfall, and `polar` for the sky plot.
     """
     figure = Figure(figsize=(width_cm / CM_PER_INCH, height_cm / CM_PER_INCH), dpi=DPI, layout="constrained")
     return figure.add_subplot(projection=projection)
 
 
 def new_panels(n: int) -> list[Axes]:
-    """Return the axes of n panels above each other with a common abscissa, each 3 cm high."""
+    """Return the axes of n panels above each other with a common abscissa, each panel 3 cm high."""
     figure = Figure(figsize=(WIDTH_CM / CM_PER_INCH, n * 3.0 / CM_PER_INCH), dpi=DPI, layout="constrained")
     panels: list[Axes] = list(figure.subplots(n, sharex=True))
     return panels
@@ -101,7 +101,7 @@ def dot_size_pt(n: int) -> float:
 
 
 def time_label(axis: Axis, time_s: Float[np.ndarray, " n"]) -> str:
-    """Return the label of a time axis in s, or in 1000 s if the numbers of a long run would collide."""
+    """Return the label of a time axis in s, or in 1000 s if the numbers of a long run would overlap."""
     if np.max(time_s, initial=0.0) < _LONG_S:
         return "time (s)"
     axis.set_major_formatter(lambda at_s, _: f"{at_s / 1000:g}")

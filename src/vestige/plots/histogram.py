@@ -7,15 +7,15 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 
 _LOWEST = 0.5  # lower end of the axis of counts, in events
-_LEAST_FREE_DECADES = 1.08  # least free space above the highest bar
+_LEAST_FREE_DECADES = 1.08  # least free space above the highest bar in decades
 _ROW_SHARE = 0.08  # height of a row of the legend as a share of the axes
-_MOST_BINS = 600  # largest number of bins; at 8 cm a bin is then a pixel and a half
+_MOST_BINS = 600  # largest number of bins, each 1.5 pixels wide in a figure of 8 cm
 
 
 def bin_edges(values: Float[np.ndarray, " n"], *, border: float, width: float) -> Float[np.ndarray, " n_edges"]:
-    """Return equidistant borders of bins, with an empty bin on either side of the values; `border` is a border.
+    """Return equidistant borders of bins, with an empty bin on either side of the values.
 
-    The width is doubled until at most 600 bins are needed.
+    A border lies at `border`. The width is doubled until at most 600 bins are needed.
     """
     low, high = min(values.min(initial=border), border), max(values.max(initial=border), border)
     while (high - low) / width > _MOST_BINS:

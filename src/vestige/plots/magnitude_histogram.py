@@ -25,20 +25,21 @@ def magnitude_histogram(
     log: bool = True,
     ax: Axes | None = None,
 ) -> Axes:
-    """Return axes with the histogram of the detecting correlator's magnitude, split by detected or not.
+    """Return axes with the histogram of the detecting correlator's magnitude, split into detected and not detected.
 
     Detections begin at the threshold, which is a border of two bins. Below the threshold the detecting correlator is
     not defined. Epochs without a detection are counted by their strongest correlator. The line is the Rice distribution
-    of a single correlator that is aligned with the signal, from C/N0 and integration time of the results. The detecting
-    correlator differs from this distribution because of misalignment, multipath, and its selection.
+    of a single correlator that is aligned with the signal. This distribution follows from C/N0 and integration time of
+    the results. The detecting correlator has another distribution because of misalignment, multipath, and its
+    selection.
 
     Parameters
     ----------
     bin_sigma
-        Width of a bin in standard deviations of the noise per dimension; the width is doubled until at most 600 bins
+        Width of a bin in standard deviations of the noise per dimension. The width is doubled until at most 600 bins
         are needed.
     log
-        Whether counts are in log scale; in linear scale some tens of misses in 100,000 are invisible.
+        Whether counts are in log scale. In linear scale some tens of misses in 100,000 are invisible.
 
     Raises
     ------

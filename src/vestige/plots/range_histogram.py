@@ -15,12 +15,11 @@ from vestige.plots.figure import BLACK, BLUE, ORANGE, dress, legend, new_axes
 from vestige.plots.histogram import bin_edges, log_counts, width_of
 
 BIN_M = 0.5
-# Detections on the early flank cluster at this offset: the offset of the second tap before the prediction, plus the
-# largest correction of the s-curve, which is half a tap. With taps of 15 m the offset is −22.5 m, within 4.5 m [WFO,
-# Sec. VI-A]
+# Detections on the early flank cluster at this offset, in taps. The offset is the second tap before the prediction plus
+# half a tap, the largest correction of the s-curve. With taps of 15 m the cluster is at −22.5 m ± 4.5 m [WFO, VI-A].
 CLUSTER_TAPS = -1.5
 CLUSTER_REACH_TAPS = 0.3
-_LEAST_M = 30.0  # least range on both sides, so that the position of the cluster is visible
+_LEAST_M = 30.0  # least extent of the axis in m on both sides, so that the position of the cluster is visible
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +27,7 @@ class RightFlank:
     """Exponential law for the offsets beyond `start_m`: events · e^{−(x − start)/scale} offsets lie beyond x."""
 
     start_m: float  # offset in m beyond which the law is valid
-    scale_m: float  # mean distance beyond `start_m` in m
+    scale_m: float  # mean distance in m of the offsets beyond `start_m` from `start_m`
     events: int  # number of offsets beyond `start_m`
 
     def __post_init__(self) -> None:
@@ -44,7 +43,7 @@ class RightFlank:
         return cls(start_m=start_m, scale_m=float(np.mean(excess_m, dtype=np.float64)), events=excess_m.size)
 
     def expected(self, x_m: Float[np.ndarray, " n"], bin_m: float) -> Float[np.ndarray, " n"]:
-        """Return the expected count of a narrow bin at each x."""
+        """Return the expected count of a narrow bin at each offset x."""
         return self.events * bin_m / self.scale_m * np.exp(-(x_m - self.start_m) / self.scale_m)
 
     def last_m(self, bin_m: float, count: float = 0.5) -> float:
@@ -70,12 +69,12 @@ def range_histogram(
     Parameters
     ----------
     bin_m
-        Width of a bin in m; the width is doubled until at most 600 bins are needed. 0 m is the middle of a bin.
+        Width of a bin in m. The width is doubled until at most 600 bins are needed. 0 m is the middle of a bin.
     mark_cluster
         Whether to mark the cluster of detections on the early flank for a detector's spacing of 1 tap. The cluster is
         at −22.5 m for taps of 15 m. The mark gives the number of epochs within 4.5 m.
     right_flank
-        A law to draw over the right flank, a straight line in log scale. A number is the offset in m beyond which a law
+        Law to draw over the right flank, a straight line in log scale. A number is the offset in m beyond which a law
         is fitted.
     limit_m
         Largest range offset in m that passes the range check, drawn as dashed lines on both sides.

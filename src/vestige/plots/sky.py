@@ -1,4 +1,4 @@
-"""Figures of a sky: positions of the satellites, errors of the fix, and failures of the checks over time."""
+"""Figures of a constellation: positions of the satellites, errors of the fix, failures of the checks over time."""
 
 from __future__ import annotations
 
@@ -42,9 +42,11 @@ class MonitorLine:
 
 
 def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
-    """Return the axes of a sky plot: zenith in the middle, north up; a dot at the last position of each satellite.
+    """Return the axes of a sky plot with the zenith in the middle and north up.
 
-    Raises `VestigeError` if the results are not from a sky.
+    A dot marks the last position of each satellite.
+
+    Raises `VestigeError` if the results are from a scenario without a constellation.
     """
     _check(results, "elevation_deg", "azimuth_deg")
     ax = new_axes(width_cm=8.0, height_cm=8.0, projection="polar") if ax is None else ax
@@ -61,7 +63,7 @@ def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
         last = seen[-1]
         ax.plot(azimuth[last], away_deg[last], "o", color=RED, markersize=3)
         east_deg, north_deg = away_deg[last] * np.sin(azimuth[last]), away_deg[last] * np.cos(azimuth[last])
-        crosses = np.max(np.hypot(east_deg + _NAME_DEG[0], north_deg + _NAME_DEG[1])) > 90  # the circle of the horizon
+        crosses = np.max(np.hypot(east_deg + _NAME_DEG[0], north_deg + _NAME_DEG[1])) > 90  # beyond the horizon
         left, below = crosses and east_deg > 0, crosses and north_deg > 0
         ax.annotate(
             f"E{svid:02d}",
@@ -86,7 +88,7 @@ def position_error(results: xarray.Dataset) -> Axes:
 
     Lines show the fixes of all satellites, and dots show the fixes of the authenticated satellites.
 
-    Raises `VestigeError` if the results are not from a sky, or there is no fix.
+    Raises `VestigeError` if the results are from a scenario without a constellation, or if there is no fix.
     """
     _check(results, "fix_error_m", "fix_clock_error_m", "time_s")
     if not np.isfinite(results["fix_clock_error_m"].values).any():
@@ -109,7 +111,7 @@ def position_error(results: xarray.Dataset) -> Axes:
 
 
 def monitor_timeline(time_s: Float[np.ndarray, " n"], lines: Sequence[MonitorLine], ax: Axes | None = None) -> Axes:
-    """Return the axes of a time-line with a line for the tests of each check, and marks for its failures."""
+    """Return the axes of a time-line with a line for the tests of each check, and with marks for the failures."""
     ax = new_axes(height_cm=1.6 + 0.4 * len(lines)) if ax is None else ax
     for row, line in enumerate(lines):
         ax.plot(time_s, np.where(line.run, float(row), np.nan), color=GREY, linewidth=0.8)

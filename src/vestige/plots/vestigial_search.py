@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from vestige.plots.figure import BLUE, GREEN, GREY, RED, dot_size_pt, dress, legend, new_axes
 
-_ROOM = 1.25  # room above the strongest signal for the legend, as a factor
+_ROOM = 1.25  # upper end of the axis over the strongest signal, with space for the legend
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,12 +22,12 @@ class SearchTrace:
     # Magnitude at each arrival time of a hand-over search, or the largest magnitude in each block of an exhaustive
     # search, in standard deviations of the noise per dimension.
     magnitude: Sequence[float]
-    threshold: float  # threshold in the same unit
+    threshold: float  # threshold of the magnitude in standard deviations of the noise per dimension
     peaks: Sequence[tuple[float, float]]  # signals that were found: time and magnitude, the earliest first
 
 
 def vestigial_search(trace: SearchTrace, *, title: str) -> Axes:
-    """Return axes with magnitude against time, the threshold, and the peaks; the earliest peak is the true signal."""
+    """Return axes with magnitude against time, the threshold, and the peaks. The earliest peak is the true signal."""
     ax = new_axes()
     size = dot_size_pt(len(trace.time_s))
     ax.plot(trace.time_s, trace.magnitude, ".", color=GREY, markersize=size, label="searched", rasterized=True)

@@ -1,4 +1,4 @@
-"""Draws in blocks of epochs, so that the random numbers of an epoch do not depend on the cut into chunks."""
+"""Random draws in blocks of epochs, so that the draws of an epoch do not depend on the division into chunks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-DRAW_BLOCK = 500  # epochs that share a stream of draws, independent of the cut into chunks
+DRAW_BLOCK = 500  # number of epochs that share a stream of draws, independent of the division into chunks
 
 _T = TypeVar("_T")
 

@@ -7,17 +7,17 @@ and constraint length 7 (171, 133 octal) [OS-ICD, 4.1.4]. E1-B and E1-C have the
 
     Es/N0 = C/N0 / 250 Hz · e^{−σφ²},    σφ² = B_φ/(C/N0) (1 + 1/(2T C/N0))
 
-Here σφ is the phase error of the carrier loop. The error changes over many symbols of a page, and the interleaver
-spreads these symbols. A soft-decision Viterbi decoder loses half a page with the probability `_HALF_LOST`. This table
-comes from a simulation of the code, which `tests/unit/receiver/test_osnma_reception.py` repeats. Beyond the table,
-first error events of the free distance 10 dominate, so the logarithm is extrapolated. A page is lost if the checksum of
-one of its halves fails:
+Here σφ is the phase error of the carrier loop. The phase error changes within a page, and the interleaver spreads the
+affected symbols. A soft-decision Viterbi decoder loses half a page with the probability in the table `_HALF_LOST`. This
+table comes from a simulation of the code, which `tests/unit/receiver/test_osnma_reception.py` repeats. Beyond the
+table, error events of the free distance 10 dominate, so the logarithm of the probability is extrapolated linearly. A
+page is lost if the checksum of one of its halves fails. The probability of a lost page is
 
     C/N0     22 dBHz  23 dBHz  24 dBHz  25 dBHz  26 dBHz
     lost     0.52     0.13     0.02     0.0008   0.00002     without phase error
 
-An ideal receiver thus goes from hardly any lost page to most pages lost within 3 dB of C/N0. Fading, an old decoder or
-soft decisions of few bits cost more.
+An ideal receiver thus goes from hardly any lost page to most pages lost within 3 dB of C/N0. Fading, a worse decoder or
+soft decisions of few bits increase the loss.
 
 Pages 10 to 14 of every satellite's subframe carry the same key [OSNMA-ICD], so a single satellite is enough.
 
@@ -41,15 +41,15 @@ TAG_PAGES = range(2)  # pages with the tag of a satellite's own data, 40 bits at
 _ES_N0_DB = np.arange(-4.0, 1.6, 0.5)
 _HALF_LOST = np.array([0.956, 0.861, 0.716, 0.516, 0.313, 0.156, 0.0663, 0.0235, 0.00712, 0.00174, 3.9e-4, 9.0e-5])
 _LOG_LOST = np.log(-np.log1p(-_HALF_LOST))
-_DRAW_BLOCK = 500  # pages that share a stream of draws
+_DRAW_BLOCK = 500  # number of pages that share a stream of draws
 _DECI = 10  # times are counted in tenths of a second, which are exact as integers
 
 
 def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: TrackingModel | None = None) -> Float[np.ndarray, "*n"]:
     """Return the probability that a page is lost.
 
-    `cn0_dbhz` is the C/N0 of E1-B, equal to that of E1-C. At NaN or −∞ every page is lost. Without `tracking` the phase
-    has no error.
+    `cn0_dbhz` is the C/N0 of E1-B, equal to that of E1-C. If `cn0_dbhz` is NaN or −∞, every page is lost. Without
+    `tracking` the phase has no error.
     """
     cn0 = 10 ** (np.where(np.isfinite(cn0_dbhz), cn0_dbhz, 0.0) / 10)
     phase_loss = np.zeros_like(cn0) if tracking is None else tracking.phase_variance_rad2(cn0)
@@ -67,7 +67,7 @@ def page_end_s(page: Int64[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 
 
 def pages_due(week_s: Float[np.ndarray, " n"], interval_s: float) -> Int64[np.ndarray, "n 15"]:
-    """Return the page that ended since the previous epoch for each of the 15 positions in a subframe; −1 for none.
+    """Return the page that ended since the previous epoch for each of the 15 positions in a subframe; −1 for no page.
 
     If epochs are 30 s apart or more, the pages are those of the last subframe that has ended.
     """
@@ -91,7 +91,7 @@ def key_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarr
 def data_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarray, "n 17"]:
     """Return the pages that the key of a RECS authenticates: the words, and their tag in the next subframe.
 
-    The key of subframe k belongs to the tags of subframe k − 1, which cover the data of k − 2 [OSNMA-ICD].
+    The key of subframe k belongs to the tags of subframe k − 1, which cover the data of subframe k − 2 [OSNMA-ICD].
     """
     of_key = key_pages(week_s, key_delay)[:, :1] // PAGES_A_SUBFRAME
     return np.concatenate(

@@ -10,10 +10,12 @@ arrive later by their excess delay. All these terms are delays of the code. The 
 advances the carrier (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1
 loop followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
 
+The two fidelities of E6 are:
+
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key. The receiver samples the chips with
   reflections and noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one
   recording of all satellites (`snapshots.sky_samples`).
-* `correlators`: the banks are drawn from the exact model (`correlator_model`), a block at a time.
+* `correlators`: the correlators of a block are drawn at random from the exact model (`correlator_model`).
 """
 
 from __future__ import annotations
@@ -54,9 +56,9 @@ Fidelity = Literal["samples", "correlators"]
 
 SVID = 11  # SVID of the paper's single line of sight, which has no number in the paper
 KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # alpha does not change the time at which a key is sent
-CLOCK_FOLLOWS_S = 0.1  # a travel time changes by less, so a larger delay is an error of the clock
+CLOCK_FOLLOWS_S = 0.1  # a travel time changes by less than 0.1 s, so a larger delay is an error of the clock
 _STREAMS_A_SATELLITE = 1 << 16
-_AFTER_LAST_EPOCH_S = 2.0  # more than the samples and the message need after the last epoch, without a delay
+_AFTER_LAST_EPOCH_S = 2.0  # time after the last epoch that samples and message need without a delay, rounded up
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,14 +73,15 @@ class Simulation:
     models: ErrorModels
     cn0_dbhz: float  # C/N0 of E6-C alone; −∞ means no line of sight and no reflections
     cn0_e1_dbhz: float  # C/N0 of E1-C alone
-    front_end: FrontEnd  # front end of E6, with the sampling rate; E1 tracking has its own, in `BetzTrackingNoise`
+    # front end of E6, with the sampling rate; E1 tracking has its own front end, in `BetzTrackingNoise`
+    front_end: FrontEnd
     time_uncertainty_s: float  # uncertainty that the receiver assumes for its clock
-    n_chips: int  # chips of a RECS
+    n_chips: int  # number of chips of a RECS
     key_delay: int  # KDI
     cipher_mode: CipherMode = CipherMode.CBC  # mode in which the service encrypts the RECS
     spoofer: Spoofer = NO_SPOOFER
     # constant error of the receiver's clock in addition to the oscillator's error, positive if ahead; unknown to the
-    # receiver, and possible only with drawn banks
+    # receiver, and possible only at the fidelity `correlators`
     clock_offset_s: float = 0.0
     svid: int = SVID
     osnma: OsnmaService = SERVICE_WITHOUT_EVENTS  # events of the OSNMA operator and its keys
@@ -138,7 +141,7 @@ class Simulation:
 
     @property
     def spoofer_as_received(self) -> Spoofer:
-        """The attacker for E1 and for drawn correlators, with the geometry of a replay; samples contain it already."""
+        """The attacker for E1 and drawn correlators, with the geometry of a replay, which samples contain already."""
         if self.elevation is None or not self.spoofer.attacks:
             return self.spoofer
         return SpooferUnderSky(
@@ -149,7 +152,7 @@ class Simulation:
         """Return the delay of the RECS to which E1 leads, relative to the true RECS, times c.
 
         The delay equals the E1 error, unless this error amounts to seconds. Under a sky an error of seconds also
-        contains the motion of the satellite in these seconds, while the RECS itself has only the delay.
+        contains the motion of the satellite in these seconds. The RECS itself has only the delay.
         """
         error_m = truth.e1.error_m
         rows = np.flatnonzero(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)
@@ -177,8 +180,8 @@ class Simulation:
     def received_s(self, truth: TruthBlock, arrived: Arrival) -> Float[np.ndarray, " n"]:
         """Return the time of the last sample of each RECS, in s after the start, on a clock that no attacker moves.
 
-        The clock may have the error `clock_offset_s`. If the time tag of the RECS is later than this time, the time tag
-        is returned.
+        This clock may have the error `clock_offset_s`. If the time tag of the RECS is later than this time, the time
+        tag is returned.
         """
         expected_s = arrived.dt_s + (self.repeated_later_m(truth) + self.clock_offset_m) / SPEED_OF_LIGHT_MPS
         received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
@@ -193,7 +196,7 @@ class Simulation:
         offsets_m: Float[np.ndarray, " n_taps"],
         other_signals: Float[np.ndarray, " n"] | None = None,
     ) -> tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]:
-        """Return drawn taps and noise power of RECS; the cut into blocks does not change these numbers.
+        """Return drawn taps and noise power of RECS; the division into blocks does not change these values.
 
         `other_signals` is the power density, divided by N0, of the noise that all other signals of a sky add to a
         correlator; None if the scenario has a single line of sight.

@@ -1,6 +1,7 @@
 """The truth of a simulated line of sight, epoch after epoch: every term of every error, and the effects of an attack.
 
-The errors have memory and are cheap, so they are drawn in order. The cut of the epochs into calls makes no difference.
+The errors correlate in time and cost little computation, so the errors are drawn in order. The result does not depend
+on the division of the epochs into calls.
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ from vestige.spoofer.spoofer import NO_SPOOFER, BandEffects
 if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
-_WORST_NOISE = 10.0  # noise of a loop that is about to lose lock, over the noise of an undisturbed loop
+_WORST_NOISE = 10.0  # upper limit of the tracking noise, over the noise of an undisturbed loop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruthBlock:
     """The truth of a block of epochs of one satellite."""
 
-    time_s: Float[np.ndarray, " n"]  # in s after the scenario's start
-    range_m: Float[np.ndarray, " n"]  # geometric range, with the troposphere if there is one
+    time_s: Float[np.ndarray, " n"]  # time of each epoch in s after the scenario's start
+    range_m: Float[np.ndarray, " n"]  # geometric range plus the delay of the troposphere (0 without a troposphere)
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
     clock_m: Float[np.ndarray, " n"]  # error of the receiver clock times c, positive if the clock is ahead
@@ -40,23 +41,23 @@ class TruthBlock:
     ionosphere_e1_m: Float[np.ndarray, " n"]  # the ionosphere's residual on E1; 0 on a single line of sight
     # ionospheric delay on E1 that the message describes; E6 has γ times this delay
     broadcast_ionosphere_e1_m: Float[np.ndarray, " n"]
-    iono_on_carrier: Float[np.ndarray, " n"]  # 1 if the ionosphere advances the carriers, 0 if it delays the code only
+    iono_on_carrier: Float[np.ndarray, " n"]  # 1 if the ionosphere advances the carriers, 0 if not
     bias_m: Float[np.ndarray, " n"]  # delay of the E6 code relative to the E1 code, in addition to iono_diff_m
     e1_noise_m: Float[np.ndarray, " n"]  # noise of the pseudorange on E1
     e1_phase_noise_m: Float[np.ndarray, " n"]  # noise of the carrier phase on E1, times the wavelength
     e1_rate_noise_mps: Float[np.ndarray, " n"]  # noise of the range rate from the E1 Doppler
     e1: E1Tracking  # effect of an attack on E1 tracking
     e1_attack: BandEffects  # spoofing signals, noise and jamming that an attack adds to E1
-    e6: BandEffects  # the same for E6
+    e6: BandEffects  # spoofing signals, noise and jamming that an attack adds to E6
     rays: RayBlock
     geometry: SatelliteGeometry
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the delay of the code by the ionosphere on a band in m, residual and broadcast model."""
+        """Return the delay of a band's code by the ionosphere in m, with residual and broadcast model."""
         return self._residual_m(band) + self._modelled_m(band)
 
     def carrier_advance_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the advance of the carrier of a band by the ionosphere, in m."""
+        """Return the advance of a band's carrier by the ionosphere in m."""
         return self._residual_m(band) * self.iono_on_carrier + self._modelled_m(band)
 
     def _residual_m(self, band: Band) -> Float[np.ndarray, " n"]:
@@ -119,7 +120,7 @@ class TruthProcess:
     def _without_attack(self, first: int, count: int) -> UndisturbedTruth:
         """Return the part of the truth that no attack changes.
 
-        Scenes of a threat table differ only in their attack, so this part of a short run is kept in memory.
+        The simulations of a threat table differ only in their attack, so this part of a short run is cached.
         """
         if first == 0 and count <= KEPT_EPOCHS:
             return kept_truth(self._undisturbed, count)

@@ -1,7 +1,7 @@
 """The truth of a block of epochs together with the epochs around them, which also affect the block's samples.
 
 Between two epochs the receiver's samples change from the truth of the first epoch to the truth of the second
-(`continuous`). A spoofing signal brings the chips of an epoch later than the line of sight does. So the samples of a
+(`continuous`). In a spoofing signal, the chips of an epoch arrive later than in the true signal. So the samples of a
 block depend on epochs before its first and after its last epoch. A delayed signal in these samples has the errors of
 its own time, which is earlier by the delay.
 """
@@ -20,8 +20,9 @@ from vestige.records import Band
 if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
-TAIL_S = 0.3  # time after a RECS was sent that covers its reception and the 100 ms of E1 around it
-_REACH_S = 0.5  # longer than the time from an epoch to the end of its true samples
+# time after a RECS was sent that covers the reception of the RECS and the 100 ms of E1 around the reception
+TAIL_S = 0.3
+_REACH_S = 0.5  # time longer than the time from an epoch to the end of its true samples
 _SPARE_S = 0.2
 
 _T = TypeVar("_T")
@@ -46,21 +47,21 @@ def epochs_around(interval_s: float, tail_s: float) -> tuple[int, int]:
 class TruthWithin(TruthBlock):
     """The truth of a block of epochs and of the epochs around them."""
 
-    around: TruthBlock  # truth of these epochs, of some before and of some after them
+    around: TruthBlock  # truth of the block's epochs, and of some epochs before and after the block
 
     def part(self, rows: slice) -> TruthBlock:
-        """Return the truth of some of the epochs alone."""
+        """Return the truth of some of the block's epochs, without the epochs around the block."""
         return rows_of(TruthBlock(**{one.name: getattr(self, one.name) for one in fields(TruthBlock)}), rows)
 
 
 class TruthAround:
-    """Process that steps through the epochs in order, as `TruthProcess` does, and looks ahead."""
+    """Process that steps through the epochs in order, as `TruthProcess` does, and adds the epochs around a block."""
 
     def __init__(self, of: Simulation, *, before: int, after: int) -> None:
         self._of, self._before, self._after = of, before, after
         self._process = TruthProcess(of)
         self._known: TruthBlock | None = None
-        self._first = self._end = 0  # first and end of the known epochs
+        self._first = self._end = 0  # numbers of the first known epoch, and of the last known epoch plus 1
 
     def advance(self, first: int, count: int) -> TruthWithin:
         """Return the truth of the next epochs, `first` to `first + count − 1`."""
@@ -77,7 +78,7 @@ class TruthAround:
         return TruthWithin(around=around, **{one.name: getattr(own, one.name) for one in fields(TruthBlock)})
 
     def _joined(self, before: TruthBlock, after: TruthBlock) -> TruthBlock:
-        """Return two blocks as one; effects of attacks follow from the times, so they are not joined."""
+        """Return two blocks as one; effects of attacks are not joined, because the effects follow from the times."""
         times_s = np.concatenate([before.time_s, after.time_s])
         spoofer, svid = self._of.spoofer_as_received, self._of.svid
         joined: dict[str, Any] = {

@@ -1,7 +1,7 @@
 """The part of the truth of a line of sight that no attack changes: geometry, clock, ionosphere, multipath, noise, bias.
 
-The errors have memory and are cheap, so they are drawn in order. The cut of the epochs into calls makes no difference.
-A model that is None is absent: its term is zero.
+The errors correlate in time and cost little computation, so the errors are drawn in order. The result does not depend
+on the division of the epochs into calls. If a model is None, its error is zero.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
 KEPT_EPOCHS = 1000  # largest number of epochs of a block in the cache, 200 kB with three reflections
-_KEPT_BLOCKS = 128  # blocks in the cache, enough for eight satellites, six seeds and two kinds of receiver
+_KEPT_BLOCKS = 128  # number of blocks in the cache, enough for eight satellites, six seeds and two kinds of receiver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorModels:
-    """The error models of a receiver; None for an absent model [WFO, Sec. V]."""
+    """The error models of a receiver; None if a model is absent [WFO, Sec. V]."""
 
     clock: ClockModel | None = None
     ionosphere: IonosphereModel | None = None
@@ -54,17 +54,17 @@ class ErrorModels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UndisturbedTruth:
-    """The truth of n epochs of one satellite as far as no attack changes it."""
+    """The truth of n epochs of one satellite without the effects of attacks."""
 
-    time_s: Float[np.ndarray, " n"]  # in s after the scenario's start
+    time_s: Float[np.ndarray, " n"]  # time of each epoch in s after the scenario's start
     motion: SatelliteMotion
-    clock_m: Float[np.ndarray, " n"]  # receiver clock times c
+    clock_m: Float[np.ndarray, " n"]  # error of the receiver clock times c
     clock_drift_mps: Float[np.ndarray, " n"]
     # noise of E1 tracking, as long as only the true signal is present
     code_m: Float[np.ndarray, " n"]
     carrier_m: Float[np.ndarray, " n"]
     doppler_hz: Float[np.ndarray, " n"]
-    # as in `TruthBlock`
+    # errors with the same meaning as in `TruthBlock`
     iono_diff_m: Float[np.ndarray, " n"]
     broadcast_ionosphere_e1_m: Float[np.ndarray, " n"]
     bias_m: Float[np.ndarray, " n"]
@@ -138,9 +138,9 @@ class UndisturbedProcess:
 
 
 def kept_truth(of: Simulation, count: int) -> UndisturbedTruth:
-    """Return the truth of the first epochs of a simulation without attacks, from memory if possible.
+    """Return the truth of the first epochs of a simulation without attacks, from the cache if possible.
 
-    A simulation with arrays or parts that cannot be hashed is computed anew.
+    If a simulation has arrays or parts that cannot be hashed, the truth is computed anew.
     """
     try:
         return _kept(of, count)
@@ -156,7 +156,7 @@ _kept = lru_cache(maxsize=_KEPT_BLOCKS)(_begun)
 
 
 def _advanced(model: Any, process: Any, times_s: Float[np.ndarray, " n"], n_errors: int = 1) -> Any:
-    """Return the next values of a model's errors, after a check of the shape if the class is the user's."""
+    """Return the next values of a model's errors, after a check of the shape of values from a user's own class."""
     values = process.advance(times_s)
     if isinstance(values, RayBlock):
         for field in fields(values):

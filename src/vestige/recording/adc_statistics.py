@@ -1,11 +1,11 @@
-"""Compute statistics of the first samples of a recording, to find a wrong format, frequency or a dead front end.
+"""Compute statistics of the first samples of a recording, which show a wrong format or frequency, or no signal.
 
 The numbers describe the stored components (the real samples, or I and Q together), in the unit of the file. A 2-bit
 front end has 4 distinct values and a third of its samples at the outermost values. An 8-bit front end has many values
 and hardly any sample at the outermost values, unless the front end clips. The spectral centre is the centre of the
 front end's pass band, as a radio frequency. The spectral centre is the mean frequency, weighted with the power above
-the flat floor. Quantisation and the image cause this floor. For real samples only the half of the spectrum with the
-band's carrier is used.
+the flat floor. Quantisation and the image frequencies cause this floor. For real samples only the half of the spectrum
+with the band's carrier is used.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from vestige.recording.samples.sample_file import SampleReader
 from vestige.signals.definitions import CARRIER_HZ
 
 LOOKED_AT = 1 << 20  # number of samples for the statistics
-SEGMENT = 1024  # samples of one spectrum
+SEGMENT = 1024  # number of samples of one spectrum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdcStatistics:
-    """Statistics of the first samples."""
+    """Statistics of the first samples of a recording."""
 
     deviation: float  # standard deviation of the samples (both components together)
     rms: float  # root mean square of the components
     mean: complex  # mean of the samples; the imaginary part is 0 for real samples
-    n_distinct: int  # distinct values of the components
+    n_distinct: int  # number of distinct values of the components
     outermost: float  # largest magnitude of a component
-    # fraction of the components with the magnitude `outermost`; these are clipped if there are many distinct values
+    # fraction of the components with the magnitude `outermost`; with many distinct values, these components are clipped
     outermost_fraction: float
     # centre of the pass band as a radio frequency in Hz; None if there are too few samples, or all samples are equal
     spectral_center_hz: float | None
@@ -69,6 +69,6 @@ def _spectral_center(reader: SampleReader, samples: Complex64[np.ndarray, " n_sa
         upper = CARRIER_HZ[file.band] >= file.center_frequency_hz
         half = (frequency >= file.center_frequency_hz) == upper
         power, frequency = power[half], frequency[half]
-    above = np.maximum(power - 2 * np.quantile(power, 0.1), 0.0)  # the scatter of the floor stays below twice its level
+    above = np.maximum(power - 2 * np.quantile(power, 0.1), 0.0)  # the floor fluctuates by less than twice its level
     total = float(above.sum())
     return float((above * frequency).sum() / total) if total > 0 else None

@@ -1,11 +1,11 @@
 """Description of a recording before any sample is read: file, sample format and start of each band.
 
-A recording has up to two bands, which share one clock and one sample counter. Sample 0 of both bands is the same
-moment. Sample n of a band comes n sampling intervals of that band after sample 0. A file may start at any number
-(`first_sample`), so two front ends that started at different moments still share the counter.
+A recording has up to two bands, which share one clock and one sample counter. Sample 0 of both bands belongs to the
+same time. Sample n of a band comes n sampling intervals of that band after sample 0. A file may start at any sample
+number (`first_sample`), so front ends that started at different times share the counter.
 
-`center_frequency_hz` is the radio frequency that appears at 0 Hz in the *stored* samples. A real IF recording with a
-local oscillator at 1572.42 MHz has the value 1572.42e6, and E1 is at +3 MHz in the samples.
+`center_frequency_hz` is the radio frequency that appears at 0 Hz in the *stored* samples. For example, a real IF
+recording with a local oscillator at 1572.42 MHz has the value 1572.42e6. E1 is then at +3 MHz in the samples.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from vestige.valid_numbers import require_time_uncertainty
 
 # Smallest and largest plausible value of each number in a description.
 SAMPLE_RATE_RANGE_HZ = (1e5, 1e10)
-FIRST_SAMPLE = (0, 1 << 53)  # 28 years at 10 MHz
+FIRST_SAMPLE = (0, 1 << 53)  # smallest and largest sample number; the largest number is 28 years at 10 MHz
 TIME_UNCERTAINTY_S = (0.0, 1e6)
 
 
@@ -54,9 +54,9 @@ class BandFile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingDescription:
-    """Description of a recording, known before its samples are read."""
+    """Description of a recording that is known before its samples are read."""
 
-    path: Path  # the file that describes the recording, or the folder that holds it
+    path: Path  # the file that describes the recording, or the folder of the recording
     bands: Mapping[Band, BandFile]  # the sample file of each recorded band
     # upper limit of the error of the receiver's clock against Galileo System Time in s; infinite if not stated
     time_uncertainty_s: float = math.inf
@@ -75,7 +75,7 @@ class RecordingDescription:
 
 
 def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
-    """Return the band whose carrier lies in the sampled spectrum, the nearer of two; None if no carrier lies there."""
+    """Return the band whose carrier is in the sampled spectrum, the nearer of two carriers; None without a carrier."""
     band = min(CARRIER_HZ, key=lambda band: abs(center_frequency_hz - CARRIER_HZ[band]))
     return band if abs(center_frequency_hz - CARRIER_HZ[band]) <= sample_rate_hz / 2 else None
 
@@ -97,7 +97,7 @@ def sample_file(described_in: Path, place: str, name: str) -> Path:
 
 
 def counter_seconds(band: BandFile) -> Fraction:
-    """Return the time from sample 0 of the counter to the file's first sample, in s, exactly."""
+    """Return the exact time from sample 0 of the counter to the file's first sample, in s."""
     return Fraction(band.first_sample) / Fraction(band.sample_rate_hz)
 
 

@@ -1,7 +1,7 @@
-"""Times of samples, and times as text, without loss.
+"""Times of samples, and times as text, without loss of precision.
 
-A float that contains the time of 5·10¹³ samples at 10 MHz in s has a resolution of a nanosecond, which is 30 cm. So the
-whole seconds are split off in exact arithmetic first. Only the fraction is rounded, and only once.
+The time of 5·10¹³ samples at 10 MHz in s has a resolution of 1 ns as a float64, or 30 cm of range. So the whole seconds
+are split off in exact arithmetic first. Only the fraction is rounded, and only once.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from vestige.time import GalileoTime
 
 
 def later(start: GalileoTime, seconds: Fraction) -> GalileoTime:
-    """Return the time exactly `seconds` after `start` (before it, if negative); the fraction is rounded once."""
+    """Return the time exactly `seconds` after `start` (before `start`, if negative); the fraction is rounded once."""
     if not seconds:
         return start
     whole, rest = divmod(seconds + Fraction(start.fraction), 1)
@@ -22,16 +22,16 @@ def later(start: GalileoTime, seconds: Fraction) -> GalileoTime:
 
 
 def samples_later(start: GalileoTime, count: int, sample_rate_hz: float) -> GalileoTime:
-    """Return the time `count` samples after `start`; the rate in Hz counts as the exact value of the float."""
+    """Return the time `count` samples after `start`; the value of the rate in Hz is taken as exact."""
     return later(start, Fraction(count) / Fraction(sample_rate_hz))
 
 
 def exact_second(time: GalileoTime) -> str:
-    """Return the second of the week as the shortest text that reads back as the same float: `348018.1`."""
+    """Return the second of the week as the shortest text that gives the same float again: `348018.1`."""
     digits = np.format_float_positional(time.fraction, unique=True, trim="-")
     return str(time.second) + digits.removeprefix("0")
 
 
 def exact_gst(time: GalileoTime) -> str:
-    """Return `WEEK:SECOND` that `GalileoTime.parse` reads back as exactly the same time."""
+    """Return the text `WEEK:SECOND` from which `GalileoTime.parse` gives exactly the same time."""
     return f"{time.week}:{exact_second(time)}"

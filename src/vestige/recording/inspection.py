@@ -1,9 +1,10 @@
-"""Inspection of a recording: its content, and the data that ACAS lacks to authenticate it.
+"""Inspection of a recording: its content, and the data that ACAS lacks to authenticate the recording.
 
-For each verdict ACAS needs E6 samples that contain a RECS, the RECS itself and the OSNMA key that decrypts the RECS. E1
-(samples or observations) predicts the position of the RECS in E6. The group delay of the satellite corrects that
-prediction. The error of the receiver clock must be provably smaller than the time from the reception of the RECS to the
-disclosure of its key. This time is 30 s for a key delay of one subframe [WFO, Sec. III-D].
+For each verdict ACAS needs three inputs: E6 samples that contain a RECS, the RECS itself, and the OSNMA key of the
+RECS. E1 (samples or observations) predicts the position of the RECS in E6. The group delay of the satellite corrects
+that prediction. The receiver clock's error must be provably smaller than the time from the RECS to the disclosure of
+its key. For a key delay of one subframe (KDI 1), the paper states 30 s for this time [WFO, Sec. III-D]. The exact time
+is 22 to 52 s.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ from vestige.records import Assistance, Band, EncryptedSegment
 from vestige.signals.definitions import CARRIER_HZ, E6C
 from vestige.time import GalileoTime
 
-FEW_VALUES = 16  # number of distinct values of a 4-bit front end, whose outermost values are not counted as clipping
-CLIPPING = 0.01  # fraction of components at the outermost value above which clipping distorts
+FEW_VALUES = 16  # number of distinct values of a 4-bit front end, for which samples at the outermost values are normal
+CLIPPING = 0.01  # fraction of components at the outermost value above which clipping distorts the signals
 CENTER_TOLERANCE = 0.25  # largest distance of the pass band's centre from the carrier, as a share of the sampling rate
 
 
@@ -47,7 +48,7 @@ class BandInspection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationCoverage:
-    """Coverage of a file of E1 observations: `span` is from the first to the last epoch, None if there is no epoch."""
+    """Coverage of a file of E1 observations; `span` is the first and the last epoch, or None without an epoch."""
 
     file: ObservationFile
     n_epochs: int
@@ -60,14 +61,14 @@ class Inspection:
     """Result of an inspection: the data at a path, and what ACAS lacks."""
 
     path: Path
-    description: RecordingDescription | None  # the recording, or None if the path holds no samples
+    description: RecordingDescription | None  # description of the recording; None if the path has no samples
     bands: tuple[BandInspection, ...]
     observations: ObservationCoverage | None
     assistance: AssistanceFolder
-    recorded_segments: tuple[EncryptedSegment, ...]  # the RECS that can be in the E6 samples
+    recorded_segments: tuple[EncryptedSegment, ...]  # RECS that can be in the E6 samples
     notes: tuple[str, ...]  # unusual features of the recording, one line each
-    # missing data, one line each: first the data without which no verdict is possible, then the gaps that the
-    # assistance folder states
+    # missing data, one line each; first the data without which no verdict is possible, then other gaps of the
+    # assistance folder
     missing: tuple[str, ...]
     examination: Examination | None = None  # result of the search for signals; None if there was no search
 
@@ -84,7 +85,7 @@ def inspect_recording(
     signals: bool = False,
     progress: Progress = lambda _step, _done, _total: None,
 ) -> Inspection:
-    """Return the content of `path`, a recording, an observation file or a folder, and the data that ACAS lacks.
+    """Return the content of a recording, an observation file or a folder, and the data that ACAS lacks.
 
     Raises `InputFileError` or `UnsupportedError` if nothing at `path` can be read, or its description, samples or
     observations are not usable.
@@ -96,13 +97,13 @@ def inspect_recording(
     time_uncertainty_s
         Upper limit of the receiver clock's error in s, in place of the limit that the recording states.
     assistance
-        Folder with RECS, keys and so on; by default the folder of the recording with its subfolders.
+        Folder with RECS, keys and other assistance; by default the folder of the recording with its subfolders.
     public_key, merkle_tree
         Trust anchors of OSNMA, used in place of the trust anchors in the assistance folder.
     check_hash
-        Compare sample files with the hashes in their descriptions, which reads all of them.
+        Whether sample files are compared with the hashes in their descriptions, which reads all samples.
     signals
-        Search for satellites, and for errors of the description, which takes 10 to 40 s.
+        Whether to search for satellites and for errors of the description, which takes 10 to 40 s.
     progress
         Called with the name of the search step, the number of its parts that are done and the number of all parts.
     """

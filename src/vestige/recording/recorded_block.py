@@ -25,9 +25,9 @@ OSNMA_SUBFRAMES = 20  # number of subframes before the first block whose keys ar
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherChannels:
-    """Data of a receiver beside samples and assistance: second OSNMA channel and inertial sensors."""
+    """Data of a receiver in addition to samples and assistance: second OSNMA channel and inertial sensors."""
 
-    # OSNMA keys, and pages if there are any, of a second channel [WFO, Sec. IV-C]; None without such a channel.
+    # OSNMA keys of a second channel, and its pages if known [WFO, Sec. IV-C]; None without a second channel
     second_channel: Assistance | None = None
     accelerations: Accelerations | None = None  # readings of inertial sensors; None without sensors
 
@@ -39,7 +39,7 @@ class OtherChannels:
         return self.joined(block_of(snapshot, since=since, accelerations=self.accelerations), assistance, since)
 
     def joined(self, block: SnapshotBlock, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
-        """Return a block of one epoch with its OSNMA data from the message compared with the second channel."""
+        """Return a block of one epoch with the result of comparing its OSNMA data with the second channel."""
         now = block.time.at(0)
         if self.second_channel is None or not block.svids:
             return block
@@ -56,13 +56,13 @@ def tracked_block(
     Parameters
     ----------
     index
-        Running number of the block.
+        Running number of the block in its source.
     epoch
         Observations, correlators and power.
     time_uncertainty_s
         Upper limit of the error of the receiver's clock in s.
     increments
-        Increments of the inertial sensors since the previous block; None without such sensors.
+        Velocity increments of the inertial sensors since the previous block; None without inertial sensors.
     """
     svids = tuple(sorted(epoch.observations))
     rows: dict[str, Any] = {

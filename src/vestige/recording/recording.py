@@ -2,13 +2,14 @@
 
 A recording is given as:
 
-* a folder with a `recording.toml`, or that file (raw samples, described by hand);
-* a folder with a `.sigmf-collection`, or that file;
-* a folder with one `.sigmf-meta` for each band, or one such file;
-* a folder with an `.sdrx` file, or that file, or an `.xml` file: ION GNSS SDR metadata.
+* a folder with a `recording.toml`, or the `recording.toml` itself (raw samples, described by hand);
+* a folder with a `.sigmf-collection`, or the `.sigmf-collection` itself;
+* a folder with a `.sigmf-meta` file for each band, or a single `.sigmf-meta` file;
+* a folder with an `.sdrx` file, or the path of an `.sdrx` or `.xml` file: ION GNSS SDR metadata.
 
-If a folder contains several of these descriptions, the first in this list counts. E1 observations are in the same
-folder (RINEX or CSV, told by their first line) or are named in `recording.toml`.
+If a folder contains several of these descriptions, the first description in this list is used. E1 observations are in
+the same folder, or `recording.toml` names the file of the observations. The first line of the file tells its format
+(RINEX or CSV).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from vestige.records import Band, SampleBatch
 from vestige.time import GalileoTime
 
 OBSERVATION_NAMES = re.compile(r".*\.(rnx|obs|csv|\d\do|crx|\d\dd)", re.IGNORECASE)
-SAMPLE_TOLERANCE = 1e-3  # share of a sampling interval: a time this near to a sample counts as the time of that sample
+SAMPLE_TOLERANCE = 1e-3  # share of a sampling interval by which a time may miss the exact time of a sample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,9 +40,9 @@ class Recording:
     Attributes
     ----------
     description
-        Description of the samples; `time_uncertainty_s` is infinite if nothing states it.
+        Description of the samples; `time_uncertainty_s` is infinite if the recording states no time uncertainty.
     e1, e6
-        The samples of the bands, or None. `SampleReader.read` reads by the counter that both bands share.
+        Readers of the samples of each band, or None. Sample numbers refer to the counter that both bands share.
     observations
         The file of E1 observations, or None.
     """
@@ -62,12 +63,12 @@ class Recording:
         return self.description.notes + tuple(note for reader in readers for note in reader.notes)
 
     def batch(self, band: Band, start_time: GalileoTime, duration_s: float) -> SampleBatch | None:
-        """Return the samples of a band in a window of receiver-clock time, or None if there are none in the window.
+        """Return the samples of a band in a window of receiver-clock time, or None if the window has no samples.
 
         The batch begins with the first sample at or after `start_time`. A sample up to a thousandth of a sampling
-        interval before `start_time` also counts. The batch has ⌈duration · rate⌉ samples, the same number for every
-        position of the window. Samples outside the recording are left out: `start`, `first_sample` and the length of
-        the batch describe the rest.
+        interval before `start_time` is also included. The batch has ⌈duration · rate⌉ samples, the same number for
+        every position of the window. Samples outside the recording are left out. `start`, `first_sample` and the length
+        of the batch then describe the remaining samples.
 
         Raises `InputFileError` if the samples cannot be read.
         """
@@ -84,7 +85,7 @@ class Recording:
 
 
 def find_recording(path: Path) -> Path | None:
-    """Return the file that describes the recording at `path`, the folder if several files describe it, or None.
+    """Return the file that describes the recording at `path`; the folder if several files do so together, or None.
 
     Raises `InputFileError` if a folder has more than one collection, or more than one `.sdrx` file and no SigMF. Raises
     `UnsupportedError` for a SigMF archive.
@@ -150,12 +151,12 @@ def find_observations(folder: Path) -> Path | None:
 
 
 def named_observations(description: RecordingDescription) -> bool:
-    """Return whether the description names the observations, in contrast to a file found in the folder."""
+    """Return whether only the description can name the observation file, so that the folder is not searched."""
     return description.path.suffix == ".toml" or description.path == Path("-")
 
 
 def observation_names(description: RecordingDescription) -> list[Path]:
-    """Return the files that may contain a recording's observations, because they have names of observation files."""
+    """Return the files of a recording that have names of observation files."""
     if named_observations(description):
         return []
     folder = description.path if description.path.is_dir() else description.path.parent
@@ -163,7 +164,7 @@ def observation_names(description: RecordingDescription) -> list[Path]:
 
 
 def unread_observations(description: RecordingDescription) -> tuple[InputFileError, ...]:
-    """Return the faults of the files of a recording that have names of observation files, but other contents."""
+    """Return the errors of files that have the name of an observation file, but other contents."""
     wrong = []
     for path in observation_names(description):
         if "obs" in path.name.lower():
@@ -194,8 +195,8 @@ def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Rec
     Raises
     ------
     InputFileError
-        If there is no recording, its description or samples are not usable, or its time is not known from the
-        description or `start`.
+        If there is no recording, if its description or samples are not usable, or if neither the description nor
+        `start` gives the time.
     UnsupportedError
         If the description is valid, but of a kind that vestige does not read.
 
@@ -213,7 +214,7 @@ def open_recording(path: Path | str, *, start: GalileoTime | None = None) -> Rec
         description = redated(description, start)
     readers = {band: open_samples(file) for band, file in description.bands.items()}
     for reader in readers.values():
-        _ = reader.start  # raises here, and not at the first sample, if the time is unknown
+        _ = reader.start  # an unknown time raises an error here, and not only at the first sample
     observations = None if description.observations is None else open_observations(description.observations)
     if observations is None:
         notes = tuple(f"{wrong}; not used" for wrong in unread_observations(description))

@@ -24,9 +24,10 @@
     [observations]                        # optional
     file = "observations.rnx"             # RINEX 3 or 4, or CSV
 
-With `frame` the file contains a sample of each band in turn, in that order: `E1[0] E6[0] E1[1] E6[1] …`. Recorders with
-two front ends write such files. Then both tables have the same file (unlike in this example), format, layout, sampling
-rate, first sample and header.
+With `frame` the file contains a sample of each band in turn, in the order of `frame`: `E1[0] E6[0] E1[1] E6[1] …`.
+Recorders with two front ends write such files. With `frame`, the tables `[e1]` and `[e6]` must have the same file,
+format, layout, sampling rate, first sample and header. The example above shows every key, but a description with
+`frame` has equal file names in both tables.
 
 `start` may be left out if the caller gives the start when opening the recording. Unknown keys are errors.
 """
@@ -95,7 +96,7 @@ class _RecordingTable(_Table):
 
 
 def read_recording_toml(path: Path) -> RecordingDescription:
-    """Return the recording that `path` describes.
+    """Return the description of the recording in the file `path`.
 
     Raises `InputFileError` if the file is not TOML, lacks a key, has an unknown key, or a value or file name is not
     usable.

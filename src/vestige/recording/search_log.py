@@ -1,8 +1,8 @@
-"""Log file of exhaustive searches: after an interruption the same search continues, and no finding is lost.
+"""Log file of exhaustive searches: after an interruption the same search continues, and no result is lost.
 
 The file is replaced as a whole, after the new file is on the disk, so the log is complete at any moment. The log
 contains the identity of the searches (`of`), so that no search continues from the state of another search. The log has
-a state for each name.
+a state for each search, by the name of the search.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class _Content:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchLog:
-    """The states of searches, and the file that keeps them."""
+    """The states of searches, and the file in which the states are stored."""
 
     path: Path
     of: Mapping[str, str | float]  # identity of the searches: recording, codes and settings as text and numbers
@@ -39,7 +39,7 @@ class SearchLog:
 
     @classmethod
     def open(cls, path: Path, of: Mapping[str, str | float]) -> SearchLog:
-        """Return the log of a file, an empty log if the file does not exist.
+        """Return the log in a file, or an empty log if the file does not exist.
 
         Raises `InputFileError` if the file is not a log, or belongs to other searches.
         """
@@ -63,7 +63,7 @@ class SearchLog:
         return cls(path=path, of=of, states=content.states)
 
     def keep(self, name: str, state: SearchState) -> None:
-        """Store a state, and write the file."""
+        """Store the state of a search, and write the file."""
         self.states[name] = state
         content = {"of": dict(self.of), "states": {key: asdict(one) for key, one in self.states.items()}}
         with replacement(self.path) as part:

@@ -2,8 +2,8 @@
 
 A snapshot is made for every time of transmission whose RECS can have reached the receiver during the recording. The E6
 samples are cut from just before the earliest to just after the latest arrival. The observations come from the
-observation file, or from 100 ms of E1 samples around the same moment. Only these windows are read, so a recording may
-be far larger than memory.
+observation file, from tracking, or from 100 ms of E1 samples around the RECS. Only short windows of samples are read,
+so a recording may be far larger than memory.
 """
 
 from __future__ import annotations
@@ -55,18 +55,18 @@ class RecordingSource:
     time_uncertainty_s
         Upper limit of the receiver clock's error in s, in place of the limit that the recording states.
     time_tag_error_s
-        Error of the samples' time tag in s, positive if ahead of Galileo System Time, from the message or
-        `time_tag_search`. This error gives the position of a RECS in the recording, and resolves the ambiguity of
-        100 ms of E1.
+        Error of the samples' time tag in s, positive if the time tag is ahead of Galileo System Time. The error comes
+        from the message or from `time_tag_search`. The error gives the position of a RECS in the recording, and
+        resolves the ambiguity of 100 ms of E1.
     searchable
-        Whether snapshots contain the E1 samples and give access to all E6 samples. Mitigation levels 2 and 3 need them
-        for searches.
+        Whether snapshots contain the E1 samples and give access to all E6 samples. Mitigation levels 2 and 3 need these
+        samples for searches.
     cn0_estimator
-        Estimator of the C/N0 of E1 as for `measure_e1`, if E1 is measured in the samples.
+        Estimator of the C/N0 of E1 if E1 is measured in the samples; see `measure_e1`.
     channels
         Second OSNMA channel and accelerations, if there are any.
     progress
-        Called during long steps with the name of the step, the amount that is done and the whole amount.
+        Function that is called during long steps with the name of the step, the finished amount and the whole amount.
 
     Raises
     ------
@@ -97,7 +97,7 @@ class RecordingSource:
             require_time_uncertainty(self.time_uncertainty_s)
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
-        """Yield a block for each snapshot of `snapshots`, and between two snapshots a block of E1 tracking each second.
+        """Yield a block for each snapshot; between two snapshots yield a block of E1 tracking each second.
 
         The blocks between snapshots need `tracked` and `searchable`. The checks of level 1 do not use E1 between two
         RECS.
@@ -227,7 +227,7 @@ class RecordingSource:
 def time_span(
     recording: Recording, time_tag_error_s: float = 0.0, uncertainty_s: float = 0.0
 ) -> tuple[GalileoTime, GalileoTime] | None:
-    """Return the first and last time of transmission that can be in the E6 samples, or None without E6 samples.
+    """Return the earliest and the latest time of transmission of signals in the E6 samples, or None without E6 samples.
 
     The time tag of the samples is ahead of Galileo System Time by `time_tag_error_s` ± `uncertainty_s`, in s.
     """
@@ -250,7 +250,7 @@ def e1_window(reader: SampleReader, middle: GalileoTime) -> SampleBatch:
 def svids_in_view(
     recording: Recording, svids: Iterable[int] = ALL_SVIDS, *, progress: Callable[[int, int], None] | None = None
 ) -> dict[int, E1Observation]:
-    """Return the E1 observations of `svids` at the start of a recording; {} if there is no E1 in it."""
+    """Return the E1 observations of `svids` at the start of a recording; {} if the recording has no E1."""
     if recording.observations is not None:
         epoch = next(iter(recording.observations), None)
         return {} if epoch is None else {svid: one for svid, one in epoch.observations.items() if svid in set(svids)}

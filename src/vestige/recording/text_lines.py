@@ -10,7 +10,7 @@ from pathlib import Path
 from vestige.crypto.file_bytes import open_file
 from vestige.errors import InputFileError
 
-LONGEST_LINE = 1 << 16  # bytes; a RINEX line with every Galileo signal has under 1000
+LONGEST_LINE = 1 << 16  # limit in bytes; a RINEX line with every Galileo signal has fewer than 1000 bytes
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -38,7 +38,7 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 class GrowingLines:
-    """The lines of a file that another process is still writing; a line counts when its end is written."""
+    """The lines of a file that another process is still writing; a line is complete when its end is written."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -47,7 +47,7 @@ class GrowingLines:
         self._lines: deque[bytes] = deque()
 
     def take(self) -> tuple[int, str] | None:
-        """Return the number and the text of the next line, as `numbered_lines`; None if no line is complete yet.
+        """Return the number and the text of the next line, like `numbered_lines`; None if no line is complete yet.
 
         Raises `InputFileError` if the file cannot be read, became shorter, or a line is longer than `LONGEST_LINE`.
         """

@@ -1,6 +1,6 @@
 """Records that the parts of vestige exchange.
 
-Records are frozen and keyword-only, with units in the names. The sign convention is: **a positive offset is later**.
+Records are frozen and keyword-only, with units in the names. By convention, **a positive offset is later**.
 The processor receives only `Snapshot` and `Assistance`, so the processor cannot tell a simulation from a recording.
 """
 
@@ -25,7 +25,7 @@ from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite, require_finite_if_known, require_time_uncertainty
 from vestige.validated_key import ValidatedKey
 
-_ROUNDING_S = 1e-6  # largest rounding difference between two computations of the end of samples
+_ROUNDING_S = 1e-6  # largest rounding difference between two computations of the time at which samples end
 
 if TYPE_CHECKING:
     from vestige.records.recs_block import RecsLookup
@@ -103,7 +103,7 @@ class SampleBatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrontEndStatus:
-    """Status of one front end over one snapshot; powers in dB relative to the front end's own reference."""
+    """Status of one front end over one snapshot; powers are in dB relative to the front end's own reference."""
 
     agc_gain_db: float
     total_power_db: float
@@ -112,7 +112,7 @@ class FrontEndStatus:
 
 @dataclass(frozen=True, kw_only=True)
 class ChipSequence:
-    """The E6-C chips of one decrypted RECS, or other chips of ±1; `of` makes a sequence from such chips.
+    """The E6-C chips of one decrypted RECS, or other chips of ±1; `of` makes a sequence from chips of ±1.
 
     Attributes
     ----------
@@ -217,13 +217,13 @@ class SampleSource(Protocol):
         ...
 
     def read(self, first: int, count: int) -> SampleBatch:
-        """Return `count` samples from number `first` on; the source must contain all of them."""
+        """Return `count` samples from number `first` on; the source must contain all these samples."""
         ...
 
 
 @runtime_checkable
 class Correlatable(Protocol):
-    """E6 for the processor: samples, or a model of samples; either can be correlated."""
+    """E6 data that the processor can correlate: samples, or a model of samples."""
 
     @property
     def received_from(self) -> GalileoTime:
@@ -238,12 +238,12 @@ class Correlatable(Protocol):
 
     @property
     def searched(self) -> SampleSource | None:
-        """Samples in which a search looks for a RECS; None for a model."""
+        """Samples in which a search looks for a RECS; None if the data are a model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """Data that a receiver gives the processor for the RECS of one time.
+    """Data that a receiver gives the processor for all RECS with the same time of transmission.
 
     Attributes
     ----------
@@ -252,12 +252,12 @@ class Snapshot:
     time
         Receiver-clock time to which the observations refer.
     received_at
-        Receiver-clock time at which the last E6 sample of the snapshot ends, never before the time tag of this end. The
-        delayed-disclosure rule uses this time and the correlated window.
+        Receiver-clock time at which the last E6 sample of the snapshot was received. This time is never before the time
+        tag of the end of the samples. The delayed-disclosure rule uses this time and the correlated window.
     time_uncertainty_s
         Upper limit of the error of the receiver's clock against Galileo System Time, in s; infinite if unknown.
     observations
-        E1 observations by SVID, with Doppler and its rate.
+        E1 observations by SVID, with Doppler and Doppler rate.
     recs
         Satellites whose RECS are in the snapshot, tracked on E1 or not; empty if the source does not name these
         satellites.
@@ -303,7 +303,7 @@ class EncryptedSegment:
     key_delay
         KDI of the file: 0 for the key of the RECS's own subframe, 1 for the key of the next subframe.
     random_offset
-        RAND of the file, which is a part of the IV.
+        RAND of the file, which is a part of the initialization vector of the cipher.
     """
 
     svid: int
@@ -317,7 +317,7 @@ class EncryptedSegment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedOsnma:
-    """Demodulated OSNMA of one satellite and subframe, not validated, for comparison only."""
+    """Demodulated OSNMA of one satellite and subframe, without validation, for comparisons only."""
 
     svid: int | None  # None for a file of keys, which names no satellite
     time: GalileoTime  # start of the subframe (GST_SF)
@@ -336,7 +336,7 @@ class GroupDelay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assistance:
-    """Data of the processor in addition to its snapshots.
+    """Data that the processor gets in addition to snapshots.
 
     Attributes
     ----------
@@ -346,10 +346,10 @@ class Assistance:
         Predicted slant ionospheric delay on E1 by SVID, in m; a missing satellite means no prediction (0).
     """
 
-    segments: tuple[EncryptedSegment, ...] = ()  # in order of transmission
+    segments: tuple[EncryptedSegment, ...] = ()  # RECS in order of transmission
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
-    received: tuple[ReceivedOsnma, ...] = ()  # valid or invalid, in order of time; empty if not stored
+    received: tuple[ReceivedOsnma, ...] = ()  # valid and invalid OSNMA in order of time
     hardware_bias_e1_e6_s: float = 0.0
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
 

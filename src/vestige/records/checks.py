@@ -13,7 +13,7 @@ from vestige.records import CheckResult, Outcome
 
 
 class CheckName(StrEnum):
-    """Names of all checks of mitigation levels; a new check is a new member."""
+    """Names of all checks of the mitigation levels; every new check adds a member."""
 
     E6_POWER = "E6 power"
     E1_E6_RANGE = "E1-E6 range"
@@ -64,7 +64,7 @@ class CheckSeries:
     statistic, threshold
         float64 of equal shape; NaN where the check was not run. The check fails where |statistic| > threshold.
     explain
-        Function that returns why the check failed, or was not run, at an epoch and satellite.
+        Function that returns the reason why the check failed, or was not run, at an epoch and satellite.
     exact
         Whether p_fa is exact; otherwise it is an upper limit.
     """
@@ -116,7 +116,7 @@ class AlarmShare:
 
     p_fa: float  # false-alarm probability of one test, before confirmation
     confirm: int = 1  # number of tests in a row that must fail
-    alarms_a_day: float  # upper limit, after confirmation
+    alarms_a_day: float  # upper limit of the false alarms a day, after confirmation
     chosen: bool  # True if p_fa is a share of the level's budget, False if the check sets its own p_fa
     exact: bool = False  # whether p_fa is exact; otherwise it is an upper limit
 

@@ -53,7 +53,7 @@ class Accelerations:
     def _between(
         self, first: GalileoTime, last: GalileoTime
     ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k 3"]] | None:
-        """Return the ends of the increments in s after `start`, and the increments; None if samples are missing."""
+        """Return the end of each increment in s after `start`, and the increments; None if samples are missing."""
         begin, end = first - self.start, last - self.start
         low = int(np.searchsorted(self.elapsed_s, begin, side="right")) - 1
         high = int(np.searchsorted(self.elapsed_s, end)) + 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int8, UInt32
 
-PAD = 32  # bits before the first chip in packed chips; at least as many follow the last chip
+PAD = 32  # number of zero bits before the first chip; at least 32 zero bits follow the last chip
 
 
 def packed_chips(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_words"]:
@@ -40,11 +40,11 @@ def packed_bits(bits: bytes, n_chips: int, skip: int = 0) -> UInt32[np.ndarray, 
 
 
 def bits_of_packed(packed: UInt32[np.ndarray, " n_words"], n_bytes: int) -> bytes:
-    """Return the first bits of packed chips as bytes, the most significant bit first; bits behind the chips are 0."""
+    """Return the first bits of packed chips as bytes, the most significant bit first; bits after the chips are 0."""
     return packed[1:].astype(">u4").tobytes()[:n_bytes].ljust(n_bytes, b"\0")
 
 
 def unpacked_chips(packed: UInt32[np.ndarray, " n_words"], n_chips: int) -> Int8[np.ndarray, " n_chips"]:
     """Return the first `n_chips` packed chips as ±1."""
     bits = np.unpackbits(packed[1:].astype(">u4").view(np.uint8), count=n_chips).view(np.int8)
-    return np.int8(1) - bits - bits  # numpy subtracts int8 ten times as fast as it shifts them
+    return np.int8(1) - bits - bits  # in numpy, an int8 subtraction is ten times as fast as a shift

@@ -46,7 +46,7 @@ class RecsLookup(Protocol):
 
 @runtime_checkable
 class Corrections(Protocol):
-    """Corrections of the delay of E6 behind E1, from `Assistance` or from another object that contains them."""
+    """Corrections of the delay of E6 behind E1, in `Assistance` or in another object with these properties."""
 
     @property
     def group_delays(self) -> tuple[GroupDelay, ...]:
@@ -63,7 +63,7 @@ class Corrections(Protocol):
 
 @runtime_checkable
 class AssistanceData(Corrections, Protocol):
-    """Data of the processor in addition to snapshots: downloaded `Assistance`, or data of a simulated service."""
+    """Data that the processor gets in addition to snapshots: `Assistance`, or the data of a simulated service."""
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
         """Return the RECS that the satellites of a block sent, with their keys."""
@@ -71,7 +71,7 @@ class AssistanceData(Corrections, Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FoundRecs:
-    """The RECS of a block, looked up individually."""
+    """The RECS of a block, each found by its satellite and epoch."""
 
     block: RecsBlock
     segments: dict[tuple[int, int], tuple[EncryptedSegment, ValidatedKey]]
@@ -107,7 +107,7 @@ def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
 
 
 def segments_between(assistance: Assistance, first: GalileoTime, last: GalileoTime) -> tuple[EncryptedSegment, ...]:
-    """Return the RECS that are sent between two times, or at most `SEGMENT_WINDOW_S` before or after."""
+    """Return the RECS that are sent between two times, with a margin of `SEGMENT_WINDOW_S` on both sides."""
     segments = assistance.segments
     low = bisect_left(segments, first + -SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
     high = bisect_right(segments, last + SEGMENT_WINDOW_S, key=lambda segment: segment.transmit_time)
@@ -115,6 +115,6 @@ def segments_between(assistance: Assistance, first: GalileoTime, last: GalileoTi
 
 
 def segment_at(assistance: Assistance, svid: int, transmit_time: GalileoTime) -> EncryptedSegment | None:
-    """Return the satellite's RECS that is sent nearest to a time; None if none is sent within `SEGMENT_WINDOW_S`."""
+    """Return the satellite's RECS nearest to a time; None if no RECS is sent within `SEGMENT_WINDOW_S` of the time."""
     own = [one for one in segments_between(assistance, transmit_time, transmit_time) if one.svid == svid]
     return min(own, key=lambda segment: abs(segment.transmit_time - transmit_time), default=None)

@@ -18,7 +18,7 @@ OBSERVED = tuple(one.name for one in fields(E1Observation) if one.name != "svid"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class E1Block:
-    """E1 measurements; arrays [epoch, satellite], NaN where a satellite is not tracked."""
+    """E1 measurements as arrays [epoch, satellite], NaN where a satellite is not tracked."""
 
     # quantities of `E1Observation`; the C/N0 is the receiver's estimate
     pseudorange_m: Float[np.ndarray, "n m"]
@@ -27,7 +27,7 @@ class E1Block:
     doppler_rate_hz_per_s: Float[np.ndarray, "n m"]
     cn0_dbhz: Float[np.ndarray, "n m"]
     # E1 correlators around the prompt, measured behind the gain control. The unit is the standard deviation per
-    # dimension of the noise without interference. None if E1 is not tracked between two RECS
+    # dimension of the noise without interference. None if E1 is not tracked between two RECS.
     taps: Complex128[np.ndarray, "n m k"] | None = None
     tap_chips: tuple[float, ...] = ()  # offsets of the correlators from the prompt in chips
 
@@ -44,7 +44,7 @@ class E1Block:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrontEndBlock:
-    """Status of a front end; arrays [epoch], powers in dB relative to its own reference, NaN if unknown."""
+    """Status of a front end as arrays [epoch]; powers in dB relative to its own reference, NaN if unknown."""
 
     agc_gain_db: Float[np.ndarray, " n"]
     total_power_db: Float[np.ndarray, " n"]
@@ -52,7 +52,7 @@ class FrontEndBlock:
 
     @property
     def power_db(self) -> Float[np.ndarray, " n"]:
-        """Power of the band in dB, or the negative gain where only the gain is known."""
+        """Power of the band in dB, or minus the gain in dB where only the gain is known."""
         return np.where(np.isfinite(self.total_power_db), self.total_power_db, -self.agc_gain_db)
 
 
@@ -60,17 +60,17 @@ class FrontEndBlock:
 class OsnmaBlock:
     """Received OSNMA compared with a second channel, in k pieces of subframes.
 
-    A subframe may come in several pieces, epoch by epoch. A piece ends at its epoch or before. Each piece has a bit for
-    every page of the subframe (bit 0 is the first page). The bit `KEY_BIT` is for a key that is compared as a whole
-    because its pages are unknown.
+    A subframe may come in several pieces, epoch by epoch. A piece ends at or before its epoch. Each piece has a bit for
+    every page of the subframe (bit 0 is the first page). The bit `KEY_BIT` is for a key that is compared as a whole,
+    because the pages of the key are unknown.
     """
 
-    epoch: Int64[np.ndarray, " k"]  # row of the block at which the piece is known
+    epoch: Int64[np.ndarray, " k"]  # row of the block from which on the piece is known
     subframe: Int64[np.ndarray, " k"]  # start of the subframe in s since the GST epoch
     due: Int64[np.ndarray, "k m"]  # pages that were sent, according to the second channel
     received: Int64[np.ndarray, "k m"]  # demodulated pages
     differs: Int64[np.ndarray, "k m"]  # demodulated pages that differ from the same page of the second channel
-    last: Bool[np.ndarray, " k"]  # whether the piece ends its subframe, and all of the subframe was compared
+    last: Bool[np.ndarray, " k"]  # whether the subframe ends with the piece and was compared completely
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,13 +91,13 @@ class BankBlock:
     # offset of each tap from the hand-over's prediction in m; positive is later
     offsets_m: Float[np.ndarray, " n_taps"]
     taps: Complex128[np.ndarray, "n m n_taps"]  # complex128[n, m, n_taps]; NaN where nothing was correlated
-    noise_power: Float[np.ndarray, "n m"]  # as in `CorrelatorBank`; NaN where nothing was correlated
+    noise_power: Float[np.ndarray, "n m"]  # noise power, see `CorrelatorBank`; NaN where nothing was correlated
     integration_s: Float[np.ndarray, "n m"]  # coherent integration time in s; NaN where nothing was correlated
 
 
 @runtime_checkable
 class Handovers(Protocol):
-    """The hand-overs of a block, made individually, because each decrypts its chips on request."""
+    """The hand-overs of a block, made individually, because each hand-over decrypts its chips on request."""
 
     def at(self, epoch: int, satellite: int) -> Handover | None:
         """Return the hand-over of one satellite at one epoch; None if the RECS ends too late for a proof."""
@@ -127,18 +127,18 @@ class SearchBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchRequest:
-    """Request for a search: the epochs, and the time uncertainty of each."""
+    """Request for a search: the epochs, and the time uncertainty of each epoch."""
 
     epoch: Int64[np.ndarray, " k"]  # rows of the block
     uncertainty: tuple[TimeUncertainty, ...]  # limit of the clock error before each epoch
     p_fa: float  # false-alarm probability of one search
-    # time at which E1 expects each RECS, in s after the time of the snapshot; NaN if unknown
+    # predicted arrival of each RECS from E1, in s after the time of the snapshot; NaN if unknown
     expected_s: Float[np.ndarray, "k m"]
     in_samples: SampleSearches | None = None  # searches in samples; None for a model
 
 
 class SampleSearches(Protocol):
-    """Both searches in the samples of one snapshot, with settings and assistance of the requesting processor."""
+    """The search of E1 and the exhaustive search in the samples of one snapshot, with the processor's settings."""
 
     def e1(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
         """Return the result of the search of E1 with hand-over to E6 for some satellites."""
@@ -149,7 +149,7 @@ class SampleSearches(Protocol):
 
 @runtime_checkable
 class Searches(Protocol):
-    """The searches of a block, made in samples or drawn by a model of their detection."""
+    """The searches of a block, made in samples, or drawn by a model of the detection."""
 
     def e1(self, request: SearchRequest) -> SearchBlock:
         """Return the result of the search of E1 with hand-over to E6 [WFO, Sec. IV-B, step 4]."""
@@ -183,8 +183,8 @@ class SnapshotBlock:
     time
         Receiver-clock times to which the observations refer.
     received_at
-        [n, m], receiver-clock times of the last E6 sample in which a satellite is searched; the disclosure rule uses
-        these times.
+        [n, m], receiver-clock time of the last E6 sample in which a satellite is searched. The disclosure rule uses
+        this time.
     time_uncertainty_s
         Upper limit of the error of the receiver's clock against Galileo System Time, in s.
     svids
@@ -200,11 +200,11 @@ class SnapshotBlock:
     e6
         Object with the method `correlate`; None without E6.
     searches
-        Object that makes both searches; None if no search is possible.
+        Object that makes the search of E1 and the exhaustive search; None if no search is possible.
     osnma
         OSNMA compared with a second channel; None without a second channel.
     increments
-        Increments of the inertial sensors; None without such sensors.
+        Velocity increments of the inertial sensors; None without inertial sensors.
     data_authenticated
         bool[n, m], whether OSNMA authenticates the navigation data of a satellite; None if not checked.
     """

@@ -29,7 +29,7 @@ class GalileoTimes:
 
     @classmethod
     def after(cls, start: GalileoTime, elapsed_s: Float[np.ndarray, "*n"]) -> GalileoTimes:
-        """Return the times `elapsed_s` after a start, with the same bits as `start + elapsed_s` for each time."""
+        """Return the times `elapsed_s` after a start, with exactly the values of `start + elapsed_s`."""
         whole = np.floor(elapsed_s)
         return cls(start.gst_seconds + whole.astype(np.int64), start.fraction + (elapsed_s - whole))._carried()
 
@@ -53,11 +53,11 @@ class GalileoTimes:
         return GalileoTime.from_gst_seconds(int(self.second[place]), float(self.fraction[place]))
 
     def __getitem__(self, part: slice | np.ndarray) -> GalileoTimes:
-        """Return a part of the array, cut along the first axis."""
+        """Return the part of the array with some indices of the first axis."""
         return GalileoTimes(self.second[part], self.fraction[part])
 
     def since(self, origin: GalileoTime) -> Float[np.ndarray, "*n"]:
-        """Return the times in s after an origin, with the same bits as `time - origin` for each time."""
+        """Return the times in s after an origin, with exactly the values of `time - origin`."""
         return (self.second - origin.gst_seconds) + (self.fraction - origin.fraction)
 
     def __sub__(self, other: GalileoTimes) -> Float[np.ndarray, "*n"]:

@@ -1,4 +1,4 @@
-"""The answer of the processor: outcome of each check, status of a satellite, and the verdict with both."""
+"""The answer of the processor: outcome of each check, status of a satellite, and the verdict with all results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Outcome(Enum):
     PASS
         The statistic does not exceed the threshold.
     FAIL
-        The statistic exceeds the threshold, after confirmation if the check has any.
+        The statistic exceeds the threshold. A check with confirmation fails only after several such tests in a row.
     NOT_RUN
         The check lacks an input, which the reason of its `CheckResult` names.
 
@@ -48,17 +48,19 @@ class CheckResult:
 class Status(Enum):
     """Conclusion of the receiver about a satellite.
 
-    Columns of stored results contain the index of a status in this order. The order of gravity is different. From the
-    gravest on it is: SPOOFED, NOT_DETECTED, SUSPECT, AUTHENTIC, NOT_AVAILABLE. The first three of these are alarms.
+    Columns of stored results contain the index of a status in the order of this class. The order of gravity is
+    different: from the gravest to the least grave, SPOOFED, NOT_DETECTED, SUSPECT, AUTHENTIC, NOT_AVAILABLE. SPOOFED,
+    NOT_DETECTED and SUSPECT are alarms.
 
     Attributes
     ----------
     AUTHENTIC
         E6 was found at the E1 prediction, and no check failed.
     SUSPECT
-        A check failed for a reason that need not be an attack.
+        A check failed, but this check alone does not prove an attack.
     SPOOFED
-        E6 shows that the E1 range is wrong, or the delay between the front ends is not calibrated.
+        The range of E6 disagrees with E1, the satellite was found twice, or OSNMA differs from the second channel. A
+        delay between the front ends that is not calibrated has the same effect.
     NOT_DETECTED
         E6 was not found, although the C/N0 of E1 predicts a detection.
     NOT_AVAILABLE
@@ -80,17 +82,17 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """The answer for one satellite and one snapshot, with every check behind it.
+    """The answer of the processor for one satellite and one snapshot, with the results of all checks.
 
     Attributes
     ----------
     index
         Number of the snapshot, from 0.
     time
-        Time of reception of the RECS on the receiver's clock. If the message on E1 or the RECS in the samples gave the
-        error of the time tag, `vestige process` and `vestige live` write the time of the signal instead.
+        Time of reception of the RECS on the receiver's clock. The message on E1 or the RECS in the samples may give the
+        error of the time tag. Then `vestige process` and `vestige live` write the time of the signal instead.
     available_at
-        Earliest time at which a receiver can know the verdict, after it received the key. None if the verdict needed no
+        Earliest time at which a receiver that has received the key can know the verdict. None if the verdict needed no
         key.
     svid
         Satellite, 1 to 36.
@@ -103,7 +105,8 @@ class Verdict:
     range_offset_m
         Measured minus predicted E6 range in m; NaN if nothing was detected.
     reason
-        Reason for the status in one line of text. For AUTHENTIC the reason names the checks that could not be run.
+        Reason for the status in one line of text. If the status is AUTHENTIC, the reason names the checks that could
+        not be run.
     true_offset_m
         Range of the earliest signal minus the E1 range in m, if a search found more than one signal; NaN otherwise.
 

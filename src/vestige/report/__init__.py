@@ -1,4 +1,4 @@
-"""Self-contained pages for the results of a campaign's store, or for the folder of a threat table."""
+"""Self-contained HTML pages about the stored results of a campaign, or about a threat table."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 There are two methods, and the page states the method that was used. *Stretches* are runs of epochs that are drawn with
 a common value: a mean, a largest value, or the statuses that occurred. Every epoch contributes to this value. *Chosen
-rows* are single epochs: every k-th epoch, and also epochs of interest. Each kind of epoch is thinned only if it has
-more than its share. Counts and statistics use all epochs.
+rows* are single epochs: every k-th epoch, and also epochs of interest. Epochs of a kind are left out only if the kind
+has more epochs than its share of the limit. Counts and statistics use all epochs.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ class Stretches:
     length: int
 
     def mean(self, values: Float[np.ndarray, "n_epochs ..."]) -> Float[np.ndarray, "n_stretches ..."]:
-        """Return the mean of the finite values in each stretch, NaN if there are none."""
+        """Return the mean of the finite values in each stretch; NaN if a stretch has no finite value."""
         known = np.isfinite(values)
         total = np.add.reduceat(np.where(known, values, 0.0), self.starts, axis=0)
         count = np.add.reduceat(known.astype(np.int64), self.starts, axis=0)
         return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
     def largest(self, values: Float[np.ndarray, "n_epochs ..."]) -> Float[np.ndarray, "n_stretches ..."]:
-        """Return the largest of the known values in each stretch, NaN if there are none."""
+        """Return the largest known value in each stretch; NaN if a stretch has no known value."""
         return np.fmax.reduceat(values, self.starts, axis=0)
 
     def occurring(self, places: Int[np.ndarray, " n_epochs"], where: Bool[np.ndarray, " n_epochs"]) -> UInt8Array:
@@ -59,7 +59,7 @@ class Stretches:
         return np.bitwise_or.reduceat(bits, self.starts)
 
     def drawn(self) -> dict[str, Any]:
-        """Return the begin and end of the stretches for the script."""
+        """Return the start times and end times of the stretches for the script."""
         return {"begin": packed(self.begin_s), "end": packed(self.end_s)}
 
 
@@ -84,7 +84,7 @@ class Rows:
     """Single epochs chosen for a drawing."""
 
     places: Int[np.ndarray, " n_rows"]
-    every: dict[str, int]  # k by kind of epoch: every k-th epoch of this kind is drawn; 1 means all
+    every: dict[str, int]  # k by kind of epoch: every k-th epoch of this kind is drawn
 
 
 def chosen_rows(
@@ -92,7 +92,7 @@ def chosen_rows(
 ) -> Rows:
     """Return at most `limit` epochs: all epochs if they are few; otherwise every k-th epoch, and epochs of interest.
 
-    The epochs of interest share half the limit; every k-th epoch has the other half.
+    Half of the limit is for epochs of interest, and the other half is for every k-th epoch.
     """
     if np.count_nonzero(everything) <= limit:
         return Rows(places=np.flatnonzero(everything), every={"epochs": 1})

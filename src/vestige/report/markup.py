@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 
 
 class Html(str):
-    """Text that is markup already; only this module and the templates make it."""
+    """Text that is markup already; only this module and the templates make `Html`."""
 
     __slots__ = ()
 
@@ -72,8 +72,8 @@ def card(name: str, value: object, small: object) -> Html:
 def figure(kind: str, title: str, alt: str, note: object = "") -> Html:
     """Return a figure that the script of the page draws.
 
-    `kind` names the script's drawing. The title is above the figure, the note below. `alt` describes the figure for
-    readers who cannot see it.
+    `kind` names the script's drawing. The title is above the figure, and the note is below. `alt` describes the figure
+    for readers who cannot see the figure.
     """
     canvas = element("canvas", alt, role="img", aria_label=alt, data_figure=kind, height=10, width=10)
     caption = element("figcaption", note) if note else ""
@@ -81,7 +81,7 @@ def figure(kind: str, title: str, alt: str, note: object = "") -> Html:
 
 
 def number(value: float, digits: int = 3, unit: str = "") -> str:
-    """Return a number as text: some significant digits, all digits before the point, a dash for a missing number."""
+    """Return a number as text with `digits` significant digits, but all digits before the point; a dash for NaN."""
     if not math.isfinite(value):
         return "–"
     size = abs(value)

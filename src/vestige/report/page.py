@@ -1,6 +1,7 @@
 """A page as a single file with template, style, script and data; a browser fetches nothing else.
 
-The content security policy allows only the page's own script, which it knows by hash, and no network address.
+The content security policy allows no network address. The only allowed script is the page's own script, which the
+policy identifies by a hash.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Page:
     question: str  # question that the page answers
     body: tuple[Html, ...]
     version: str
-    # data that the script of the page draws: numbers, text, and arrays by `drawing.packed`
+    # data that the script of the page draws: numbers, text, and arrays in the form of `drawing.packed`
     data: Mapping[str, Any] = field(default_factory=dict)
 
     def html(self) -> str:
@@ -56,7 +57,7 @@ class Page:
 def write_page(page: Page, path: Path) -> None:
     """Write a page; the file is written as a whole or not at all.
 
-    Raises `InputFileError` if a file that is no report has that name.
+    Raises `InputFileError` if `path` is an existing file that is no report.
     """
     if path.exists() and not is_report(path):
         raise InputFileError(

@@ -25,7 +25,7 @@ def attack_reports(results: xarray.Dataset, scenario: StoredScenario) -> dict[st
 
 
 def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str) -> list[Html]:
-    """Return the time of the first alarm of all satellites; `chosen` is the detector that gives the verdicts."""
+    """Return the first alarm time over all satellites; `chosen` is the detector that gives the verdicts."""
     one = [reports[chosen] for reports in attacks.values()]
     alarms_s = [report.time_to_detect_s for report in one if math.isfinite(report.time_to_detect_s)]
     caught = f"on {len(alarms_s)} of {len(one)} attacked satellites" if len(one) > 1 else "after the attack began"

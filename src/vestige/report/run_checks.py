@@ -19,7 +19,7 @@ from vestige.records.checks import CheckName, CheckSeries
 from vestige.report.markup import Html, element, figure, number, section, table
 from vestige.scenario.stored import StoredScenario
 
-_SURE = 0.05  # level of the two-sided test against a budget, as for the 95 % intervals
+_SURE = 0.05  # significance level of the two-sided test against a budget, as in the 95 % intervals
 
 
 def checks_section(
@@ -28,7 +28,7 @@ def checks_section(
     checks: Sequence[CheckSeries],
     of_level: Sequence[Html],
 ) -> Html:
-    """Return the checks behind the verdicts, and the further checks of a receiver with a sky."""
+    """Return the checks behind the verdicts, and the other checks of a receiver with several satellites."""
     processor, attributes = scenario.processor, attributes_of(results)
     power, distance = (check_columns(results, name) for name in (CheckName.E6_POWER, CheckName.E1_E6_RANGE))
     due = due_verdicts(results)
@@ -76,7 +76,7 @@ def checks_section(
 
 
 def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks: Sequence[CheckSeries]) -> Html:
-    """Return the false alarms of the verdicts, of single correlators on noise, and of each check of a sky."""
+    """Return the false alarms of the verdicts, of single correlators on noise, and of each check of the receiver."""
     taps = false_alarms(results, processor_of_results(results))
     rows = [
         ("verdicts without an attack", "", *_counted(counts.false_alarms)),
@@ -117,7 +117,7 @@ def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks:
 
 
 def _results(check: CheckColumns, due: Bool[np.ndarray, "n m"]) -> tuple[str, str, str]:
-    """Return how many of the due tests failed, passed and were not run."""
+    """Return the numbers of due tests that failed, passed and were not run."""
     failed, passed, not_run = (number(int(np.count_nonzero(due & (check.result == value)))) for value in (1, 0, -1))
     return failed, passed, not_run
 

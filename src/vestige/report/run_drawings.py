@@ -18,8 +18,8 @@ from vestige.records import Status
 from vestige.records.checks import CheckSeries
 from vestige.report.drawing import Rows, chosen_rows, outermost, packed, scaled, stretches
 
-ROWS = 24_000  # largest number of epochs drawn individually, of all satellites
-ROW_BYTES = 1_200_000  # largest size of these epochs in bytes; longer banks and more attacks leave room for fewer rows
+ROWS = 24_000  # largest number of epochs that are drawn individually, over all satellites
+ROW_BYTES = 1_200_000  # largest size of these epochs in bytes; longer banks and more attacks allow fewer epochs
 STRETCHES = 720  # number of stretches of a time-line: more than the columns of a screen
 STRETCH_BYTES = 400_000
 BINS = 80  # number of bins of a histogram
@@ -32,7 +32,8 @@ def run_drawings(
 ) -> tuple[dict[str, Any], dict[str, dict[str, int]]]:
     """Return the data of a run's page, and the thinning of each satellite (see `Rows.every`).
 
-    `checks` are the checks of a sky and the user's own checks; empty for a single line of sight without own checks.
+    `checks` are the checks of a receiver with several satellites, and the user's own checks. `checks` is empty for a
+    run of a single satellite without own checks.
     """
     detectors = [str(name) for name in results["detector"].values]
     svids = [int(svid) for svid in results["svid"].values]
@@ -111,7 +112,7 @@ def _satellite(
 
 
 def _truth(one: xarray.Dataset) -> dict[str, Any]:
-    """Return the range offsets of the true signal and of spoofing signals with true chips; NaN without signal."""
+    """Return the range offsets of the true signal and of spoofing signals with true chips; NaN without a signal."""
     power_db, place_m = spoofing_power_and_offset(one)
     matching = ~one["forged"].values.astype(bool) if "forged" in one.variables else np.ones(power_db.shape[1], bool)
     names = [str(name) for name in one["attack"].values]
@@ -165,7 +166,7 @@ def _checks(time_s: Float[np.ndarray, " n"], interval_s: float, checks: tuple[Ch
 
 
 def _position(results: xarray.Dataset, time_s: Float[np.ndarray, " n"]) -> dict[str, Any]:
-    """Return the error of the fixes along each axis, from all satellites and from the authenticated satellites."""
+    """Return the error along each axis of the fixes from all satellites and from the authenticated satellites."""
     errors = results["fix_error_m"].transpose("fix", "local_axis", "epoch").values
     fixes = {}
     for place, fix in enumerate(map(str, results["fix"].values)):

@@ -1,7 +1,7 @@
 """Verdicts at the mitigation level of a run's scenario, as sections of its page.
 
 A store has the status of each epoch at the level of the scenario. A verdict of the page belongs to a RECS. The verdict
-is the gravest status since the previous RECS (`campaign/levels.py`), including any suspicion between the two RECS.
+is the gravest status since the previous RECS, including every status between the two RECS (`campaign/levels.py`).
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
 
 
 def _scenario(results: xarray.Dataset) -> StoredScenario:
-    """Return the scenario of the results if these are from `vestige run`."""
+    """Return the scenario of the results; raise an error if the results are not from `vestige run`."""
     for name in _NEEDED:
         if name not in results.variables:
             raise VestigeError(f"results of a campaign: found no {name}, expected results of `vestige run`")
@@ -80,7 +80,7 @@ def _scenario(results: xarray.Dataset) -> StoredScenario:
     scenario = scenario_of(results)
     if not results.sizes["epoch"] or not due_verdicts(results).any():
         raise VestigeError("results of a campaign: found no epoch with a verdict, expected one at least")
-    select(results, svid=int(results["svid"].values[0]))  # raises if axes or times are wrong
+    select(results, svid=int(results["svid"].values[0]))  # wrong axes or times raise an error
     return scenario
 
 

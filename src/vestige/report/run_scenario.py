@@ -76,7 +76,7 @@ def reproduce_section(
 
 
 def _drawn(thinned: Mapping[str, Mapping[str, int]], data: Mapping[str, Any]) -> list[str]:
-    """Return in words which epochs are drawn individually."""
+    """Return sentences that say which epochs are drawn individually."""
     lines: dict[str, list[str]] = {}
     for satellite, every in thinned.items():
         if every["epochs"] == 1:
@@ -92,7 +92,7 @@ def _drawn(thinned: Mapping[str, Mapping[str, int]], data: Mapping[str, Any]) ->
 
 
 def every_kth(kind: str, k: int) -> str:
-    """Return in words that every k-th epoch of a kind is drawn."""
+    """Return a text which says that every k-th epoch of a kind is drawn."""
     if k == 1:
         return f"all {kind}"
     ending = {1: "st", 2: "nd", 3: "rd"}.get(k % 10 if k % 100 not in (11, 12, 13) else 0, "th")

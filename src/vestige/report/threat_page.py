@@ -125,7 +125,7 @@ def _tile(cell: TableCell) -> Html:
 
 
 def _without_attack(cell: TableCell) -> bool:
-    """Return whether a scene has no attack, so that no separate run without attack was made."""
+    """Return whether a scene has no attack; then no separate run without attack was made."""
     return cell.value("by_chance_of") == 0
 
 
@@ -204,7 +204,7 @@ def _a_day(cell: TableCell) -> Html:
 
 
 def _reasons(found: ThreatTable) -> list[Html]:
-    """Return the reasons of the table for unexpected cells, and the limits of its scenes."""
+    """Return the table's reasons for unexpected outcomes, and the limits of the scenes."""
     terms: dict[str, list[str]] = {}
     for row, cells in found.scenes():
         for cell in cells:

@@ -1,10 +1,10 @@
 """Reader of the table that `vestige threats -o` writes, by the names of its columns.
 
-The name of a column gives its meaning, so the reader accepts further levels and columns. `expected_level_2` and
-`level_2` are expectation and agreement of level 2; `detected_level_2` is a count of level 2. A table with a column
-`level` has a row for each level. Names without a level then refer to the level of the row. If only one level is
-measured, names without a level refer to this level. Tables of release 0.2.0 and earlier have `worst_accepted_m` for
-`worst_range_m`.
+The name of a column gives its meaning, so the reader accepts further levels and columns. `expected_level_2` is the
+expected outcome of level 2, and `level_2` tells whether the measurement agrees. `detected_level_2` is a count of level
+2. A table with a column `level` has a row for each level. Names without a level then refer to the level of the row. If
+only one level is measured, names without a level refer to the measured level. Tables of release 0.2.0 and earlier have
+`worst_accepted_m` in place of `worst_range_m`.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class TableCell:
 
     @property
     def expected(self) -> tuple[str, str]:
-        """The expected outcome and its reason; both may be empty."""
+        """The expected outcome and the reason for this outcome; a missing text is empty."""
         word, _, reason = (self.values.get(f"expected_level_{self.level}") or self.text("expected")).partition(": ")
         return word, reason
 
@@ -65,7 +65,7 @@ class ThreatTable:
     """A threat table that was read."""
 
     columns: tuple[str, ...]
-    rows: tuple[Mapping[str, str], ...]  # text of every cell by the name of its column
+    rows: tuple[Mapping[str, str], ...]  # text of every cell by the name of the column
     levels: tuple[int, ...]  # levels with any content
 
     def scenes(self) -> list[tuple[Mapping[str, str], list[TableCell]]]:
@@ -86,7 +86,7 @@ class ThreatTable:
 def read_threat_table(path: Path) -> ThreatTable:
     """Return the table in a file.
 
-    Raises `InputFileError` if the file is no such table.
+    Raises `InputFileError` if the file is no threat table.
     """
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected=EXPECTED_TABLE)
     try:
@@ -121,7 +121,7 @@ _NUMBERS = re.compile(
 
 
 def _check_numbers(path: Path, number: int, row: Mapping[str, str]) -> None:
-    """Raise if a cell that must contain a number contains other text."""
+    """Raise `InputFileError` if a cell that must contain a number contains other text."""
     for name, text in row.items():
         if name == "level" and not re.fullmatch(r"[1-9]\d?", text):
             raise InputFileError(path, f"row {number}, {name}", text, "a mitigation level")

@@ -3,24 +3,24 @@
 Theory of operation
 -------------------
 The samples are cut into stretches of two code periods (8 ms). A stretch starts every period (4 ms). Correlating a
-stretch with one period of code gives all code phases of 4 ms without wrap-around. So a change of the secondary code
-between two periods does no harm. One FFT serves every Doppler bin: its bins are 1/(8 ms) = 125 Hz = 1/(2T) apart, and a
-shift by one bin is the next Doppler. Only the bins around the carrier are kept, which mixes, filters and decimates in
-one step.
+stretch with one period of code gives all code phases of 4 ms without wrap-around. So a sign change of the secondary
+code between two periods has no effect. One FFT is enough for all Dopplers. The bins of the FFT are 1/(8 ms) = 125 Hz =
+1/(2T) apart, and a shift by one bin gives the next Doppler. Only the bins around the carrier are kept, which mixes,
+filters and decimates in one step.
 
 The powers of K stretches are added non-coherently, each shifted by the code Doppler. Against noise of variance 1 per
 dimension the sum is chi-squared with 2K degrees of freedom. The threshold follows from the overall false-alarm
 probability over all cells (code phases × Doppler bins × satellites) [WFO, Sec. III-D].
 
-Cross-correlation with a much stronger satellite is not noise, because it is constant over the whole 100 ms. Between two
-memory codes at a Doppler difference the cross-correlation reaches −20 dB. The rough C/N0 of the strong satellite is low
-by up to 3 dB (its own self-noise, half a bin off). Noise adds to the power of the weak satellite. So a cell is only
-accepted within `CROSS_CORRELATION_DB` of the strongest cell.
+Cross-correlation with a much stronger satellite is not noise, because the cross-correlation is constant over the whole
+100 ms. The cross-correlation of two memory codes with different Dopplers reaches −20 dB. The rough C/N0 of the strong
+satellite is up to 3 dB too low, because of self-noise and a Doppler up to half a bin away. Noise adds to the power of
+the weak satellite. So a cell is only accepted within `CROSS_CORRELATION_DB` of the strongest cell.
 
 `acquire` takes the strongest cell of each satellite on E1-C. `vestige.sample_processor.search.e1_search` takes every
 signal from the same powers.
 
-The replica is BOC(1,1), the part of CBOC that a 2 to 4 MHz front end passes.
+The replica is BOC(1,1), the part of CBOC that a front end with a bandwidth of 2 to 4 MHz passes.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ from vestige.records import SampleBatch
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1C, SignalDefinition
 
-CROSS_CORRELATION_DB = 16.0  # dB below the strongest satellite; see above
-MAX_STRETCHES = 24  # 100 ms, one secondary-code period; in a longer batch only the first 100 ms are searched
-_TRANSFORMS_AT_ONCE = 4  # FFTs of one length that scipy computes in the lanes of a vector
-_SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), 86 % of its power; code phases 0.26 chip apart
+CROSS_CORRELATION_DB = 16.0  # largest difference between the strongest satellite and an accepted satellite
+MAX_STRETCHES = 24  # number of stretches in 100 ms, one secondary-code period; later samples are not searched
+_TRANSFORMS_AT_ONCE = 4  # number of FFTs of one length that scipy computes in the lanes of a vector
+_SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), with 86 % of the power; code phases are 0.26 chip apart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +53,8 @@ class Acquisition:
     code_start_s: float  # time from the first sample to the start of the first full code period, [0, 4 ms)
     doppler_hz: float  # Doppler to ±62.5 Hz
     statistic: float  # non-coherent sum, in units of the noise variance per dimension
-    threshold: float  # in the same unit
-    cn0_dbhz: float  # rough C/N0 of E1-C, low by up to 4 dB (half a code step, half a Doppler bin, self-noise)
+    threshold: float  # threshold of the statistic, in the same unit
+    cn0_dbhz: float  # rough C/N0 of E1-C, up to 4 dB too low (half a code step, half a Doppler bin, self-noise)
 
 
 def acquire(
@@ -72,8 +72,8 @@ def acquire(
 
     The batch has at least 8 ms. At most `max_stretches` code periods are used, up to 100 ms. The Dopplers lie within
     `doppler_span_hz` of `doppler_center_hz`, in every `bin_step`-th bin of 125 Hz. `overall_pfa` is the probability
-    that noise alone gives any acquisition. `progress` is called with the number of finished satellites, and of all
-    satellites.
+    that noise alone gives any acquisition. `progress` is called with the number of finished satellites and the number
+    of all satellites.
     """
 
     def strongest(powers: CellPowers) -> tuple[Acquisition, ...]:
@@ -102,9 +102,10 @@ class CellPowers:
     # non-coherent sums; noise alone is chi-squared with `2 · n_added` degrees of freedom
     powers: Float32[np.ndarray, "bins phases"]
     doppler_hz: Float64[np.ndarray, " bins"]
-    rate_hz: float  # code phases per second
-    n_added: int  # squared magnitudes in each sum
-    # threshold that noise alone exceeds in any cell of the search with the overall false-alarm probability
+    rate_hz: float  # number of code phases per second
+    n_added: int  # number of squared magnitudes in each sum
+    # Threshold of a cell. The overall false-alarm probability is the probability that noise alone exceeds the threshold
+    # in any cell of the search.
     threshold: float
 
     def acquisition(self, row: int, column: int) -> Acquisition:
@@ -136,8 +137,8 @@ def search_cells(
 ) -> tuple[Acquisition, ...]:
     """Return the results of `choose` for every satellite, without signals that may be cross-correlation.
 
-    `choose` returns the signals in the powers of one satellite. The powers of the components `signals` are added, over
-    `max_stretches` code periods at most. `overall_pfa` is the probability that noise alone exceeds the threshold in any
+    `choose` returns the signals in the powers of one satellite. The powers of the components `signals` are added over
+    at most `max_stretches` code periods. `overall_pfa` is the probability that noise alone exceeds the threshold in any
     cell of any satellite.
     """
     stretches = _stretches(batch, abs(doppler_center_hz) + doppler_span_hz, max_stretches)
@@ -177,22 +178,22 @@ class _Stretches:
     spectra: Complex64[np.ndarray, "stretches bins"]
     starts_s: list[float]
     spacing_hz: float
-    carrier_rest_hz: float  # carrier minus the nearest bin
-    guard: int  # bins kept on each side for the Doppler shift
+    carrier_rest_hz: float  # carrier frequency minus the frequency of the nearest bin
+    guard: int  # number of additional bins on each side for the Doppler shift
 
     @property
     def kept(self) -> int:
-        """Bins of the decimated signal."""
+        """Number of bins of the decimated signal."""
         return self.spectra.shape[1] - 2 * self.guard
 
     @property
     def rate_hz(self) -> float:
-        """Rate of the decimated signal."""
+        """Sampling rate of the decimated signal in Hz."""
         return self.kept * self.spacing_hz
 
     @property
     def n_phases(self) -> int:
-        """Code phases in a code period."""
+        """Number of code phases in a code period."""
         return int(E1_CODE_PERIOD_S * self.rate_hz)
 
 
@@ -240,7 +241,7 @@ def _cell_powers(
                 doppler_hz = shift * stretches.spacing_hz - stretches.carrier_rest_hz
                 _add_with_code_doppler(total, of_shift, doppler_hz, stretches.starts_s, stretches.rate_hz)
     noise = np.mean(powers, axis=1, keepdims=True) / (2 * n_added)  # a signal fills only a few of 12,000 cells
-    powers /= np.maximum(noise, np.finfo(np.float32).tiny)  # samples may all be zero
+    powers /= np.maximum(noise, np.finfo(np.float32).tiny)  # all samples may be zero
     return powers
 
 

@@ -1,21 +1,21 @@
-"""Estimators of C/N0 from prompt correlators, as receivers use them, with the weakness of each.
+"""Estimators that receivers use for C/N0 from prompt correlators, with the weakness of each estimator.
 
 Theory of operation
 -------------------
 Prompts P_k = I_k + jQ_k of coherent time T are a phasor of power S plus noise of power N (both dimensions together).
 C/N0 is S/(N T). Each row is a block of prompts. Within a row the phasor keeps its phase, and also its sign if data bits
-are wiped off.
+are removed.
 
 | estimator | from | weakness |
 |---|---|---|
-| narrow to wide power ratio | M prompts together against M single prompts [VAN-DIERENDONCK96] | needs M equal signs |
-| second and fourth moment | powers of P [PINI08] | spread below 30 dBHz |
-| signal to noise variance | size of I [PINI08] | too high where S < N |
-| Beaulieu | steps of the size of I [PINI08] | too high where S < 3 N |
-| real signal, complex noise | Q is noise alone [PINI08] | needs the phase locked |
+| narrow to wide power ratio | power of M prompts together over M single powers [VAN-DIERENDONCK96] | M equal signs |
+| second and fourth moment | powers of P [PINI08] | large spread below 30 dBHz |
+| signal to noise variance | magnitude of I [PINI08] | too high where S < N |
+| Beaulieu | differences of the magnitude of I [PINI08] | too high where S < 3 N |
+| real signal, complex noise | power of Q, which is noise alone [PINI08] | needs phase lock |
 
 The narrow-to-wide ratio is the best of these estimators. The bias of this ratio is at most 0.2 dB from 25 to 45 dBHz,
-and its spread is the smallest at low C/N0. An estimate is NaN if noise makes its formula undefined.
+and the spread of this ratio is the smallest at low C/N0. An estimate is NaN if noise makes the formula undefined.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from jaxtyping import Complex, Float
 
-NWPR_PROMPTS = 20  # M [VAN-DIERENDONCK96]
+NWPR_PROMPTS = 20  # default of M [VAN-DIERENDONCK96]
 
 
 def narrow_to_wide_dbhz(
@@ -33,7 +33,7 @@ def narrow_to_wide_dbhz(
 ) -> Float[np.ndarray, " n"]:
     """Return C/N0 = (μ − 1)/(M − μ)/T, μ the mean of |Σ_M P|² / Σ_M |P|², of each row.
 
-    M is `together`; prompts of a row after whole groups of M are not used.
+    M is `together`. Prompts of a row that do not fill a group of M are not used.
 
     Raises `ValueError` if a row has fewer than M prompts.
     """

@@ -2,12 +2,12 @@
 
 Theory of operation
 -------------------
-A satellite's samples repeat after one code period, except for a sign and a phase. So the samples are multiplied with
-themselves one lag later. Blocks of products are summed coherently, and the squared magnitudes of the blocks are added.
-At the lag of a code period, and at its multiples, the sum exceeds that of other lags. The centre frequency, the sense
-of the spectrum and the set of satellites do not matter. The score of a rate tells how far the sums at all multiples of
-its code period exceed the other sums. An acquisition has to confirm the rate, because a divisor of the true rate fits
-as well.
+A satellite's samples repeat after one code period, except for a sign and a phase. So every sample is multiplied by the
+sample that follows after a lag. Blocks of products are summed coherently, and the squared magnitudes of the blocks are
+added. At the lag of a code period, and at multiples of this lag, the sum is larger than at other lags. The result does
+not depend on the centre frequency, the satellites in view, or an inversion of the spectrum. The score of a rate tells
+how far the sums at all multiples of the code period exceed the other sums. An acquisition has to confirm the rate,
+because a divisor of the true rate fits as well.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Complex64, Float64
 from scipy import fft
 
-# usual rates of recorders in Hz; a test compares them with the rates that docs/recorder_to_verdict.md recommends
+# usual rates of recorders in Hz; a test compares the rates with the recommendation in docs/recorder_to_verdict.md
 USUAL_RATES_HZ = tuple(
     1e6 * rate
     for rate in (
@@ -27,24 +27,24 @@ USUAL_RATES_HZ = tuple(
         12.288, 15.0, 18.0, 23.04, 26.0, 32.0, 48.0, 56.0,
     )
 )  # fmt: skip
-_LONGEST_LAG = 250_000  # samples: 4 ms at 62.5 MHz
-_USED = 1 << 20  # samples
-_BLOCKS = (1 << 15, 1 << 17)  # samples that are summed coherently, for low and for high rates
-_TOLERANCE = 20e-6  # share of the lag; allows for a free-running oscillator
+_LONGEST_LAG = 250_000  # longest lag in samples: 4 ms at 62.5 MHz
+_USED = 1 << 20  # largest number of samples that are used
+_BLOCKS = (1 << 15, 1 << 17)  # number of samples that are summed coherently, for low and for high rates
+_TOLERANCE = 20e-6  # tolerance as a share of the lag, for a free-running oscillator
 _MULTIPLES = 8  # largest number of multiples of a lag that are evaluated, the same for each rate
 _NARROW = 1 / 3  # share of the sampled band around the carrier that has most of the signal if the rate is high
-_HIGHEST = 1e3  # standard deviations; limits the weight of a disturbance that repeats at some lag
+_HIGHEST = 1e3  # largest sum in standard deviations, which limits the weight of interference that repeats at some lag
 
 
 def rates_by_repetition_hz(
     samples: Complex64[np.ndarray, " n_samples"], code_period_s: float, *, carrier: float = 0.0
 ) -> tuple[float, ...]:
-    """Return `USUAL_RATES_HZ`, sorted by how well they fit the repetition of the codes in `samples`, the best first.
+    """Return `USUAL_RATES_HZ`; the rate that agrees best with the repetition of the codes in `samples` comes first.
 
     Parameters
     ----------
     samples
-        Any samples; up to a million are used, which takes about 2 s of computing.
+        Any samples; up to a million samples are used, which takes about 2 s of computing time.
     code_period_s
         Period of the codes in s: 4 ms on E1, 1 ms on E6.
     carrier
@@ -68,7 +68,7 @@ def rates_by_repetition_hz(
 
 
 def _profile(samples: Complex64[np.ndarray, " n_samples"], block: int) -> Iterator[Float64[np.ndarray, " lags"]]:
-    """Yield the sums over lags in standard deviations from their median; nothing if the samples are too few."""
+    """Yield the sums at all lags in standard deviations from the median sum; nothing if there are too few samples."""
     longest = min(_LONGEST_LAG, samples.size - 2 * block)
     if longest <= 1:
         return
@@ -98,7 +98,7 @@ def _score(profile: Float64[np.ndarray, " lags"], lag: float) -> float:
 
 
 def _middle(samples: Complex64[np.ndarray, " n_samples"], carrier: float) -> Complex64[np.ndarray, " n_samples"]:
-    """Return the samples with only a part of their spectrum around the carrier."""
+    """Return the samples with only the part of their spectrum around the carrier."""
     spectrum = fft.fft(samples)
     n = samples.size
     away = (np.arange(n) - round(carrier * n) + n // 2) % n - n // 2

@@ -1,4 +1,4 @@
-"""The correlator bank: one snapshot's samples against one satellite's decrypted chips, at many code offsets.
+"""Bank of correlators: correlations of a snapshot's samples with a satellite's decrypted chips at many code offsets.
 
 Theory of operation
 -------------------
@@ -10,13 +10,13 @@ Sample n, taken t_n after the hand-over's start, has code phase and carrier phas
 Tap k, delayed by d_k, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋], over the samples that meet a chip of the
 segment. M is the number of samples of the segment. So a path of amplitude a at delay d_k gives c_k = a.
 
-**Noise floor.** The threshold must come from the post-correlation noise, as seen by a code that is not in the signal
+**Noise floor.** The threshold must come from the noise after the correlation with a code that is not in the signal
 [WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w of random signs gives Σ_j w_j
 y_j. The mean power of this sum over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel. So one
 pass over the chips gives the result of infinitely many wrong codes, and no reference cell is drawn at random. The
-estimate is also right for coloured noise and interference. The true signal adds its own E_c/N_0 (−32 dB at 35 dBHz), as
-with any wrong code. A floor that is estimated from J chips has a relative error of 1/√J, which is 0.35 % for 16 ms. The
-CFAR loss is 0.0005 dB.
+estimate is also right for coloured noise and interference. The power of the true signal raises the floor by E_c/N_0
+(−32 dB at 35 dBHz), as it does for any wrong code. A floor that is estimated from J chips has a relative error of 1/√J,
+which is 0.35 % for 16 ms. The loss of detection by this error (CFAR loss) is 0.0005 dB.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class CorrelatableSamples:
     """Samples with the method `correlate`: the E6 of a snapshot, from a recording or a sample-level simulation."""
 
     batch: SampleBatch  # the samples in which the RECS is expected
-    surroundings: SampleSource | None = None  # samples in which a search may look for the RECS; None: `batch` alone
+    surroundings: SampleSource | None = None  # samples in which a search may look for the RECS; None means `batch`
 
     @property
     def received_from(self) -> GalileoTime:
@@ -72,7 +72,7 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
     Returns
     -------
     CorrelatorBank | None
-        None if the segment, at the earliest or the latest tap, is not completely in the samples.
+        Bank of correlators; None if the samples do not contain the whole segment at the earliest and the latest tap.
     """
     chips = handover.chips
     carrier_hz = CARRIER_HZ[batch.band]

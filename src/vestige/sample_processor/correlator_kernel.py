@@ -1,19 +1,19 @@
 """The compiled inner loops of the correlator.
 
-**Taps.** Chip windows and the fixed-point code phase (`vestige.signals.chip_window_kernel`) serve the whole bank. A tap
-then costs a shift and a multiplication by ±1. Two taps are summed in one loop, because loading a sample takes as long
-as multiplying it.
+**Taps.** All taps of the bank use the same chip windows and the same fixed-point code phase
+(`vestige.signals.chip_window_kernel`). A tap then costs a shift and a multiplication by ±1. Two taps are summed in one
+loop, because loading a sample takes as long as multiplying the sample.
 
-**Carrier.** One rotator table, from float64, serves the whole bank. The phase at the middle of each block is applied to
-the block's sums in float64. A Doppler rate changes this phase, and rotates the samples inside the block to first order
-(1e-7 at 100 Hz/s).
+**Carrier.** All taps use the same table of carrier rotations, computed in float64. The phase at the middle of each
+block is applied to the block's sums in float64. A Doppler rate changes this phase. Inside the block, the samples are
+rotated by the Doppler rate to first order, with an error of 1e-7 at 100 Hz/s.
 
 **Noise floor.** Σ_j |y_j|² over chips is Σ_n |y_n|² plus twice the real part of y_n y*_(n−l) for each lag l at which
 both samples lie in the same chip. So no loop over chips is needed. Two lags are summed in one loop. The last samples of
-a block are kept, rotated to the phase of the next block.
+a block are stored, rotated to the phase of the next block.
 
-Sums are float32 inside a block of 1024 samples and float64 over blocks. At both ends of the segment, some taps meet a
-chip and others do not. The few samples at these ends are processed individually.
+Sums are float32 inside a block of 1024 samples and float64 over blocks. At an end of the segment, a sample may meet a
+chip of one tap, and no chip of another tap. The few samples at the ends are processed individually.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -36,8 +36,8 @@ from vestige.signals.chip_window_kernel import (
 from vestige.signals.float_kernel import float_of
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
-_SIGN, _ONE = 0x80000000, 0x3F800000  # bits of a float32: its sign, and 1.0
-_IN_CHIP = (1 << FRACTION_BITS) - 1  # bits of a fraction that are the phase in its chip
+_SIGN, _ONE = 0x80000000, 0x3F800000  # sign bit of a float32, and the bits of 1.0
+_IN_CHIP = (1 << FRACTION_BITS) - 1  # bits of a fraction that give the phase in the chip
 REACH_CHIPS = WINDOW_REACH_CHIPS  # largest distance of a tap from the middle of the bank
 
 
@@ -76,7 +76,7 @@ def _tap_sum(window, fraction, y_re, y_im, delay):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _wipe(x, cos, sin, places, slope, curve, y_re, y_im):
-    """Rotate samples by the conjugate rotator and the small angle slope · k + curve · k², k from the block's middle."""
+    """Remove the carrier and the small angle slope · k + curve · k² from samples; k counts from the block's middle."""
     for i in range(y_re.size):
         a, b = x[2 * i], x[2 * i + 1]
         re = a * cos[i] + b * sin[i]
@@ -122,10 +122,10 @@ def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, turn, out):
 
 @njit(cache=True, nogil=True)
 def middle_chips(offsets):
-    """Return the middle of a bank in chips: whole chips if the middle is far from the prediction.
+    """Return the middle of a bank in chips, cut to whole chips if the middle is far from the prediction.
 
-    The noise floor is the power of the samples, summed over chips. With whole chips, the sums cover the chips of the
-    signal.
+    The noise floor is the power of the sums of samples over chips. If the middle is a whole number of chips, these sums
+    begin and end with the chips of the signal.
     """
     if offsets.size == 0:
         return 0.0
@@ -143,7 +143,7 @@ def bank_span(offsets):
 
 @njit(cache=True, nogil=True)
 def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
-    """Return (taps complex128[n_taps], Σ_j |y_j|²), both not normalised.
+    """Return (taps complex128[n_taps], Σ_j |y_j|²), without normalization.
 
     Parameters
     ----------
@@ -156,9 +156,9 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
     t0, dt
         Time of the first sample after the start of the code, and the sampling interval, in s.
     code_rate, code_rate_rate
-        Received chips/s at the start of the code, and its rate of change in chips/s².
+        Received chip rate at the start of the code in chips/s, and the change of this rate in chips/s².
     if_hz, doppler_rate
-        Carrier frequency in the samples at the start of the code in Hz, and its rate of change in Hz/s.
+        Carrier frequency in the samples at the start of the code in Hz, and the change of this frequency in Hz/s.
     """
     n_samples, n_taps = x.size // 2, offsets.size
     middle = middle_chips(offsets)
@@ -169,8 +169,8 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
     rotator_table(if_hz * dt, cos, sin)
     places = from_middle()
 
-    # A chip has at most lags + 1 samples; arrays of samples begin with `lags` samples of the previous block. The number
-    # is rounded up to an even number, because two lags are summed together. No samples of a chip have the added lag.
+    # A chip has at most lags + 1 samples. Arrays of samples begin with `lags` samples of the previous block. `lags` is
+    # rounded up to an even number, because two lags are summed together. No two samples of a chip have the added lag.
     lags = 2 * max(np.int64(1), np.int64(np.ceil((1.0 / (code_rate * dt) - 1.0 + 1e-3) / 2)))
     window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
     y_re, y_im = np.zeros(lags + BLOCK, np.float32), np.zeros(lags + BLOCK, np.float32)

@@ -3,17 +3,20 @@
 Theory of operation
 -------------------
 [WFO, Sec. II-A] assumes continuous E1 tracking. A recording of 100 ms has no continuous tracking. So this module starts
-from an `Acquisition` and measures in one batch the values that a loop would have settled to:
+from an `Acquisition`, and measures in one batch the values that a tracking loop would reach:
 
-1. Every 4 ms code period is correlated at `TAPS_CHIPS` around the acquired code phase, E1-C and E1-B, with
-   BOC(1,1).
-2. E1-C secondary code: all 25 phases of CS25_1 are tried on the prompts; the phase with the highest peak of the Doppler
-   spectrum is chosen. This phase gives the transmission time modulo 100 ms and the Doppler to a fraction of 1/T.
-3. Doppler: straight line through the phases of the wiped prompts, weighted by their power.
-4. Code phase: E1-B and E1-C are added coherently over the whole batch. The symbols of E1-B are first wiped by the sign
-   of its own prompt against the pilot's phase. The code phase is where early and late magnitude are equal.
-5. C/N0 of E1-C: from the coherent prompt against the noise of wrong codes, or from the prompts alone (`cn0.py`). The
-   prompts alone have 23 degrees of freedom for the noise, so their estimate scatters by 0.9 dB. The samples give the
+1. Correlators: every code period of 4 ms is correlated with BOC(1,1) replicas of E1-C and E1-B, at `TAPS_CHIPS` around
+   the acquired code phase.
+2. Secondary code of E1-C: all 25 phases of CS25_1 are tried on the prompts. The phase with the highest peak of the
+   Doppler spectrum is chosen. This phase gives the time of transmission modulo 100 ms. The peak gives the Doppler to a
+   fraction of 1/T.
+3. Doppler: the secondary code is removed from the prompts. The Doppler is the slope of a straight line through the
+   phases of the prompts, weighted by the power of the prompts.
+4. Code phase: the symbols of E1-B are removed with the sign of the E1-B prompt relative to the pilot's phase. Then the
+   periods of E1-B and of E1-C are added coherently over the batch, and the two magnitudes are added. At the code
+   phase, early and late magnitude are equal.
+5. C/N0 of E1-C: from the coherent prompt and the noise of wrong codes, or from the prompts alone (`cn0.py`). The
+   prompts alone have 23 degrees of freedom for the noise, so the estimate scatters by 0.9 dB. The samples give the
    noise to 0.01 dB.
 
 All values refer to the middle of the batch.
@@ -37,17 +40,18 @@ from vestige.signals.definitions import E1B, E1C
 from vestige.time import GalileoTime
 
 E1_WINDOW_S = 0.1  # duration of samples for one measurement: a period of the secondary code
-# Below this margin the phase of the secondary code is ambiguous. The second-best phase of CS25 itself is 5.6 dB lower.
+# Below this margin the phase of the secondary code is ambiguous. Without noise the second-best phase is 5.6 dB lower.
 MIN_SECONDARY_MARGIN_DB = 1.0
-MIN_PERIODS = 12  # periods of 4 ms; with fewer, the 25 secondary phases cannot be distinguished at 33 dBHz
+MIN_PERIODS = 12  # number of periods of 4 ms that are needed to distinguish the 25 secondary phases at 33 dBHz
 NOISE_FLOOR = "noise-floor"
-# 25 prompts contain one group of the usual 20; two smaller groups have less bias and no more spread
+# A group usually has 20 prompts, and 25 prompts contain only one such group. Two groups of 12 prompts have less bias,
+# and the spread is no larger.
 _PROMPT_ESTIMATORS: dict[str, Cn0Estimator] = {
     **CN0_ESTIMATORS,
     "narrow-to-wide": partial(narrow_to_wide_dbhz, together=MIN_PERIODS),
 }
 ESTIMATORS = (NOISE_FLOOR, *_PROMPT_ESTIMATORS)
-# iterations of measuring the code phase and centring the taps; acquisition has an error of up to 0.17 chip
+# number of iterations that measure the code phase and centre the taps; an acquisition has an error of up to 0.17 chip
 _CODE_STEPS = 3
 
 
@@ -61,7 +65,7 @@ class E1Snapshot:
     transmit_phase_s: float
     doppler_hz: float
     cn0_dbhz: float  # C/N0 of E1-C alone; NaN if noise makes the formula undefined
-    secondary_margin_db: float  # peak of the chosen secondary-code phase over the next highest
+    secondary_margin_db: float  # peak of the chosen secondary-code phase over the next highest peak
 
 
 def measure_e1(batch: SampleBatch, acquisition: Acquisition, *, cn0_estimator: str = NOISE_FLOOR) -> E1Snapshot | None:
@@ -113,7 +117,7 @@ def _phase_line(prompts: Complex128[np.ndarray, " periods"]) -> tuple[float, flo
     """Return the residual frequency in Hz and the phase in rad at the middle of the batch."""
     m = (np.arange(prompts.size) - (prompts.size - 1) / 2) * E1_CODE_PERIOD_S
     reference = np.angle(np.sum(prompts))
-    angles = np.angle(prompts * np.exp(-1j * reference))  # small: Doppler is known to 1/(10 T)
+    angles = np.angle(prompts * np.exp(-1j * reference))  # small, because the Doppler is known to 1/(10 T)
     weights = np.abs(prompts) ** 2
     weights /= np.sum(weights)
     center = np.sum(weights * m)

@@ -1,22 +1,22 @@
-"""Acquisition of E6-B, and of E6-C if it is not encrypted, and their C/N0, for a look at a recording.
+"""Acquisition and C/N0 of E6-B, and of E6-C if E6-C is not encrypted, for the inspection of a recording.
 
 Theory of operation
 -------------------
 The method is the same as in `vestige.sample_processor.acquisition` on E1. Stretches have two code periods (2 ms) and
 start every period (1 ms). Each stretch is correlated with one period of code, so a symbol change between two periods
-does no harm. The bins are 1/(2 ms) = 500 Hz apart. The powers of K stretches are added non-coherently, each shifted by
+has no effect. The bins are 1/(2 ms) = 500 Hz apart. The powers of K stretches are added non-coherently, each shifted by
 the code Doppler. Noise exceeds the threshold with the stated probability (chi-squared with 2K degrees of freedom).
 
 E6-C without encryption repeats its primary code every millisecond, with the signs of the secondary code CS100. An
 encrypted E6-C has no repetition. So the primary code of E6-C, found over several periods, shows that E6-C is open. The
 secondary code on these periods shows that no other signal was mistaken for E6-C.
 
-The bins of the acquisition are wider than the signal. Half a sample (0.47 chip at 5.5 MHz) and 250 Hz away from the
-signal, 6 dB of the power are missing. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A symbol of E6-B
-lasts one period, so the powers of the periods are added. First the Doppler is refined. Let T be the period and δ the
-distance of the signal from the acquired Doppler. The signal has the amplitudes A₊ and A₋ at ±1/2T around this Doppler.
-The amplitude follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then follows the code
-phase, at which early and late amplitude are equal.
+The bins of the acquisition are wider than the signal. A bin can be half a sample (0.47 chip at 5.5 MHz) and 250 Hz away
+from the signal, where the power is 6 dB lower. So the C/N0 is measured on the peak, as on E1 (`e1_snapshot`). A symbol
+of E6-B lasts one period, so the powers of the periods are added. First the Doppler is refined. Let T be the period and
+δ the distance of the signal from the acquired Doppler. The signal has the amplitudes A₊ and A₋ at ±1/2T around this
+Doppler. The amplitude follows sin(x)/x, so A₋/A₊ = (1/2T − δ)/(1/2T + δ) and δ = (A₊ − A₋)/(A₊ + A₋)/2T. Then the code
+phase is refined, so that early and late amplitude are equal.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from vestige.signals.definitions import E6C, SignalDefinition
 
 OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has at most 0.1
 _PFA = 1e-6  # probability that noise alone gives an acquisition
-_MIN_PERIODS = 25  # periods of 1 ms; with fewer, the 100 phases of the secondary code cannot be distinguished
-_TRANSFORM = 1024  # points over the periods, for the residual Doppler
-# iterations of measuring the code phase; at 5 MHz the first iteration ends at the last tap, 0.45 chip away
+_MIN_PERIODS = 25  # number of periods of 1 ms that are needed to distinguish the 100 phases of the secondary code
+_TRANSFORM = 1024  # number of points of the FFT over the periods, which gives the residual Doppler
+# number of iterations that measure the code phase; at 5 MHz the first iteration may end at the last tap, 0.45 chip away
 _CODE_STEPS = 2
 
 
@@ -46,9 +46,9 @@ class E6Acquisition:
 
     svid: int
     code_start_s: float  # time from the first sample to the start of the first full code period, [0, 1 ms)
-    doppler_hz: float  # on E6, to ±250 Hz
+    doppler_hz: float  # Doppler on E6 to ±250 Hz
     statistic: float  # non-coherent sum, in units of the noise variance per dimension
-    threshold: float  # in the same unit
+    threshold: float  # threshold of the statistic, in the same unit
 
 
 def acquire_e6(
@@ -101,10 +101,10 @@ def acquire_e6(
 
 
 def cn0_on_the_peak_dbhz(batch: SampleBatch, signal: SignalDefinition, found: E6Acquisition) -> float:
-    """Return the C/N0 of an acquired signal in dBHz, with code phase and Doppler refined; NaN if no period is complete.
+    """Return the C/N0 of an acquired signal in dBHz at the refined code phase and Doppler; NaN without a whole period.
 
-    The replica and the noise floor are the same as in the correlation of the RECS. So the C/N0 includes the loss in a
-    filter of the front end.
+    The replica and the noise floor are the same as in the correlation of the RECS. So the C/N0 includes the loss of a
+    filter in the front end.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def cn0_on_the_peak_dbhz(batch: SampleBatch, signal: SignalDefinition, found: E6
 
     Examples
     --------
-    Without noise, the code itself is the noise of wrong codes: 10 log₁₀ of 5.115 MHz.
+    Without noise, wrong codes correlate only with the code itself. The C/N0 is then 10 log₁₀ of the chip rate in Hz.
 
     >>> from vestige.records import Band
     >>> from vestige.signals.definitions import E6B
@@ -147,7 +147,7 @@ def _doppler_error_hz(batch: SampleBatch, signal: SignalDefinition, found: E6Acq
     """Return how far the signal's Doppler is above the acquired Doppler, in Hz."""
     side_hz = 0.5 / signal.period_s
     amplitudes = []
-    for by_hz in (-side_hz, side_hz):  # the carrier is shifted and the code is not
+    for by_hz in (-side_hz, side_hz):  # only the carrier is shifted, not the code
         shifted = replace(batch, center_frequency_hz=batch.center_frequency_hz - by_hz)
         prompts, noise = period_taps(shifted, signal, found.svid, found.code_start_s, found.doppler_hz, np.zeros(1))
         amplitudes.append(_power(prompts, noise) ** 0.5)
@@ -163,13 +163,13 @@ def _power(prompts: Complex128[np.ndarray, "periods 1"], noise: float) -> float:
 def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> tuple[float, int] | None:
     """Return the share of E6-C's power that its secondary code explains, and the code index of the first period.
 
-    The share is 1 for a signal without noise and below 0.1 for another code. `OPEN_SHARE` separates the two. The result
-    is None if the batch has too few periods.
+    The share is 1 for a signal without noise and below 0.1 for another code. `OPEN_SHARE` lies between these values.
+    The result is None if the batch has too few periods.
 
     Parameters
     ----------
     found
-        E6-C as acquired in `batch`.
+        Acquisition of E6-C in `batch`.
     doppler_hz
         Doppler of the signal on E6, with an error of at most ±250 Hz.
     """

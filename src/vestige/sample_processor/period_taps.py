@@ -1,8 +1,8 @@
 """Correlators of every code period in a batch, around an acquired code phase, and the delay of their peak.
 
 The measurements of E1 (`e1_snapshot`) and of E6 (`e6_acquisition`) use these correlators and this delay. An acquisition
-finds the code phase to half a sample, which is half a chip of E6 at 5.5 MHz. The taps around this code phase show how
-far away the peak is.
+finds the code phase to half a sample, which is half a chip of E6 at 5.5 MHz. The taps around this code phase show the
+distance of the peak.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from vestige.signals.codes import primary_code
 from vestige.signals.definitions import SignalDefinition
 from vestige.signals.pulse import BPSK
 
-# delays of the taps, 0.05 chip apart; the main peak of BOC(1,1) is ±1/3 chip wide, the peak of BPSK ±1 chip
+# Delays of the taps, 0.05 chip apart. The main peak of BOC(1,1) is ±1/3 chip wide, and the peak of BPSK ±1 chip wide.
 TAPS_CHIPS = np.linspace(-0.6, 0.6, 25)
-_EARLY_LATE_TAPS = 3  # ±0.15 chip, on the flanks of the main peak
+_EARLY_LATE_TAPS = 3  # number of taps from prompt to early and late: ±0.15 chip, on the flanks of the main peak
 
 
 def period_taps(
@@ -30,7 +30,7 @@ def period_taps(
     doppler_hz: float,
     taps_chips: Float64[np.ndarray, " taps"] = TAPS_CHIPS,
 ) -> tuple[Complex128[np.ndarray, "periods taps"], float]:
-    """Return the taps of every full period in the batch, their phases referred to one carrier, and the noise power.
+    """Return the taps of every full period in the batch, with phases relative to one carrier, and the noise power.
 
     The replica is BPSK on E6 and BOC(1,1) on E1.
 

@@ -1,7 +1,7 @@
-"""A scenario of a campaign: many epochs of a receiver with its error models, and their processing.
+"""Scenario of a campaign: a simulated receiver with its error models, and the processing of many epochs.
 
-The tables of the file are the models themselves: `[receiver.clock]` with `kind = "two-state"` is a `TwoStateClock`. A
-model that is left out has no effect.
+Each table of the file becomes a model: `[receiver.clock]` with `kind = "two-state"` becomes a `TwoStateClock`. A model
+that is left out has no effect.
 """
 
 from __future__ import annotations
@@ -59,12 +59,12 @@ from vestige.time import GalileoTime
 
 AnyAttack = Annotated[Attacks, Field(discriminator="kind"), OrOwn(Attack)]
 
-_RECS_LOOKED_AT = 300  # intervals are tenths of a second, so positions in a subframe repeat after at most 300 RECS
-_LAST_WEEK = 9999  # year 2191: the end of every run is within the calendar
+_RECS_LOOKED_AT = 300  # intervals are multiples of 0.1 s, so positions in a subframe repeat after at most 300 RECS
+_LAST_WEEK = 9999  # year 2191; from this start every run ends before the calendar does
 
 
 class FrontEndTable(Section):
-    """The E6 front end; a part that is left out has no effect. The sampling rate is the receiver's, see `FrontEnd`."""
+    """The E6 front end (`FrontEnd`), at the sampling rate of the receiver; a part that is left out has no effect."""
 
     bandwidth_hz: Annotated[float, Field(ge=1e6, le=200e6)] | None = None
     bits: Literal[1, 2, 3, 8] | None = None
@@ -78,28 +78,27 @@ class FrontEndTable(Section):
 
 
 class ReceiverTable(Section):
-    """The receiver: signal strength, sampling, and error models, each of which may be left out.
+    """The receiver: signal strength, sampling, and error models; each error model may be left out.
 
     Attributes
     ----------
     cn0_dbhz, cn0_e1_dbhz
-        C/N0 of E6-C alone and of E1-C alone.
+        C/N0 in dBHz of E6-C alone, and of E1-C alone.
     signal
-        Whether E6-C is on air. Without E6-C there is neither line of sight nor reflections, and every detection is a
-        false alarm.
+        Whether E6-C is on air. Without E6-C every detection in E6 is a false alarm.
     time_uncertainty_s
         Upper limit of the clock error that the receiver assumes, in s.
     clock_offset_s
-        Receiver clock minus Galileo System Time in s, a constant in addition to the error of `clock`. The receiver does
-        not know this offset, which may be larger than `time_uncertainty_s`. The offset is possible only with
-        `correlators`.
+        Constant difference in s of receiver clock minus Galileo System Time, in addition to the error of `clock`. The
+        receiver does not know this offset, which may be larger than `time_uncertainty_s`. The offset is possible only
+        with the fidelity `correlators`.
     reacquisition_s
-        Time in s for which a signal must be present on E1 before a receiver tracks this signal, after a loss of lock or
-        a restart. In this time E1 has no measurements.
+        Time in s for which a signal must be present on E1 after a loss of lock or a restart, before the receiver tracks
+        the signal. E1 has no measurements during this time.
     e1_multipath
         Whether the reflections also disturb E1.
     accelerometers
-        Accelerometers of a receiver under a sky, for the inertial check.
+        Accelerometers of a receiver with a constellation, for the inertial check.
     """
 
     cn0_dbhz: Annotated[float, Field(ge=0, le=80)]
@@ -122,12 +121,12 @@ class ReceiverTable(Section):
     @classmethod
     def _at_this_rate(cls, table: FrontEndTable, info: ValidationInfo) -> FrontEndTable:
         if "sample_rate_hz" in info.data:
-            table.front_end(info.data["sample_rate_hz"])  # raises if such a front end is impossible
+            table.front_end(info.data["sample_rate_hz"])  # raises an error if such a front end is impossible
         return table
 
 
 class RecsTable(Section):
-    """The RECS: duration, key delay, and the number of epochs from one RECS to the next.
+    """The RECS: duration, key delay, and the number of epochs from each RECS to the next.
 
     `key_delay` is KDI: 0 if the key is sent in the subframe of the RECS, 1 if the key is sent in the next subframe.
     `cipher_mode` is the AES mode of the encryption, which the service has not published.
@@ -150,7 +149,7 @@ class RecsTable(Section):
 
 
 class CampaignScenario(Section):
-    """Scenario of a campaign.
+    """Scenario of a campaign, which simulates many epochs of a receiver.
 
     Attributes
     ----------
@@ -161,20 +160,22 @@ class CampaignScenario(Section):
     start
         Time of epoch 0, on a whole second.
     epochs, interval_s
-        Number of epochs, and the time between two epochs in s. Each epoch has a RECS, unless `recs.every` sets another
-        interval.
+        Number of epochs, and the time between two epochs in s. Each epoch has a RECS, unless `recs.every` is larger
+        than 1.
     fidelity
-        Method: `samples`, the reference, or `correlators`, which gives the same distribution without samples.
+        Method of the simulation: `samples`, the reference, or `correlators`, which gives the same distribution without
+        samples.
     attack
-        Simultaneous attacks, a table `[[attack]]` for each.
+        Simultaneous attacks, each in a table `[[attack]]`.
     constellation, trajectory
-        Positions of the satellites and the receiver; without both there is a single line of sight.
+        Orbits of the satellites and motion of the receiver, together called a sky. Without these two keys there is a
+        single line of sight.
     position
-        Standard deviations of pseudoranges that the receiver assumes.
+        Standard deviations of pseudoranges in m that the receiver assumes.
     osnma
         Events and keys of the OSNMA operator.
     atmosphere
-        Troposphere and broadcast ionosphere of a sky.
+        Troposphere and broadcast ionosphere of a scenario with a sky.
     """
 
     kind: Literal["campaign"]
@@ -254,12 +255,12 @@ class CampaignScenario(Section):
 
     @property
     def start_time(self) -> GalileoTime:
-        """`start` as a time."""
+        """The key `start` as a time."""
         return GalileoTime.parse(self.start)
 
     @cached_property
     def simulations(self) -> tuple[Simulation, ...]:
-        """The receiver that the scenario describes, as one simulation for each satellite."""
+        """The simulations of the receiver, one for each satellite."""
         one = self._line_of_sight()
         if self.constellation is None or self.trajectory is None:
             return (one,)
@@ -297,7 +298,7 @@ class CampaignScenario(Section):
 
     @property
     def simulated_receiver(self) -> SimulatedReceiver:
-        """All satellites of the receiver together, which make snapshots from the truth.
+        """The receiver with all its satellites, which makes snapshots from the truth.
 
         A receiver of level 1 on a single line of sight does not track E1 between RECS.
         """
@@ -311,19 +312,19 @@ class CampaignScenario(Section):
         )
 
     def receiver_motion(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> ReceiverMotion:
-        """Return the true position and motion of the antenna under a sky.
+        """Return the true position and motion of the antenna in a scenario with a sky.
 
         Parameters
         ----------
         time_s
-            Times after the start in s, on the receiver's own clock.
+            Times in s after the start, on the receiver's own clock.
         clock_m
-            Error of `receiver.clock` at these times, times c, in m; positive if the clock is ahead.
+            Error of `receiver.clock` at the times `time_s`, multiplied by c, in m; positive if the clock is ahead.
 
         Raises
         ------
         ValueError
-            If there is a single line of sight instead, which has no position.
+            If the scenario has a single line of sight, which has no position.
         """
         trajectory = next(
             (one.elevation.path.trajectory for one in self.simulations if one.elevation is not None), None
@@ -334,7 +335,7 @@ class CampaignScenario(Section):
 
     @property
     def own_parts(self) -> tuple[str, ...]:
-        """The user's own parts, each with the digest of its file: `module:Name@1f2e3d4c5b6a`."""
+        """The user's own parts, each with the digest of its file, for example `module:Name@1f2e3d4c5b6a`."""
         receiver, processor = self.receiver, self.processor
         models = (receiver.clock, receiver.ionosphere, receiver.multipath, receiver.e1_tracking, receiver.bias)
         kinds = [kind_of(type(one)) for one in (*models, *self.attack) if whose(one) == OWN]
@@ -344,13 +345,13 @@ class CampaignScenario(Section):
     def replaced(self, **values: object) -> Self:
         """Return the scenario with some values replaced; the new values are not checked."""
         other = self.model_copy(update=values)
-        other.__dict__.pop("simulations", None)  # this cache was made from the old values
+        other.__dict__.pop("simulations", None)  # the cached simulations belong to the old values
         return other
 
     def simulation(self) -> Simulation:
-        """Return the receiver on its single line of sight.
+        """Return the simulation of the receiver on its single line of sight.
 
-        Raises `ValueError` if there is a sky instead.
+        Raises `ValueError` if the scenario has a sky.
         """
         if self.constellation is not None:
             raise ValueError("a sky has no single line of sight")

@@ -1,4 +1,4 @@
-"""Limits of a campaign for combinations of values, which the range of a single key cannot express."""
+"""Check a campaign for combinations of values that the simulation cannot represent."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from vestige.spoofer.profiles import extremes
 from vestige.spoofer.spoofer import Spoofer
 
 MAX_EPOCHS = 100_000_000  # largest number of epochs of a campaign
-LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # longest run in s: 333,333 keys with samples, 32 years without
-_LONGEST_DELAY_S = 0.4  # below the 0.5 s within which a snapshot belongs to a RECS
-LARGEST_CLOCK_ERROR_S = 1e6  # limit for `correlators`: 12 days, more than any oscillator drifts in 32 years
+LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # longest run in s by fidelity: 333,333 keys, and 32 years
+_LONGEST_DELAY_S = 0.4  # longest travel time in s, less than the 0.5 s within which a snapshot is matched with a RECS
+LARGEST_CLOCK_ERROR_S = 1e6  # limit for `correlators` in s: 12 days, more than any oscillator drifts in 32 years
 _LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # limits of the compiled kernels
 _SIGMAS = 6.0
-# Narrowest two-sided bands of a receiver: both main lobes of BOC(1,1), and the middle half of the main lobe of BPSK(5),
-# which has 77 % of its power.
+# The narrowest two-sided band of a receiver contains both main lobes of BOC(1,1) on E1. On E6 the band contains the
+# middle half of the main lobe of BPSK(5), which has 77 % of the signal's power.
 _NARROWEST_HZ = {E1C.name: 4 * E1C.chip_rate_hz, E6C.name: E6C.chip_rate_hz}
-_WAY_S = 0.2  # travel time of a signal plus the largest clock error
+_WAY_S = 0.2  # travel time of a signal plus the largest clock error, in s
 
 
 def check_length(fidelity: str, duration_s: float) -> None:
@@ -43,7 +43,7 @@ def check_length(fidelity: str, duration_s: float) -> None:
 
 
 def check_motion(model: RangeModel, duration_s: float) -> None:
-    """Raise if the line of sight is too long or changes too fast for samples."""
+    """Raise if the line of sight is too long or changes too fast for a simulation of samples."""
     v_mps, a_mps2, swing_m = abs(model.v_mps), abs(model.a_mps2), abs(model.amplitude_m)
     swing_mps = swing_m * abs(model.omega_radps)
     range_m = abs(model.s0_m) + v_mps * duration_s + a_mps2 * duration_s**2 / 2 + swing_m
@@ -63,8 +63,8 @@ def check_motion(model: RangeModel, duration_s: float) -> None:
 def check_clock(clock: ClockModel | None, duration_s: float, largest_error_s: float = _LONGEST_DELAY_S) -> None:
     """Raise if the error of the free-running clock may become larger than `largest_error_s`.
 
-    By default the limit is the window in which samples are matched with a RECS. Correlators are drawn without samples,
-    so their limit is `LARGEST_CLOCK_ERROR_S`. A user's own clock is not checked.
+    By default the limit is the window in which samples are matched with a RECS. The fidelity `correlators` has no
+    samples, so its limit is `LARGEST_CLOCK_ERROR_S`. A user's own clock is not checked.
     """
     if not isinstance(clock, TwoStateClock):
         return
@@ -78,7 +78,7 @@ def check_clock(clock: ClockModel | None, duration_s: float, largest_error_s: fl
 
 
 def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
-    """Raise if samples cannot represent a jamming waveform, because sampling would fold it into the band."""
+    """Raise if samples cannot represent a jamming waveform, because sampling would alias the waveform into the band."""
     for number, attack in enumerate(attacks):
         jamming = attack.jamming(Band.E6, np.zeros(1))
         if jamming is not None and jamming.waveform.reach_hz > input_rate_hz / 2:
@@ -125,7 +125,7 @@ def check_weak_signal(front_end: FrontEnd, cn0_dbhz: float) -> None:
 
 
 def check_no_clock_offset(clock_offset_s: float) -> None:
-    """Raise if the receiver's clock has a constant error and samples are made."""
+    """Raise if the receiver's clock has a constant error, which a simulation of samples does not support."""
     if clock_offset_s:
         raise InconsistentSettingsError(
             "receiver.clock_offset_s", f"{clock_offset_s:g} with samples", '0, or fidelity = "correlators"'
@@ -148,7 +148,7 @@ def check_disclosed(attacks: Sequence[Attack], sent_s: Sequence[float], key_dela
 
 
 def longest_delay_s(attacks: Sequence[Attack]) -> float:
-    """Return the longest delay of the spoofing signals of some attacks in s, with a margin for the travel time."""
+    """Return the longest delay in s of the spoofing signals of some attacks, with a margin for the travel time."""
     delays_s = [
         getattr(attack, "delay_s", 0.0) + extremes(getattr(attack, "range_offset_m", 0.0))[1] / SPEED_OF_LIGHT_MPS
         for attack in attacks

@@ -1,4 +1,4 @@
-"""Reader of scenario files."""
+"""Read scenario files."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _ADAPTER: TypeAdapter[Any] = TypeAdapter(Annotated[Scenario, Field(discriminator
 
 
 def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
-    """Return the scenario in a TOML file.
+    """Return the scenario that a TOML file describes.
 
     Parameters
     ----------
     path
         Path of the file.
     settings
-        Values that replace values of the file, each as `table.key=value` like for `vestige run --set`.
+        Values that replace values of the file, each as `table.key=value`, as for `vestige run --set`.
 
     Returns
     -------
@@ -36,7 +36,8 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
     Raises
     ------
     InputFileError
-        If the file is not TOML, has an unknown key, or a value outside its range. The message gives the position.
+        If the file is not TOML, has an unknown key, or a value outside its range. The message gives the position in the
+        file.
 
     Examples
     --------
@@ -57,7 +58,7 @@ def scenario_schema() -> dict[str, Any]:
 
 
 def _without_infinities(schema: Any) -> Any:
-    """Return a schema without defaults that JSON cannot express."""
+    """Return a schema without the defaults that JSON cannot express."""
     if isinstance(schema, dict):
         return {
             key: _without_infinities(value)

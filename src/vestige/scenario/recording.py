@@ -1,4 +1,4 @@
-"""A scenario of a recording with open codes on E6-C: the receiver and the satellites in view."""
+"""Scenario of a recording with open codes on E6-C: the receiver and the satellites in view."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class ReceiverSection(Section):
     Attributes
     ----------
     sample_rate_hz
-        Sampling rate of both front ends. Avoid multiples of the chip rate, at which the correlation becomes a
-        staircase.
+        Sampling rate of both front ends in Hz. Avoid multiples of the chip rate, because the correlation function then
+        has steps.
     clock_offset_s
         Receiver clock minus Galileo System Time in s.
     time_uncertainty_s
@@ -35,7 +35,7 @@ class ReceiverSection(Section):
 
 
 class SatelliteSection(Section):
-    """A satellite in view; C/N0 is per component (E1-C alone, E6-C alone), equal for data and pilot."""
+    """A satellite in view; each C/N0 is the C/N0 of one component in dBHz, and is the same for data and pilot."""
 
     svid: Annotated[int, Field(ge=1, le=MAX_SVID)]
     range_m: Annotated[float, Field(ge=2.2e7, le=3.0e7)]
@@ -44,12 +44,12 @@ class SatelliteSection(Section):
     cn0_e6_dbhz: Annotated[float, Field(ge=0, le=70)]
 
     def cn0_dbhz(self, band: Band) -> float:
-        """Return C/N0 per component in a band, in dBHz."""
+        """Return the C/N0 of one component in a band, in dBHz."""
         return self.cn0_e1_dbhz if band is Band.E1 else self.cn0_e6_dbhz
 
 
 class RecordingScenario(Section):
-    """A short simultaneous recording of E1 and E6 with open codes on E6-C.
+    """Scenario of a short simultaneous recording of E1 and E6 with open codes on E6-C.
 
     Attributes
     ----------
@@ -87,5 +87,5 @@ class RecordingScenario(Section):
 
     @property
     def start_time(self) -> GalileoTime:
-        """`start` as a time."""
+        """The key `start` as a time."""
         return GalileoTime.parse(self.start)

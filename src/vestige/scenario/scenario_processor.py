@@ -1,12 +1,12 @@
-"""The processor of a campaign, with the prior knowledge of the scenario's receiver and without the truth.
+"""Make the processor of a campaign, with the prior knowledge of the scenario's receiver and without the truth.
 
-The receiver knows its antenna (C/N0 against elevation), the power of its bands without interference, and its front
-ends. The receiver also knows the data sheets of its oscillator and its accelerometers. Other known data are the
-broadcast orbits, the receiver's own tracking loops, and the errors of pseudoranges in `[position]`. `[processor]`
-states the expected C/N0, the expected C/N0 difference between E6 and E1, and the expected number of satellites. If the
-number of satellites is not stated, the receiver counts the satellites above the mask at the first epoch. For this count
-the receiver has an almanac and a rough position at the start. The receiver never uses later epochs, so a longer run
-begins with the same bits.
+The receiver knows its front ends, its antenna (C/N0 as a function of the elevation), and the power of its bands without
+interference. The receiver also knows the data sheets of its oscillator and its accelerometers. Other known data are the
+broadcast orbits, the receiver's own tracking loops, and the standard deviations of pseudoranges in `[position]`.
+`[processor]` states the expected C/N0, the expected C/N0 difference between E6 and E1, and the expected number of
+satellites. If the number of satellites is not stated, the receiver counts the satellites above the mask at the first
+epoch. For this count the receiver has an almanac and a rough position at the start. The receiver never uses later
+epochs, so a longer run begins with the same results.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.stored import StoredScenario
 
-_POWER_SIGMA_DB = 0.1  # 1σ of the power in the decision map; the simulated front end does not drift
+_POWER_SIGMA_DB = 0.1  # standard deviation of the power in the decision map; the simulated front end does not drift
 
 
 class Overhead(NamedTuple):
@@ -141,7 +141,7 @@ def receiver_processor(
 
 
 def _e6_carrier(scenario: CampaignScenario | StoredScenario) -> dict[str, Any]:
-    """Return the active monitors of the carrier on E6, with the receiver's own loops."""
+    """Return the active monitors of the carrier on E6, which use the receiver's own loops."""
     table = scenario.processor.e6_carrier
     if table is None:
         return {}
@@ -171,7 +171,7 @@ def _antenna(scenario: CampaignScenario | StoredScenario) -> Antenna:
 
 
 def _fix(scenario: CampaignScenario | StoredScenario, navigation: str | None) -> FixSettings:
-    """Return the orbits, which are used during the whole run, and the assumed errors of pseudoranges."""
+    """Return the orbits for the whole run, and the assumed standard deviations of pseudoranges."""
     table = scenario.position
     lines = enumerate(() if navigation is None else navigation.splitlines(), 1)
     return FixSettings(
@@ -196,7 +196,7 @@ def overhead_of(scenario: CampaignScenario) -> Overhead:
     elevation_rad = np.array([one.first_rad for one in effects])
     mask_rad = np.radians([one.mask_deg for one in effects])
     in_view = elevation_rad >= mask_rad
-    # if no satellite is in view yet, the receiver expects a satellite at the mask
+    # if no satellite is in view at the first epoch, the receiver expects one satellite at the elevation mask
     seen_rad = elevation_rad[in_view] if in_view.any() else mask_rad[:1]
     satellites = seen_rad.size if stated is None else stated
     return Overhead(satellites, float(np.mean(antenna.expected_dbhz(antenna.e1_dbhz, seen_rad))))

@@ -1,4 +1,4 @@
-"""The scenario files that come with vestige."""
+"""Find the scenario files that come with vestige."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import vestige
 def shipped_scenarios() -> tuple[Path, ...]:
     """Return the scenario files that come with vestige, in the order of their names.
 
-    An installed package contains these files; in a checkout they are in the folder `scenarios`.
+    An installed package contains the scenario files. In a checkout the scenario files are in the folder `scenarios`.
 
     Examples
     --------

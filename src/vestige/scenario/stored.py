@@ -1,7 +1,8 @@
-"""The scenario in the results of a campaign: the values needed to judge the results, without the files that it names.
+"""Read the scenario in the results of a campaign: the values needed to judge the results, without any other file.
 
-Results contain the whole scenario as JSON. The JSON alone cannot give a `CampaignScenario`: the files of waypoints,
-profiles and ephemerides may be missing, and JSON has no infinity. `campaign_toml` gives the scenario as a file.
+Results contain the whole scenario as JSON. The JSON alone cannot give a `CampaignScenario`. The files of waypoints,
+profiles and ephemerides may be missing, and JSON cannot express infinity. `campaign_toml` gives the scenario as a TOML
+file.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ from vestige.time import GalileoTime
 
 
 class _Part(BaseModel):
-    """A table of which only the declared keys are used; all other keys are ignored."""
+    """A table from which only the declared keys are used; all other keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
 class StoredConstellation(NamedKind):
-    """The satellites, with the fall of C/N0 from the zenith to the horizon."""
+    """The constellation, with the decrease of C/N0 from the zenith to the horizon in dB."""
 
     cn0_fall_db: Annotated[float, Field(ge=0, le=40)]
 
@@ -58,7 +59,7 @@ class StoredAttack(NamedKind):
     """An attack: its kind, and the times of its start and its stop in s after the start of the scenario."""
 
     start_s: Annotated[float, Field(ge=0, le=LARGEST_NUMBER)] = 0.0
-    stop_s: Annotated[float, Field(ge=0, le=LARGEST_NUMBER)] | None = None  # None for infinity, which JSON lacks
+    stop_s: Annotated[float, Field(ge=0, le=LARGEST_NUMBER)] | None = None  # None means infinity
 
 
 class StoredScenario(_Part):
@@ -85,12 +86,12 @@ class StoredScenario(_Part):
 
     @property
     def start_time(self) -> GalileoTime:
-        """`start` as a time."""
+        """The key `start` as a time."""
         return GalileoTime.parse(self.start)
 
     @property
     def own_kinds(self) -> tuple[str, ...]:
-        """The user's own classes with which results are judged."""
+        """The user's own classes that are needed to judge the results."""
         loops, processor = self.receiver.e1_tracking, self.processor
         kinds = [] if loops is None or whose(loops) != OWN else [kind_of(type(loops))]
         return (*kinds, *(one for one in (processor.detector, *processor.checks) if is_own(one)))
@@ -105,9 +106,8 @@ class StoredScenario(_Part):
 def stored_scenario(text: str) -> StoredScenario:
     """Return the scenario in stored results.
 
-    `text` is JSON, the attribute `scenario` of the results.
-
-    Raises `VestigeError` if the text is no scenario of a campaign.
+    `text` is the attribute `scenario` of the results, in JSON. Raises `VestigeError` if the text is not the scenario of
+    a campaign.
     """
     try:
         return StoredScenario.model_validate_json(text, strict=True)

@@ -1,4 +1,4 @@
-"""Warnings about settings that are allowed, but probably unintended: a line for each on stderr."""
+"""Warn of settings that are allowed, but probably unintended; each warning is a line on stderr."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from vestige.signals.definitions import E6C
 from vestige.spoofer.scer import Scer
 from vestige.spoofer.spoofer import Spoofer
 
-_FAITHFUL = 0.1  # smallest relative error of range offsets that gives a warning
+_FAITHFUL = 0.1  # smallest relative change of range offsets that gives a warning
 
 
 def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[str, ...]:
-    """Return warnings for the author of a scenario; empty for most scenarios."""
+    """Return warnings for the author of a scenario; most scenarios have no warning."""
     if isinstance(scenario, RecordingScenario):
         return _staircase(scenario.receiver.sample_rate_hz)
     attacks = (*Spoofer(attacks=scenario.attack).warnings(), *_aimed_at_nobody(scenario))
@@ -34,7 +34,7 @@ def scenario_warnings(scenario: CampaignScenario | RecordingScenario) -> tuple[s
 
 
 def left_out(scenario: CampaignScenario) -> tuple[str, ...]:
-    """Return a warning if satellites of `constellation.svids` are never above the mask, and so are not simulated."""
+    """Return a warning if satellites of `constellation.svids` are left out, because they are never above the mask."""
     if scenario.constellation is None:
         return ()
     sky = {simulation.svid for simulation in scenario.simulations}

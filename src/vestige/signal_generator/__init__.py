@@ -1,1 +1,1 @@
-"""The simulated signals as continuous functions of time [WFO, Sec. V]."""
+"""Simulate the signals of satellites as continuous functions of time [WFO, Sec. V]."""

@@ -1,13 +1,13 @@
-"""Encrypted E6-C in the simulation: a keystream that never repeats and can be entered at any chip.
+"""Make the encrypted E6-C of the simulation: a keystream that never repeats, and that can start at any chip.
 
 Galileo's encryption of E6-C is not published. ACAS does not depend on this encryption, because the receiver gets the
-chips themselves in the RECS. A simulation needs chips that nobody can predict without the key, and that never repeat.
+chips themselves in the RECS. A simulation needs chips that never repeat, and that nobody can predict without the key.
 So chip number n since the start of Galileo time is bit n of the satellite's AES-256-CTR keystream. The most significant
-bit comes first; bit 0 is chip +1 and bit 1 is chip −1:
+bit comes first. A bit 0 is the chip +1, and a bit 1 is the chip −1:
 
     K_svid = SHA-256("vestige E6-C" || svid || key)        counter block = ⌊n / 128⌋, big-endian
 
-The chips replace primary and secondary code together, because a random code times a public code is a random code.
+The chips replace the product of primary and secondary code, because a random code times a public code is a random code.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from vestige.streams import stream_key
 from vestige.time import GalileoTime
 
 _CHIPS_PER_SECOND = round(E6C.chip_rate_hz)
-_BLOCK_CHIPS = 128  # one AES block
-_GRID_CHIPS = 1e-3  # in a float64, the chips after a whole second are exact to 1e-9 chip
+_BLOCK_CHIPS = 128  # number of chips in an AES block
+_GRID_CHIPS = 1e-3  # largest distance from a whole chip number; the rounding of float64 is only 1e-9 chip
 
 
 @lru_cache(maxsize=16)
@@ -48,7 +48,7 @@ def forged_key(seed: int) -> bytes:
 def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: int) -> ChipSequence:
     """Return the encrypted E6-C chips that a satellite sends from `transmit_time` on.
 
-    `transmit_time`, satellite time of the first chip, is a whole number of chips after the full second.
+    `transmit_time` is the satellite time of the first chip, which is a whole number of chips after the full second.
 
     Raises `ValueError` if `transmit_time` is not the start of a chip.
     """
@@ -68,7 +68,7 @@ def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: 
 def encrypted_component(key: bytes, svid: int, reference: GalileoTime) -> Component:
     """Return encrypted E6-C as a component for waveforms, with chips counted from the whole second `reference`.
 
-    Each call makes all chips between its first and last number, so a call should ask for a single stretch.
+    Each call makes all chips between its first and last number, so a call should ask for consecutive chips.
     """
     if reference.fraction:
         raise ValueError(f"the reference must be a whole second, not {reference}")

@@ -1,8 +1,8 @@
-"""The sum of a satellite's components in one band, sub-chip by sub-chip: the table from which a recording is sampled.
+"""Add the components of a satellite in one band, sub-chip by sub-chip, to a table from which a recording is sampled.
 
-A component with a primary code is a repeated pattern with a sign for each period: secondary chip times symbol. A period
-has a single sign because a symbol lasts one code period on E1-B and on E6-B [OS-ICD, 2.3]. Encrypted components are
-given chip by chip.
+A component with a primary code is a repeated pattern with a sign for each period. The sign is the secondary chip times
+the symbol. A period has a single sign because a symbol lasts one code period on E1-B and on E6-B [OS-ICD, 2.3].
+Encrypted components are given chip by chip.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from vestige.signal_generator.waveform import Component
 
 @dataclass(frozen=True, kw_only=True)
 class BandModulation:
-    """Modulation of a satellite in one band: components of equal power on one carrier."""
+    """Modulation of a satellite in one band, the sum of components of equal power on one carrier."""
 
     components: tuple[Component, ...]
 
     @cached_property
     def per_chip(self) -> int:
-        """Number of sub-chips in a chip, enough for all components."""
+        """Number of sub-chips in a chip, large enough for the pulses of all components."""
         return max(len(one.signal.pulse.levels) for one in self.components)
 
     @property
@@ -48,7 +48,7 @@ class BandModulation:
 
     @cached_property
     def _patterns(self) -> tuple[Float32[np.ndarray, " n"], ...]:
-        """One period of each component; empty if the component has no primary code."""
+        """Levels of one period of each component; empty if the component has no primary code."""
         nothing = np.zeros(0, np.float32)
         return tuple(
             nothing if one.primary is None else np.multiply.outer(one.primary.astype(np.float32), pulse).reshape(-1)
@@ -56,7 +56,7 @@ class BandModulation:
         )
 
     def _chips(self, one: Component, first: int, n: int) -> Int8[np.ndarray, " n"] | Float32[np.ndarray, " n"]:
-        """Return chips of a component times its symbols."""
+        """Return the chips of a component, multiplied by its symbols."""
         if one.stretch is not None and one.symbol is None:
             return one.stretch(first, n)
         number = first + np.arange(n)
@@ -64,7 +64,7 @@ class BandModulation:
         return one.chip(number) * (np.int8(1) if one.symbol is None else one.symbol(number // symbol))
 
     def levels(self, first_chip: int, n_chips: int) -> Float32[np.ndarray, " n"]:
-        """Return the sum of the components over some chips, in sub-chips; each component has unit power.
+        """Return the sum of the components at each sub-chip of some chips; each component has unit power.
 
         The chips are counted from the reference second.
         """

@@ -1,25 +1,27 @@
-"""Sample noise as a pure function of key and sample number: standard normal numbers without a generator's state.
+"""Make the noise of samples as a pure function of key and sample number, without the state of a random generator.
 
 Theory of operation
 -------------------
-One 64-bit hash of the sample number gives one pair of normal numbers by Box and Muller. 31 bits make the radius r =
-√(−2 ln U) and 30 bits an angle within ±π/4. Three bits swap sine and cosine and set two signs, which unfolds the angle
-to the full circle. The loops have no look-ups and no branches, so the compiler turns them into vector instructions.
-Logarithm, sine and cosine are polynomials for the same reason. A pair depends only on its key and number. So any worker
-may make any part of an epoch, and all workers get the same bits.
+One 64-bit hash of the sample number gives one pair of standard normal numbers by the method of Box and Muller. The
+radius r = √(−2 ln U) uses 31 bits, and an angle within ±π/4 uses 30 bits. Three bits swap sine and cosine and set two
+signs, which extends the angle to the full circle. The loops have no look-ups and no branches, so the compiler can use
+vector instructions. Polynomials compute logarithm, sine and cosine, for the same reason. A pair depends only on its key
+and number. So any worker may make any part of an epoch, and the result has the same bits.
 
-Three loops run one after the other over a piece of 1024 pairs: hash, logarithm, turn. A single loop for all three takes
-1.1 times as long, because the chain of steps for a pair is too long to overlap with the chains of other pairs.
+Three loops run one after the other over a piece of 1024 pairs: hash, logarithm, rotation. A single loop for all three
+steps takes 1.1 times as long. The reason is the long chain of steps for a pair, which cannot overlap with the chains of
+other pairs.
 
     z = mix(key + i · GOLD)                     splitmix64 [STEELE14]
     x = (31 bits of z) + ½                      ½ … 2³¹: the largest number is 6.66 σ
     ln(x / 2³¹) = ln(1 + m) + (e − 31) ln 2     x = (1 + m) 2^e, √½ ≤ 1 + m < √2
 
-The polynomials are those of Cephes in single precision [CEPHES]. They use fused multiply-add, so that all machines get
-the same bits. Compared with float64, the radius has a relative error of 1.1e-7, and sine and cosine an error of 6e-8.
+The polynomials are from Cephes in single precision [CEPHES]. The polynomials use fused multiply-add, so that all
+machines get the same bits. Compared with float64, the radius has a relative error of 1.1e-7, and sine and cosine an
+error of 6e-8.
 
-Two keys that differ by a multiple of GOLD would give the same sequence, shifted. A hash as the key prevents such a
-difference (`noise_key`).
+Two keys that differ by a multiple of GOLD would give the same sequence, shifted. `noise_key` makes each key as a hash,
+which prevents such a difference.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -32,10 +34,10 @@ from jaxtyping import Float32
 from vestige.kernel_cache import njit
 from vestige.signals.float_kernel import bits_of, float_of, fma
 
-GOLD = 0x9E3779B97F4A7C15  # 2^64 / golden ratio, odd: the counter's step [STEELE14]
-_MULTIPLIERS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)  # splitmix64's finaliser [STEELE14]
+GOLD = 0x9E3779B97F4A7C15  # step of the counter, an odd number near 2^64 / golden ratio [STEELE14]
+_MULTIPLIERS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)  # multipliers of the last steps of splitmix64 [STEELE14]
 _MASK = (1 << 64) - 1
-_PIECE = 1024  # pairs; the intermediate arrays stay in the first-level cache
+_PIECE = 1024  # number of pairs in a piece; the intermediate arrays of a piece fit into the first-level cache
 
 _GOLD, _M1, _M2 = np.uint64(GOLD), np.uint64(_MULTIPLIERS[0]), np.uint64(_MULTIPLIERS[1])
 _SQRT_HALF = np.int32(0x3F3504F3)  # bits of the float32 √½
@@ -49,7 +51,7 @@ _P = tuple(
         2.0000714765e-1, -2.4999993993e-1, 3.3333331174e-1, -0.5,
     )
 )  # fmt: skip
-# sine and cosine on ±π/4 [CEPHES, sinf and cosf]
+# polynomials of sine and cosine for angles within ±π/4 [CEPHES, sinf and cosf]
 _S = tuple(np.float32(c) for c in (-1.6666654611e-1, 8.3321608736e-3, -1.9515295891e-4))
 _C = tuple(np.float32(c) for c in (-0.5, 4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5))
 
@@ -78,7 +80,7 @@ def _mix(z):
 
 @njit(cache=True, nogil=True)
 def _hash(z, hi, lo):
-    """Fill uint32[n] `hi` and `lo` with both halves of the hashes of z, z + GOLD, …."""
+    """Fill uint32[n] `hi` and `lo` with the upper and lower halves of the hashes of z, z + GOLD, …."""
     for i in range(hi.size):
         mixed = _mix(z)
         hi[i], lo[i] = np.uint32(mixed >> np.uint64(32)), np.uint32(mixed)
@@ -106,7 +108,7 @@ def _logarithm(hi, ln):
 
 @njit(cache=True, nogil=True)
 def _turn(scale, hi, lo, ln, x):
-    """Fill float32[2 n] `x` with pairs of radius scale × √(−2 ln), whose angles follow from bits of `lo` and `hi`."""
+    """Fill float32[2 n] `x` with pairs of radius scale × √(−2 `ln`), whose angles follow from bits of `lo` and `hi`."""
     factor = np.float32(-2.0) * scale * scale
     for i in range(hi.size):
         r = np.sqrt(factor * ln[i])
@@ -122,7 +124,7 @@ def _turn(scale, hi, lo, ln, x):
 
 @njit(cache=True, nogil=True)
 def fill_normals(key, first, scale, x):
-    """Fill float32[2 n] `x` with scale × the pairs from number `first` on: real and imaginary parts in turn."""
+    """Fill float32[2 n] `x` with scale × the pairs from number `first` on, real and imaginary parts alternating."""
     hi, lo = np.empty(_PIECE, np.uint32), np.empty(_PIECE, np.uint32)
     ln = np.empty(_PIECE, np.float32)
     n_pairs = x.size // 2

@@ -1,19 +1,19 @@
-"""The compiled inner loops of a recording: the table of a band's modulation, and the addition of one path's signal.
+"""Make the samples of a recording in compiled loops: the table of a band's modulation, and the signal of each path.
 
 Theory of operation
 -------------------
-All components of a satellite in a band share code phase and carrier, so they are added *before* sampling. The table
-contains the sum of the components on the finest sub-chip grid of the band, 12.276 MHz on E1 and 5.115 MHz on E6. A path
-then costs one look-up and one rotation per sample for any number of components:
+All components of a satellite in a band have the same code phase and carrier. So the components are added *before*
+sampling. The table contains the sum of the components on the finest sub-chip grid of the band. The grid has 12.276 MHz
+on E1 and 5.115 MHz on E6. A path then needs only one look-up and one rotation per sample, for any number of components:
 
     x_i += level[⌊u_0 + i u_1⌋] · (a e^{jφ_i})          u_0, u_1 in float64, new for each block
 
-Code phase and carrier phase are parabolas in time. For each block of 1024 samples, the code's rate and the carrier's
-phase are computed in float64 at the middle of the block. One table of the carrier serves several blocks. The number of
-blocks follows from the Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
+Code phase and carrier phase are parabolas in time. Code rate and carrier phase are computed in float64 at the middle of
+each block of 1024 samples. Several consecutive blocks use the same table of the carrier. The number of these blocks
+follows from the Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
 
-No sum depends on the order of vector lanes, and operations are fused explicitly. So a block has the same bits on every
-machine.
+No sum depends on the order of vector lanes, and products and sums are fused explicitly. So a block has the same bits on
+every machine.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -31,7 +31,7 @@ _MAX_TURN_RAD = 5e-6
 
 @njit(cache=True, nogil=True)
 def fill_periodic(levels, first, pattern, signs, first_period):
-    """Add a component that repeats its primary code, with a sign for each period.
+    """Add to the levels a component that repeats its primary code, with a sign for each period.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def fill_periodic(levels, first, pattern, signs, first_period):
 
 @njit(cache=True, nogil=True)
 def fill_chips(levels, chips, pulse):
-    """Add a component that is given chip by chip, each chip times its pulse."""
+    """Add to the levels a component that is given chip by chip; each chip is multiplied by the pulse."""
     per_chip = pulse.size
     for k in range(per_chip):
         for i in range(chips.size):
@@ -69,7 +69,7 @@ def fill_chips(levels, chips, pulse):
 
 @njit(cache=True, nogil=True)
 def _add_block(x, levels, u, step, cos, sin, re, im, index):
-    """Add amplitude × rotator × level to interleaved samples."""
+    """Add amplitude × rotator × level to samples whose real and imaginary parts alternate."""
     for i in range(index.size):
         index[i] = np.int32(u + i * step)
     for i in range(index.size):
@@ -85,7 +85,7 @@ def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler
     Parameters
     ----------
     x
-        float32[2 n], real and imaginary parts in turn.
+        float32[2 n], samples with alternating real and imaginary parts.
     levels
         float32[m]: the table, long enough for every sample.
     middle
@@ -103,7 +103,8 @@ def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler
     """
     n_samples = x.size // 2
     n_blocks = -(-n_samples // BLOCK)
-    # phase error in rad that each further block with the same table adds: the table's frequency is exact in the middle
+    # phase error in rad that each further block with the same table adds; the frequency of the table is exact in the
+    # middle
     turn = np.pi * abs(doppler_rate) * dt * dt * BLOCK / 2 * BLOCK
     held = n_blocks if turn * n_blocks <= _MAX_TURN_RAD else max(1, int(_MAX_TURN_RAD / turn))
     cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)

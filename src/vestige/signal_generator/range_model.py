@@ -1,4 +1,4 @@
-"""The range model [WFO, Eq. 3], s(t) = s0 + v t + a t²/2 + A sin ωt, and the protocol of all range models."""
+"""Model the range as s(t) = s0 + v t + a t²/2 + A sin ωt [WFO, Eq. 3], with a protocol for all range models."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 @runtime_checkable
 class RangeHistory(Protocol):
-    """Range against time, with any geometry."""
+    """Range as a function of time, for any geometry."""
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the range at times in s after the scenario's start, in m."""
@@ -28,7 +28,7 @@ class RangeHistory(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RangeModel:
-    """Range against time with its derivatives; here the range is the pseudorange with the receiver's clock.
+    """Range as a function of time, with its derivatives; the range is the pseudorange with the receiver's clock error.
 
     Attributes
     ----------
@@ -45,14 +45,14 @@ class RangeModel:
     omega_radps: float = 0.0
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return s(t) in m."""
+        """Return the range s(t) in m."""
         swing = self.amplitude_m * np.sin(self.omega_radps * t_s)
         return self.s0_m + self.v_mps * t_s + 0.5 * self.a_mps2 * t_s**2 + swing
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return ds/dt in m/s."""
+        """Return the range rate ds/dt in m/s."""
         return self.v_mps + self.a_mps2 * t_s + self.amplitude_m * self.omega_radps * np.cos(self.omega_radps * t_s)
 
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return d²s/dt² in m/s²."""
+        """Return the second derivative d²s/dt² of the range in m/s²."""
         return self.a_mps2 - self.amplitude_m * self.omega_radps**2 * np.sin(self.omega_radps * t_s)

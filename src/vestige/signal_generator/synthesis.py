@@ -1,20 +1,21 @@
-"""Samples of spread signals with paths, Doppler and noise at any sampling rate, faster than `waveform` makes them.
+"""Make samples of spread signals with paths, Doppler and noise at any sampling rate, faster than `waveform`.
 
 Theory of operation
 -------------------
-Sample n is taken t_n after the start of the segment. At the start, chip number L arrives by a path without delay. The L
-chips before it arrive earlier. A signal has Doppler f_d and Doppler rate ḟ_d on its carrier f_c. Over its paths r the
-signal adds
+Sample n is taken at the time t_n after the start of the segment. At the start, chip number L arrives by a path without
+delay. The first L chips arrive before the start. A signal has Doppler f_d and Doppler rate ḟ_d on its carrier f_c. A
+signal with the paths r adds the samples
 
     x_n = Σ_r a_r · chip[L + ⌊u_n − d_r⌋] · exp j2π[(f_c − f_0 + f_d + f_r) t_n + ½ ḟ_d t_n²]
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
 
-The Doppler is thus on code and carrier alike. The correlator at delay d_r of a hand-over with the same start and
-Doppler gives a_r. A path's own Doppler f_r rotates only the phase of the path. A fading rate of 1 Hz would move the
-delay by only 4 mm in 16 ms. A signal with another range rate, such as a spoofing signal, is another `ReceivedSignal`.
+The Doppler thus affects code and carrier alike. A correlator with the same start and Doppler, at the delay d_r, gives
+a_r. A path's own Doppler f_r rotates only the phase of the path. The change of the delay is neglected, because a
+Doppler of 1 Hz moves the delay by only 4 mm in 16 ms. A signal with another range rate, such as a spoofing signal,
+needs its own `ReceivedSignal`.
 
-**Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 is 1/f_s, and a component with a given C/N0
-has the amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.
+**Strength.** Noise is complex, white and Gaussian with variance 1 per sample, so N0 is 1/f_s. A component with a given
+C/N0 has the amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.
 
 **Band.** No filter is applied. Chips are rectangular, so the sampling rate must not be a small multiple of the chip
 rate (`vestige.receiver.samples.staircase`).
@@ -34,7 +35,7 @@ from vestige.signal_generator.synthesis_kernel import add_paths
 from vestige.signals.definitions import E6C
 from vestige.signals.rotator_kernel import BLOCK
 
-SIGMA = np.float32(np.sqrt(0.5))  # per dimension, for variance 1
+SIGMA = np.float32(np.sqrt(0.5))  # standard deviation per dimension of complex noise of variance 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,10 +43,10 @@ class ReceivedSignal:
     """One received signal: its chips, their start, and the paths by which they arrive."""
 
     chips: ChipSequence  # rectangular (BPSK) chips; there is no signal before the first and after the last chip
-    # time in s at which chip number `lead_chips` arrives by a path without delay; may be negative. The time counts from
-    # sample 0, or from the origin that `origin_sample` and `origin_s` of `synthesize` state
+    # Time in s at which chip number `lead_chips` arrives by a path without delay; the time may be negative. The time
+    # counts from sample 0, or from the origin that `origin_sample` and `origin_s` of `synthesize` state.
     start_s: float
-    doppler_hz: float  # on the carrier, at `start_s`
+    doppler_hz: float  # Doppler of the carrier at `start_s`
     doppler_rate_hz_per_s: float  # rate of change of the Doppler
     delay_m: Float[np.ndarray, " n_rays"]  # delay of each path, positive if later
     amplitude: Complex128[np.ndarray, " n_rays"]  # amplitude of each path with its phase at `start_s`
@@ -54,7 +55,7 @@ class ReceivedSignal:
 
 
 def amplitude(cn0_dbhz: float, sample_rate_hz: float) -> float:
-    """Return the amplitude √(C/N0 / f_s) of a component in noise of variance 1 a sample."""
+    """Return the amplitude √(C/N0 / f_s) of a component in noise of variance 1 per sample."""
     return float(np.sqrt(10 ** (cn0_dbhz / 10) / sample_rate_hz))
 
 
@@ -71,7 +72,7 @@ def synthesize(
     carrier_hz: float = E6C.carrier_hz,
     center_frequency_hz: float = E6C.carrier_hz,
 ) -> Complex64[np.ndarray, " n_samples"]:
-    """Return samples number `first_sample` to `first_sample + n_samples − 1`; cutting the range does not change bits.
+    """Return `n_samples` samples from number `first_sample` on; several calls give the same bits as one call.
 
     Parameters
     ----------
@@ -82,7 +83,8 @@ def synthesize(
     noise_key
         Key of the noise (`noise_kernel.noise_key`); None for no noise.
     origin_sample
-        Sample at `origin_s`. The sample lies near the signals, because float64 rounds in a long recording.
+        Number of the sample at `origin_s`. This sample should be near the signals, because float64 rounds large times
+        in a long recording.
     origin_s
         Time of `origin_sample` on the axis of the signals' `start_s`.
     noise_power
@@ -92,7 +94,7 @@ def synthesize(
     center_frequency_hz
         Radio frequency that lies at 0 Hz in the samples.
     """
-    skip = first_sample % BLOCK  # blocks are counted from sample 0, so that rounding does not depend on the cut
+    skip = first_sample % BLOCK  # blocks are counted from sample 0, so that rounding does not depend on `first_sample`
     first = first_sample - skip
     samples = np.empty(skip + n_samples, np.complex64)
     x = samples.view(np.float32)
@@ -120,7 +122,7 @@ def _add(
     carrier_hz: float,
     if_hz: float,
 ) -> None:
-    """Add a signal to samples, the first of which is taken at `t0` after the signal's `start_s`."""
+    """Add a signal to samples; the first sample is taken at `t0` after the signal's `start_s`."""
     rate = signal.chips.chip_rate_hz
     add_paths(
         x,

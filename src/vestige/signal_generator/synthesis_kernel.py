@@ -1,15 +1,16 @@
-"""The compiled inner loops of sample synthesis: the paths of one signal, added to stored samples.
+"""Add the paths of one signal to samples, in compiled loops.
 
-All paths of a group share the chip windows (`vestige.signals.chip_window_kernel`). A path then costs a rotation, the
-XOR of its chip into the sign bits, and an addition. Each path has its own rotator table. The phase of a path at the
-middle of every block is computed in float64. The Doppler rate rotates the sum of all paths inside the block. This
-rotation is computed to second order in its angle, which stays below 1e-3 rad at 100 Hz/s.
+All paths of a group use the same chip windows (`vestige.signals.chip_window_kernel`). Each sample of a path then needs
+a rotation, the XOR of the path's chip into the sign bits, and an addition. Each path has its own rotator table. The
+phase of a path at the middle of every block is computed in float64. The Doppler rate rotates the sum of all paths
+inside the block. This rotation is computed to second order in its angle, which stays below 1e-3 rad at 100 Hz/s.
 
-Two paths share a loop, so that their sum is loaded and stored once. The loop of the last two also rotates the sum and
-adds it to the samples. An odd number of paths gets another path without amplitude, which changes no bit.
+One loop processes two paths, so that their sum is loaded and stored once. The loop of the last two paths also rotates
+the sum and adds the sum to the samples. An odd number of paths gets another path with amplitude 0, which changes no
+bit.
 
-No sum depends on the order of vector lanes, and operations are fused explicitly. So a block has the same bits on every
-machine, however the samples are cut between blocks.
+No sum depends on the order of vector lanes, and products and sums are fused explicitly. So a block has the same bits on
+every machine, for any division of the samples at the limits of blocks.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -37,7 +38,7 @@ _ROW = BLOCK + 48
 
 @njit(inline="always")
 def _sign(window, fraction, delay):
-    """Return the sign bit of the chip that a sample meets at a delay."""
+    """Return the sign bit of the chip at a sample, for a signal with a delay."""
     shift = np.uint32(np.uint32(fraction + delay) >> np.uint32(FRACTION_BITS))
     return np.int32(np.uint32(np.uint32(window << shift) & np.uint32(0x80000000)))
 
@@ -53,7 +54,7 @@ def _ray(sign, cos, sin, re, im):
 
 @njit(cache=True, nogil=True)
 def _add_two_rays(window, fraction, shift, cos, sin, a, r, first, fresh, s_re, s_im):
-    """Add the paths number r and r + 1, one after the other, to the sum of the paths from sample `first` on."""
+    """Add path number r and then path number r + 1 to the sum of the paths, from sample `first` on."""
     re, im = np.float32(a[r].real), np.float32(a[r].imag)
     re_2, im_2 = np.float32(a[r + 1].real), np.float32(a[r + 1].imag)
     cos_1, sin_1, cos_2, sin_2 = cos[r, first:], sin[r, first:], cos[r + 1, first:], sin[r + 1, first:]
@@ -67,7 +68,7 @@ def _add_two_rays(window, fraction, shift, cos, sin, a, r, first, fresh, s_re, s
 
 @njit(cache=True, nogil=True)
 def _add_turned(window, fraction, shift, cos, sin, a, r, s_re, s_im, places, slope, curve, x):
-    """Add the paths number r and r + 1 to their sum, and the sum to the interleaved samples.
+    """Add paths number r and r + 1 to the sum of the paths, and add this sum to the samples.
 
     The sum is rotated by the small angle slope · k + curve · k², with k counted from the middle of the block.
     """
@@ -88,7 +89,7 @@ def _add_turned(window, fraction, shift, cos, sin, a, r, s_re, s_im, places, slo
 
 @njit(cache=True, nogil=True)
 def _add_edge_ray(packed, n_chips, u0, step, delay, cos, sin, a, s_re, s_im):
-    """Add a path with some samples outside the chips."""
+    """Add a path of which some samples are before the first or after the last chip."""
     a_re, a_im = np.float32(a.real), np.float32(a.imag)
     for i in range(s_re.size):
         j = np.int64(np.floor(u0 + i * step - delay))
@@ -100,7 +101,7 @@ def _add_edge_ray(packed, n_chips, u0, step, delay, cos, sin, a, s_re, s_im):
 
 @njit(cache=True, nogil=True)
 def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
-    """Add paths of one signal to samples; parameters as in `add_paths`, delays within 2 · WINDOW_REACH_CHIPS."""
+    """Add paths with delays within 2 · WINDOW_REACH_CHIPS to samples; `add_paths` explains the parameters."""
     n_samples, n_rays = x.size // 2, delays.size
     middle, reach = (delays.max() + delays.min()) / 2, (delays.max() - delays.min()) / 2
     last = (n_rays - 1) // 2 * 2  # first path of the last pair
@@ -128,7 +129,7 @@ def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate
         for r in range(n_rays):
             a[r] = amplitudes[r] * turn_at(if_hz + ray_hz[r], doppler_rate, tm)
         inside = i1 - i0 == n
-        if last == 0 or not inside:  # otherwise the first pair replaces the sum of the last block
+        if last == 0 or not inside:  # otherwise the first pair of paths overwrites the sum of the previous block
             s_re[:] = 0
             s_im[:] = 0
         for r in range(0, last if inside else last + 2, 2):
@@ -151,21 +152,22 @@ def add_paths(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate,
     Parameters
     ----------
     x
-        float32[2 · n_samples], real and imaginary parts in turn.
+        float32[2 · n_samples], samples with alternating real and imaginary parts.
     packed, n_chips
-        Packed chips and their number; there is no signal before and after the chips.
+        Packed chips, and the number of chips; there is no signal before the first and after the last chip.
     delays
-        float64[n_rays] in chips, positive is later.
+        float64[n_rays]: delay of each path in chips, positive if later.
     amplitudes, ray_hz
-        complex128[n_rays] at the start of the code, and float64[n_rays]: Doppler of each path relative to the signal.
+        complex128[n_rays]: amplitude of each path at the start of the code; float64[n_rays]: Doppler in Hz of each path
+        relative to the signal.
     t0, dt
         Time of the first sample after the start of the code, and the sampling interval, in s.
     code_rate, code_rate_rate
-        Received chips/s at the start of the code, and its rate of change in chips/s².
+        Received chip rate in chips/s at the start of the code, and its rate of change in chips/s².
     if_hz, doppler_rate
         Carrier frequency in the samples at the start of the code in Hz, and its rate of change in Hz/s.
     """
-    order = np.argsort(delays, kind="mergesort")  # stable
+    order = np.argsort(delays, kind="mergesort")  # a stable sort
     first = 0
     while first < order.size:
         last = first + 1

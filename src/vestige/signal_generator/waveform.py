@@ -1,15 +1,15 @@
-"""Galileo components as continuous complex functions of time, to be sampled at any rate [WFO, Sec. V].
+"""Compute Galileo components as continuous complex functions of time, at any sampling rate [WFO, Sec. V].
 
-The satellite sends, at its time t_s, the real function d(t_s) · c(t_s): symbol times secondary chip times primary chip
-times pulse level. A pilot has a minus sign, because a band is (e_B − e_C)/√2 [OS-ICD, 2.3.3]. All codes and symbols
-start with the Galileo second, so t_s is counted from a whole second.
+At the satellite time t_s, the satellite sends the real function d(t_s) · c(t_s). The symbol is d, and c is secondary
+chip times primary chip times pulse level. A pilot has a minus sign, because a band is (e_B − e_C)/√2 [OS-ICD, 2.3.3].
+All codes and symbols start with the Galileo second, so t_s is counted from a whole second.
 
-At its time t the receiver sees the signal sent at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}. After the mixer
-with the frequency f_0 the signal is
+The signal that arrives at the receiver time t was sent at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}. After the
+mixer with the frequency f_0 the signal is
 
     x(t) = a · d(t_s) · c(t_s) · exp j2π[ (f_c − f_0) t − f_c P(t)/c ]
 
-A single function P(t) thus puts Doppler on code, symbols and carrier.
+The pseudorange P(t) thus gives the Doppler of code, symbols and carrier.
 """
 
 from __future__ import annotations
@@ -31,19 +31,20 @@ Chips = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"] | Float32[np.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Component:
-    """One signal component of one satellite."""
+    """Signal component of a satellite, such as E6-C."""
 
     signal: SignalDefinition
-    chip: Chips  # chip by its number, counted from the reference second: ±1, int8, or any amplitude, float32
+    chip: Chips  # chip by its number, counted from the reference second: int8 if ±1, float32 for other amplitudes
     symbol: Sequence | None = None  # symbol ±1 by its number, counted from the reference second; None for a pilot
-    # chips number `first` to `first + n - 1`, where a stretch is faster to make than single chips
+    # Function that returns chips number `first` to `first + n - 1`, if many chips together are faster than single
+    # chips.
     stretch: Callable[[int, int], Int8[np.ndarray, " n"]] | None = None
-    # primary and secondary code, if `chip` is the product of both; else None
+    # Primary and secondary code, if `chip` is the product of these codes; else None.
     primary: Int8[np.ndarray, " n"] | None = None
     secondary: Int8[np.ndarray, " k"] | None = None
 
     def modulation(self, satellite_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return d · c at satellite times in s after the reference second."""
+        """Return d · c, the transmitted signal, at satellite times in s after the reference second."""
         phase = satellite_s * self.signal.chip_rate_hz
         chip = np.floor(phase)
         levels = np.asarray(self.signal.pulse.levels)
@@ -56,7 +57,7 @@ class Component:
     def received(
         self, t_s: Float[np.ndarray, " n"], pseudorange_m: Float[np.ndarray, " n"], center_frequency_hz: float
     ) -> Complex128[np.ndarray, " n"]:
-        """Return x(t) of unit amplitude.
+        """Return the received signal x(t) with unit amplitude.
 
         `pseudorange_m` is P(t) of this band; the front end puts the radio frequency `center_frequency_hz` at 0 Hz.
         """

@@ -1,1 +1,1 @@
-"""Facts of the Galileo signals: definitions, codes, pulse, spectrum, autocorrelation."""
+"""Properties of the Galileo signals: definitions, codes, pulse, spectrum, autocorrelation."""

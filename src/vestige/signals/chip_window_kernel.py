@@ -1,16 +1,16 @@
-"""The chip of every sample by chip windows and fixed-point code phase, to make and to correlate samples.
+"""Find the chip of every sample with chip windows and a fixed-point code phase, to make and to correlate samples.
 
 Theory of operation
 -------------------
-**Packed chips.** A code is packed into one bit per chip, 32 chips to a word (`vestige.records.packed_chips`). A set bit
-means −1. A window is 32 consecutive chips. A left shift by s brings chip s of the window into the sign bit. The sign
-bit, XORed into a float32, multiplies the float32 by the chip.
+**Packed chips.** A code is packed into one bit per chip, 32 chips to a word (`vestige.records.packed_chips`). A bit 1
+means the chip −1. A window is 32 consecutive chips. A left shift by s brings chip s of the window into the sign bit.
+The sign bit, XORed into a float32, multiplies the float32 by the chip.
 
-**One window for many samples.** A window has the chips of all samples that lie within 15 chips, at every delay within
-`WINDOW_REACH_CHIPS` of a common middle. A window serves 32 samples from 2.2 samples per chip on, and eight samples from
-half a sample per chip on. At lower sampling rates each sample has its own window. Each chip of a window keeps its bit
-position in the packed word. Chip c is bit c mod 32, and the shift is the code phase modulo 32 chips. So no look-up is
-needed for single samples.
+**One window for many samples.** A window has the chips of all samples that lie within 15 chips. The window is valid for
+every delay within `WINDOW_REACH_CHIPS` of a common middle. At 2.2 or more samples per chip, 32 samples use the same
+window. At 0.5 to 2.2 samples per chip, eight samples use the same window. At lower sampling rates each sample has its
+own window. Each chip of a window keeps its bit position in the packed word. Chip c is bit c mod 32, and the shift is
+the code phase modulo 32 chips. So no look-up is needed for single samples.
 
 **Fixed-point code phase.** The phase at the start of a block is a float64. Inside the block the phase is an integer
 with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. The phase, modulo 32 chips and cut to 27
@@ -34,17 +34,18 @@ from vestige.kernel_cache import njit
 from vestige.records.packed_chips import PAD
 from vestige.signals.rotator_kernel import BLOCK
 
-GROUP = 32  # samples that share a window at most; the length of `window` is a multiple
+GROUP = 32  # largest number of samples with the same window; the length of `window` is a multiple of this number
 _SMALL_GROUP = 8
 # largest distance in chips from the first to the last sample of a group, so that the group meets 15 chips
 _GROUP_SPAN = 14
-# largest delay from the middle: with the chips of a group, 31 of a window's 32 chips are used
+# largest distance of a delay from the middle; together with the chips of a group, 31 of a window's 32 chips are used
 WINDOW_REACH_CHIPS = 8.0
-FRACTION_BITS = 27  # bits of a delay; five bits are left for 32 chips
-_LEAD = 8  # chips in a window before the chip of a group's first sample
-_PHASE_BITS = 40  # fraction bits of the code phase
+FRACTION_BITS = 27  # number of fraction bits of a delay; the five bits above the fraction count 32 chips
+_LEAD = 8  # number of chips in a window before the chip of the group's first sample
+_PHASE_BITS = 40  # number of fraction bits of the code phase
 _CUT_BITS = _PHASE_BITS - FRACTION_BITS
-# A loop that counts its samples itself is compiled to 64-bit sums, which take twice as long as 32-bit sums
+# Numbers of the samples in a block. A loop with a counter instead would be compiled to 64-bit sums, which take twice as
+# long as 32-bit sums
 _NUMBERS = np.arange(BLOCK, dtype=np.uint32)
 
 
@@ -57,16 +58,16 @@ def chip_at(packed, j):
 
 @njit(cache=True, nogil=True)
 def window_delay(delay):
-    """Return −delay (chips from the middle, within WINDOW_REACH_CHIPS) as fixed point, modulo 32 chips."""
+    """Return −delay as fixed point, modulo 32 chips; `delay` is in chips from the middle, within WINDOW_REACH_CHIPS."""
     return np.uint32(np.int64(np.round(-delay * 2.0**FRACTION_BITS)))
 
 
 @njit(cache=True, nogil=True)
 def interior(u0, step, reach, n_chips, n):
-    """Return (i0, i1), the range of samples that meet a chip at all delays within ±reach.
+    """Return the limits (i0, i1) of the samples that lie within the code at all delays within ±reach.
 
-    Sample i of n has the code phase u0 + i · step. The range may be a sample short at either end. The plain loops at
-    the edges then process that sample.
+    Sample i of n has the code phase u0 + i · step. The range may omit one sample at each end. The plain loops at the
+    edges then process the omitted sample.
     """
     i0 = max(0, min(n, np.int64(np.ceil((reach - u0) / step)) + 1)) if u0 < reach else np.int64(0)
     i1 = n
@@ -77,7 +78,7 @@ def interior(u0, step, reach, n_chips, n):
 
 @njit(cache=True, nogil=True)
 def _fixed(u0, step):
-    """Return code phase and step as fixed point, and the whole chips before that phase."""
+    """Return code phase and step as fixed-point numbers, and the number of whole chips before this phase."""
     base = np.floor(u0)
     return (
         np.int64(np.round((u0 - base) * 2.0**_PHASE_BITS)),
@@ -88,9 +89,9 @@ def _fixed(u0, step):
 
 @njit(inline="always")
 def _window(packed, phase):
-    """Return the window of a fixed-point code phase, in the order of its words."""
+    """Return the window of a fixed-point code phase, with each chip at its bit position in the packed word."""
     lead = (phase >> _PHASE_BITS) - _LEAD
-    word, place = np.uint64(lead >> 5), lead & 31  # unsigned, so that no index counts from the end of the array
+    word, place = np.uint64(lead >> 5), lead & 31  # unsigned, so that numba does not test for a negative index
     early, late = packed[word], packed[word + np.uint64(1)]
     return np.uint32(late ^ np.uint32(np.uint32(early ^ late) & np.uint32(np.uint32(0xFFFFFFFF) >> np.uint32(place))))
 
@@ -111,8 +112,9 @@ def _store_copies(_context, array, first, value):
     return types.none(array, first, value), code
 
 
-# Store GROUP copies of a uint32 in an array of uint32, from element `first` on, by vector instructions; for compiled
-# code only. The compiler turns a loop of GROUP steps into single stores, which take four times as long.
+# `_copy_to_group(array, first, value)` stores GROUP copies of a uint32 in an array of uint32, from element `first` on. The
+# function uses vector instructions and is for compiled code only. The compiler turns a loop of GROUP steps into single
+# stores, which take four times as long.
 _copy_to_group: Any = intrinsic(_store_copies)
 
 
@@ -153,11 +155,19 @@ def fill_windows(packed, u0, step, n, window):
 
 @njit(cache=True, nogil=True)
 def fill_fractions(u0, step, fraction):
-    """Fill uint32[n], n ≤ BLOCK, with the code phases of consecutive samples, modulo 32 chips, in 2^-27 chip."""
+    """Fill the fractions of consecutive samples: their code phases in units of 2^-27 chip, modulo 32 chips.
+
+    Parameters
+    ----------
+    u0, step
+        Code phase of the first sample and its step, in chips.
+    fraction
+        uint32[n] with n ≤ BLOCK.
+    """
     p0, dp, base = _fixed(u0, step)
     p0 += base << _PHASE_BITS
-    # ⌊(p0 + i dp) / 2^cut⌋ modulo 2³² by 32-bit sums, because a vector has twice as many 32-bit as 64-bit numbers: the
-    # lower parts have `cut` bits, so their sum over a block does not overflow
+    # The loop computes ⌊(p0 + i dp) / 2^cut⌋ modulo 2³² with 32-bit sums, because a vector has twice as many 32-bit as
+    # 64-bit numbers. The lower parts have `cut` bits, so their sum over a block does not overflow.
     cut, lower = np.uint32(_CUT_BITS), np.uint32((1 << _CUT_BITS) - 1)
     high, low = np.uint32(p0 >> _CUT_BITS), np.uint32(np.uint32(p0) & lower)
     high_step, low_step = np.uint32(dp >> _CUT_BITS), np.uint32(np.uint32(dp) & lower)
@@ -169,10 +179,10 @@ def fill_fractions(u0, step, fraction):
 
 @njit(cache=True, nogil=True)
 def phase_apart(step, lag):
-    """Return the smallest phase in its chip, in 2^-27 chip, of a sample whose chip began `lag` samples ago or earlier.
+    """Return the smallest phase in the chip at which a sample shares its chip with the sample `lag` samples before.
 
-    The phase in the chip is the lower FRACTION_BITS bits of a fraction. A chip shorter than the lag gives more than any
-    phase.
+    The phase in the chip is the lower FRACTION_BITS bits of a fraction (`fill_fractions`). If a chip is shorter than the
+    lag, the function returns 2^27, which is larger than any phase in the chip.
     """
     apart = (lag * np.int64(np.round(step * 2.0**_PHASE_BITS)) + (1 << _CUT_BITS) - 1) >> _CUT_BITS
     return np.uint32(min(apart, 1 << FRACTION_BITS))

@@ -1,8 +1,8 @@
-"""Spreading codes: primary memory codes and secondary codes of E1-B, E1-C, E6-B, E6-C, from a packaged table.
+"""Return the primary and secondary codes of E1-B, E1-C, E6-B and E6-C from a table in the package.
 
-The tables are published facts of the Galileo OS SIS ICD and the Galileo E6-B/C Codes Technical Note (© European Union,
-used with acknowledgement). `data/README.md` describes the packed form of the tables. The SHA-256 of each section is
-checked on reading.
+The tables are from the Galileo OS SIS ICD and the Galileo E6-B/C Codes Technical Note (© European Union, used with
+acknowledgement). `data/README.md` describes the packed form of the tables. The SHA-256 of each section is checked on
+reading.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vestige.signals.definitions import SignalDefinition
 
 N_CODES = 50  # [OS-ICD, Annex C], [E6-CODES]
 
-# section: number of its codes, chips of each code, SHA-256 of the section [OS-ICD, Annex C], [E6-CODES]
+# number of codes, number of chips of each code, and SHA-256, by section [OS-ICD, Annex C], [E6-CODES]
 _SECTIONS = {
     "E1-B": (N_CODES, 4092, "384ec87e76ecbf81c84f6766e7064afb603acbe6ca7ae171bf7b8e14261c5854"),
     "E1-C": (N_CODES, 4092, "56721f302855a730260d53e3801e64896eef2e6369154a04fabb2a04f846390c"),
@@ -46,7 +46,7 @@ def _section(name: str) -> UInt8[np.ndarray, "codes chips"]:
 
 
 def _chips(bits: UInt8[np.ndarray, " n"]) -> Int8[np.ndarray, " n"]:
-    """Return bits as read-only chips, which callers share: logic 0 is +1, logic 1 is −1 [OS-ICD, 2.3]."""
+    """Return bits as read-only chips, which all callers use in common: logic 0 is +1, logic 1 is −1 [OS-ICD, 2.3]."""
     chips = (1 - 2 * bits.astype(np.int8)).astype(np.int8)
     chips.flags.writeable = False
     return chips
@@ -66,12 +66,15 @@ def primary_code(signal: SignalDefinition, svid: int) -> Int8[np.ndarray, " n_ch
 
 @cache
 def secondary_code(signal: SignalDefinition, svid: int) -> Int8[np.ndarray, " n_periods"]:
-    """Return the secondary code of `signal` for one satellite as int8 ±1, one chip per primary period; [1] if none."""
+    """Return the secondary code of `signal` for one satellite as int8 ±1, one chip per primary period.
+
+    The result is [1] if the signal has no secondary code.
+    """
     row = _row(svid)
     if signal.secondary_length == 1:
         return _chips(np.zeros(1, np.uint8))
     if signal.secondary_length == 25:
-        return _chips(_section("CS25")[0])  # CS25_1 for every satellite [OS-ICD, 3.5]
+        return _chips(_section("CS25")[0])  # every satellite has CS25_1 [OS-ICD, 3.5]
     return _chips(_section("CS100")[row])
 
 

@@ -1,4 +1,4 @@
-"""The four Galileo signals that vestige uses, as a table.
+"""Definitions of the four Galileo signal components that vestige uses.
 
 | signal | carrier | chips/s | primary code | secondary code | symbols/s |
 |---|---|---|---|---|---|
@@ -56,13 +56,13 @@ class SignalDefinition:
     def polarity(self) -> int:
         """Sign with which a satellite adds the component to its band: −1 for a pilot [OS-ICD, 2.3.3].
 
-        A receiver does not need the sign: it measures the phase of a pilot, and the synchronisation pattern gives the
-        sign of a message.
+        A receiver does not need the sign. The receiver measures the phase of a pilot, and the synchronisation pattern
+        gives the sign of a message.
         """
         return 1 if self.symbol_rate_hz else -1
 
 
-# E1-B adds the BOC(6,1) part, E1-C subtracts it [OS-ICD, 2.3.3].
+# E1-B adds the BOC(6,1) part, and E1-C subtracts the BOC(6,1) part [OS-ICD, 2.3.3].
 E1B = SignalDefinition(
     name="E1-B",
     band=Band.E1,

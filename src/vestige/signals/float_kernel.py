@@ -1,7 +1,7 @@
-"""Operations on float32 in compiled loops that numba does not offer: the bits of a number, and fused multiply-add.
+"""Provide float32 operations that numba does not have: the bits of a number, and fused multiply-add.
 
-A compiler that may fuse a product and a sum does so on some machines only, and the bits of the result depend on the
-machine. `fma` is fused everywhere: a processor without such an instruction calls the C library, which is slow but
+A compiler that may fuse a product and a sum does so on some machines only. The bits of the result then depend on the
+machine. `fma` is fused on every machine: a processor without such an instruction calls the C library, which is slow but
 exact.
 """
 
@@ -40,5 +40,5 @@ def _fused(_context, x, y, z):
     return types.float32(types.float32, types.float32, types.float32), code
 
 
-# x y + z of three float32, rounded once; for compiled code only
+# `fma` returns x y + z of three float32, rounded once, and works in compiled code only
 fma: Any = intrinsic(_fused)

@@ -1,8 +1,9 @@
 """Decide whether the chips of a RECS belong to the open E6-C code, which is public and repeats each millisecond.
 
-E6-C was not encrypted before the service began. RECS made from such a recording (`vestige recs make`) exercise the
-whole chain, but a search for the earliest arrival is meaningless with them. The same chips arrive again one code period
-later. The chips of 100 ms earlier, one period of the secondary code, match the RECS, too.
+E6-C was not encrypted before the service began. RECS made from a recording of that time (`vestige recs make`) test the
+whole processing. With such RECS a search for the earliest arrival is meaningless. The reason is that the same chips
+arrive again one code period later. The chips that arrived 100 ms earlier, one period of the secondary code, also match
+the RECS.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ def is_open_e6c(chips: Int8[np.ndarray, " n_chips"], svid: int) -> bool:
     Parameters
     ----------
     chips
-        int8[n_chips] of ±1 in order of transmission. Chips of a single code period are compared with the public primary
+        int8[n_chips], ±1, in order of transmission. Chips of a single code period are compared with the public primary
         code.
     svid
         SVID of the satellite.

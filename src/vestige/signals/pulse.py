@@ -1,14 +1,15 @@
-"""Chip pulses: shape, spectrum, autocorrelation, and the effect of a band limit.
+"""Compute the spectrum and the correlation of chip pulses, with and without a band limit.
 
-Every Galileo pulse used here is piecewise constant over a chip: n equal sub-chips with levels a_0 … a_{n-1} and mean
-square 1. All functions follow exactly from the levels, with w = T_c/n the width of a sub-chip:
+Every Galileo pulse in vestige is piecewise constant over a chip. A chip has n equal sub-chips with levels a_0 … a_{n-1}
+and mean square 1. All functions follow exactly from the levels. With the width w = T_c/n of a sub-chip, the functions
+are:
 
     spectrum          S(f) = (w sinc(f w))² |Σ_k a_k e^{-j2πf(k+½)w}|² / T_c        unit area over all f
     autocorrelation   R(τ): linear between R(m w) = (1/n) Σ_k a_k a_{k+m}           random code, |τ| < T_c
     band-limited      R_B(τ) = ∫_{-B/2}^{B/2} S(f) cos(2πfτ) df                     ideal filter
 
 CBOC(6,1,1/11) is √(10/11) BOC(1,1) ± √(1/11) BOC(6,1), on twelve sub-chips [OS-ICD, 2.3.3]. The sign is + on E1-B and −
-on E1-C. In the average over both signals, the cross term cancels, and the spectrum is MBOC = 10/11 BOC(1,1) + 1/11
+on E1-C. In the average over E1-B and E1-C, the cross term cancels. The spectrum is then MBOC = 10/11 BOC(1,1) + 1/11
 BOC(6,1).
 """
 
@@ -21,12 +22,12 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Complex128, Float
 
-_NODES_PER_LOBE = 24  # Gauss-Legendre nodes a spectral lobe: relative error of the integrals below 1e-9
+_NODES_PER_LOBE = 24  # number of Gauss-Legendre nodes per spectral lobe, for a relative error below 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Pulse:
-    """A piecewise constant chip pulse.
+    """Chip pulse that is piecewise constant.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ def autocorrelation(pulse: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float
 def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the correlation of an unfiltered signal with the replica of another pulse and the same random code.
 
-    Both pulses have the same symmetry about the middle of the chip, so the correlation is even. Beyond one chip the
+    The two pulses have the same symmetry about the middle of the chip, so the correlation is even. Beyond one chip the
     correlation is zero.
 
     Parameters
@@ -112,7 +113,7 @@ def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.nda
 
     Examples
     --------
-    A receiver that takes E1-C as BOC(1,1) loses 0.4 dB, √(10/11):
+    A receiver that correlates E1-C with BOC(1,1) gets the amplitude √(10/11), a loss of 0.4 dB:
 
     >>> import numpy as np
     >>> from vestige.signals.pulse import BOC11, CBOC_MINUS, cross_correlation
@@ -124,7 +125,7 @@ def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.nda
 
 @lru_cache(maxsize=16)
 def _corners(received: Pulse, replica: Pulse) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return the delays in chips, and the values, at the bends of the correlation, which is straight between them."""
+    """Return the delays in chips and the values at the bends of the correlation, which is linear between the bends."""
     n = math.lcm(len(received.levels), len(replica.levels))
     first, second = (np.repeat(one.levels, n // len(one.levels)) for one in (received, replica))
     values = np.pad(np.correlate(first, second, mode="full") / n, 1)
@@ -134,7 +135,7 @@ def _corners(received: Pulse, replica: Pulse) -> tuple[Float[np.ndarray, " k"], 
 def band_limited_autocorrelation(
     pulse: Pulse, delay_chips: Float[np.ndarray, " n"], *, chip_rate_hz: float, bandwidth_hz: float
 ) -> Float[np.ndarray, " n"]:
-    """Return R_B(τ) behind an ideal filter; R_B(0) is the share of the power that passes.
+    """Return R_B(τ) after an ideal filter; R_B(0) is the share of the power that passes the filter.
 
     Parameters
     ----------
@@ -158,10 +159,10 @@ def band_limited_correlation(
     chip_rate_hz: float,
     bandwidth_hz: float,
 ) -> Float[np.ndarray, " n"]:
-    """Return the correlation of a received pulse behind an ideal filter with the replica of another pulse.
+    """Return the correlation of a received pulse after an ideal filter with the replica of another pulse.
 
     R(τ) = ∫ S_rp(f) e^{j2πfτ} df over ±B/2, with S_rp the cross spectrum for a random code. For two equal pulses R is
-    `band_limited_autocorrelation`. Both pulses have the same symmetry about the middle of the chip, so R is real.
+    `band_limited_autocorrelation`. The two pulses have the same symmetry about the middle of the chip, so R is real.
 
     Parameters
     ----------
@@ -193,7 +194,7 @@ def _gauss_nodes() -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
 def _frequency_nodes(
     bandwidth_hz: float, chip_rate_hz: float, delay_chips: float
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Return Gauss-Legendre nodes and weights over [0, B/2], dense enough for the lobes and the cosine."""
+    """Return Gauss-Legendre nodes and weights over [0, B/2], with enough nodes for the lobes and the cosine."""
     if not bandwidth_hz > 0:
         raise ValueError(f"bandwidth must be positive, found {bandwidth_hz}")
     lobes = bandwidth_hz / 2 / chip_rate_hz * (1 + delay_chips)

@@ -1,11 +1,11 @@
-"""The carrier over one block of samples, as a table.
+"""Compute the carrier over one block of samples as a table.
 
-One table for the constant frequency rotates all samples of a block. The phase of the block and the rate of change of
-the frequency are computed in float64 at the block's middle. The table is the product of a few coarse and fine steps, so
-that a table costs 64 sines instead of 1024.
+A table for a constant frequency rotates all samples of a block. The phase of the block and the rate of change of the
+frequency are computed in float64 at the block's middle. The table is the product of a few coarse and fine steps, so
+that a table needs 64 sines instead of 1024.
 
-The phasor of a block comes from polynomials [CEPHES, double precision]. They take half the time of the C library's
-functions, and give the same bits on machines with different C libraries.
+The phasor of a block is computed with polynomials [CEPHES, double precision]. The polynomials take half the time of the
+C library's functions, and give the same bits on machines with different C libraries.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -16,7 +16,7 @@ import numpy as np
 
 from vestige.kernel_cache import njit
 
-BLOCK = 1024  # samples; the arrays of a block stay in the first-level cache
+BLOCK = 1024  # number of samples in a block; the arrays of a block fit into the first-level cache
 MIDDLE = BLOCK // 2
 _FINE = 32
 # sine and cosine on ±π/4 [CEPHES, sin and cos]
@@ -46,7 +46,7 @@ def _phasor(cycles):
 
 @njit(cache=True, nogil=True)
 def rotator_table(cycles_per_sample, cos, sin):
-    """Fill float32[BLOCK] cosine and sine of the angle from the block's middle, exact to the rounding of float32."""
+    """Fill float32[BLOCK] with the cosine and sine of the angle from the block's middle, exact to float32 rounding."""
     fine = np.empty(_FINE, np.complex128)
     for b in range(_FINE):
         angle = 2 * np.pi * cycles_per_sample * b
@@ -61,7 +61,7 @@ def rotator_table(cycles_per_sample, cos, sin):
 
 @njit(cache=True, nogil=True)
 def from_middle():
-    """Return how many samples each sample of a block lies after the middle of the block, float32[BLOCK]."""
+    """Return the position of each sample relative to the middle of the block, in samples, as float32[BLOCK]."""
     return np.arange(-MIDDLE, BLOCK - MIDDLE).astype(np.float32)
 
 

@@ -1,1 +1,1 @@
-"""Products of a scenario: snapshots, recordings, exported test cases."""
+"""Simulate what a scenario describes: snapshots, recordings and exported test cases."""

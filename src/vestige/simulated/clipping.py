@@ -1,7 +1,7 @@
-"""Clipping of stored numbers: the share that clips, and advice to the user.
+"""Measure the share of stored numbers that clip, and advise the user.
 
-Jamming can exceed the range of a number format: int8 samples have room for 19 dB over the noise. A front end with a
-gain control keeps the samples in range, because its gain follows the power.
+Jamming can exceed the range of a number format: int8 samples clip at 19 dB above the noise. A front end with a gain
+control keeps the samples in range, because the gain decreases when the power rises.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vestige.recording.samples.sample_format import SampleType
 from vestige.records import Band
 
 _CLIPPED_SHARE = 1e-3  # share of clipped numbers above which there is a warning
-_FEW_BITS = 3  # a quantiser with at most this many bits has many samples at its outermost levels without harm
+_FEW_BITS = 3  # largest number of bits with which many samples may be at the outermost levels of a quantiser
 
 
 def largest_level(component: SampleType, front_end: FrontEnd) -> int | None:
@@ -56,7 +56,7 @@ def n_clipped(components: Num[np.ndarray, "*shape"], largest: int | None) -> int
 
 
 def clipping_warning(shares: Mapping[Band, float], front_end: FrontEnd) -> str:
-    """Return a line with the clipped share of each band and advice; "" if hardly any number clips.
+    """Return a line with the clipped share of each band and advice; "" if the share is small in every band.
 
     Parameters
     ----------

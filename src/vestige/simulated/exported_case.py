@@ -1,10 +1,11 @@
-"""Some epochs of a campaign as an ACAS test case: all data that an independent receiver needs, and the truth.
+"""Export some epochs of a campaign as an ACAS test case: all data that an independent receiver needs, and the truth.
 
-The test case contains the epochs from `first` to before `end`. The samples of both bands are continuous and contain all
-satellites of the sky (`receiver.samples.continuous`). The test case also contains E1 observations with the errors of
-the truth, RECS, group delays and keys. `vestige run` processes the same epochs with the same RECS, keys and errors.
-Under a sky the E6 samples are also the same, and so are the E1 samples except for the symbols of E1-B. On a single line
-of sight the noise of the campaign's samples differs, because each epoch has its own noise.
+The test case contains the epochs `first` to `end` − 1. The samples of E1 and E6 are continuous and contain all
+satellites of the scenario (`receiver.samples.continuous`). The test case also contains E1 observations with the errors
+of the truth, RECS, group delays and keys. `vestige run` processes the same epochs with the same RECS, keys and errors.
+In a scenario with a sky, the E6 samples are equal to the samples of the campaign. The E1 samples are equal except for
+the symbols of E1-B. On a single line of sight the noise of the campaign's samples differs, because each epoch has its
+own noise.
 
 Truth, samples and files are made in blocks of epochs, so the memory does not grow with the number of epochs.
 """
@@ -34,15 +35,15 @@ from vestige.simulated.exported_receiver import ExportedReceiver
 from vestige.simulated.exported_satellite import ExportedSatellite, tail_after_s
 from vestige.time import GalileoTime
 
-EPOCHS_IN_MEMORY = 500  # 3 MB with eight satellites
-DEFAULT_RANGE_M = 25_000_000.0  # range if the scenario gives none; Galileo satellites are 23,200 to 29,000 km away
-MAX_RATE_MPS = 10_000.0  # largest range rate, of a receiver in a low orbit
-_MESSAGE_SPARE_S = 1.0  # duration of the message beyond the last sample
-PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # range of travel times in which a recording is processed
+EPOCHS_IN_MEMORY = 500  # number of epochs in a block, which needs 3 MB with eight satellites
+DEFAULT_RANGE_M = 25_000_000.0  # range in m without a stated range; real ranges are 23,200 to 29,000 km
+MAX_RATE_MPS = 10_000.0  # largest range rate in m/s, reached by a receiver in a low orbit
+_MESSAGE_SPARE_S = 1.0  # duration in s of the message after the last sample
+PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # limits in s of the travel time in a recording
 
 
 def with_default_range(scenario: CampaignScenario) -> CampaignScenario:
-    """Return the scenario; if the scenario has no range, as in the paper, its satellite is at 25,000 km."""
+    """Return the scenario, with a range of 25,000 km if the scenario has no range, as in the paper."""
     path = scenario.line_of_sight
     return scenario if path.s0_m else scenario.model_copy(update={"line_of_sight": replace(path, s0_m=DEFAULT_RANGE_M)})
 
@@ -54,7 +55,7 @@ class AcasTestCase:
     scenario: CampaignScenario  # the campaign, whose satellite has a realistic range
     first: int
     end: int
-    block_epochs: int = EPOCHS_IN_MEMORY  # largest number of epochs in memory; the files do not depend on it
+    block_epochs: int = EPOCHS_IN_MEMORY  # largest number of epochs in memory, which does not affect the files
 
     def __post_init__(self) -> None:
         if not 0 <= self.first < self.end <= self.scenario.epochs:
@@ -72,12 +73,12 @@ class AcasTestCase:
 
     @property
     def simulation(self) -> Simulation:
-        """The simulated receiver with its first satellite."""
+        """Simulation of the receiver with the first satellite."""
         return self.scenario.simulations[0]
 
     @cached_property
     def satellites(self) -> tuple[ExportedSatellite, ...]:
-        """All satellites that the receiver sees at any time, with all epochs; `blocks` yields blocks of epochs."""
+        """All satellites that the receiver ever receives, with all epochs; `blocks` yields blocks of epochs."""
         message = self.message
         forged = None if message is None else message.forged(self.scenario.seed)
         return tuple(
@@ -95,17 +96,17 @@ class AcasTestCase:
     def blocks(self, *numbers: int) -> Iterator[tuple[ExportedSatellite, ...]]:
         """Yield the satellites in successive blocks of epochs.
 
-        `numbers` are positions in `satellites`; without any, a block contains all satellites.
+        `numbers` are positions in `satellites`; without `numbers`, a block contains all satellites.
         """
         chosen = [self.satellites[number] for number in numbers] or self.satellites
         if self.end - self.first <= self.block_epochs:
-            yield tuple(chosen)  # keep their truth for the next call
+            yield tuple(chosen)  # the satellites keep the truth of this block for the next call
         else:
             yield from zip(*(one.blocks(self.block_epochs) for one in chosen), strict=True)
 
     @cached_property
     def message(self) -> SkyMessage | None:
-        """E1-B messages of the satellites of a sky; None on a single line of sight, which has no orbit."""
+        """E1-B messages of the satellites; None on a single line of sight, which has no orbit."""
         scenario, constellation = self.scenario, self.scenario.constellation
         if constellation is None:
             return None
@@ -120,7 +121,7 @@ class AcasTestCase:
 
     @property
     def _message_begin(self) -> GalileoTime | None:
-        """Time in the first subframe of the message; with events, None for all subframes of the operator.
+        """Time in the first subframe of the message; None for all subframes of the operator, if there are OSNMA events.
 
         The message begins as long before the first epoch as the operator begins before the scenario. So slow tags have
         data to authenticate, and the longest delay of a spoofing signal is covered.
@@ -132,22 +133,22 @@ class AcasTestCase:
 
     @property
     def _message_end(self) -> GalileoTime:
-        """Time that the message must reach: after the last sample; with events, also the end of the next subframe."""
+        """Time at which the message ends: after the last sample, and with OSNMA events also after the next subframe."""
         last = self.scenario.start_time + self.end * self.scenario.interval_s
         end = last + (self.tail_s + _MESSAGE_SPARE_S)
         if not self.simulation.osnma.events:
             return end
-        return max(end, last.subframe + (2.0 * SUBFRAME_S - 1.0))  # contains the keys of the last RECS
+        return max(end, last.subframe + (2.0 * SUBFRAME_S - 1.0))  # this time is after the keys of the last RECS
 
     @cached_property
     def tail_s(self) -> float:
-        """Time in s from the last transmission to the last sample; every spoofing signal ends before this sample."""
+        """Time in s from the last transmission to the last sample, which is after the end of every spoofing signal."""
         epochs = self.scenario.interval_s, self.first, self.end
         return max(tail_after_s(one, *epochs) for one in self.scenario.simulations)
 
     @cached_property
     def osnma_receiver(self) -> OsnmaReceiver | None:
-        """An OSNMA receiver that got all pages; None without OSNMA events, when every key is received."""
+        """OSNMA receiver that has received all pages; None without OSNMA events, because then every key is received."""
         if self.message is None or not self.simulation.osnma.events:
             return None
         receiver = OsnmaReceiver(self.operator.public_keys, self.operator.merkle_tree)
@@ -159,7 +160,10 @@ class AcasTestCase:
 
     @property
     def samples(self) -> range:
-        """Numbers of the samples from epoch `first` on, counted from the scenario's start; see `tail_s`."""
+        """Numbers of the samples, counted from the scenario's start.
+
+        The samples last from epoch `first` to `tail_s` after the last epoch.
+        """
         rate_hz, interval_s = self.scenario.receiver.sample_rate_hz, self.scenario.interval_s
         first_s, last_s = self.first * interval_s, (self.end - 1) * interval_s
         return range(int(first_s * rate_hz), int(np.ceil((last_s + self.tail_s) * rate_hz)))
@@ -170,21 +174,21 @@ class AcasTestCase:
 
     @property
     def interference(self) -> dict[Band, SpooferInterference]:
-        """Noise and jamming of the attacks; empty without attacks."""
+        """Noise and jamming of the attacks by band; empty without attacks."""
         simulation = self.simulation
         if not simulation.spoofer.attacks:
             return {}
         return {band: SpooferInterference(simulation=simulation, band=band) for band in Band}
 
     def receivers(self) -> Iterator[ExportedReceiver]:
-        """Yield the receiver of a sky in successive blocks of epochs, none on a single line of sight."""
+        """Yield the receiver in successive blocks of epochs; a single line of sight has no such blocks."""
         if self.scenario.constellation is None:
             return
         for (one,) in self.blocks(0):
             yield ExportedReceiver(scenario=self.scenario, path=one.path, first=one.first, tag_s=one.tag_s)
 
     def observations(self) -> Iterator[ObservationEpoch]:
-        """Yield the E1 observations at the arrival of each epoch's chips; epochs without a satellite are left out."""
+        """Yield the E1 observations at the arrival of each epoch's chips; epochs without observations are left out."""
         for block in self.blocks():
             for row, tag_s in enumerate(block[0].tag_s):
                 found = {one.svid: seen for one in block if (seen := one.observations[row]) is not None}
@@ -213,7 +217,7 @@ class AcasTestCase:
         return replace(self.assistance_without_recs(), segments=segments)
 
     def assistance_without_recs(self) -> Assistance:
-        """Return group delays and keys; the RECS of hours would take much memory."""
+        """Return group delays and keys, without the RECS, because the RECS of hours need much memory."""
         simulation, numbers = self.simulation, self._recs_numbers
         if not numbers:
             raise VestigeError(
@@ -240,7 +244,7 @@ class AcasTestCase:
 
     @property
     def _predicted_ionosphere(self) -> dict[int, float]:
-        """Ionospheric delay on E1 in m by SVID, as a receiver computes it from word 5 for the middle epoch."""
+        """Ionospheric delay on E1 in m by SVID, which a receiver computes from word 5, for the middle epoch."""
         if self.scenario.atmosphere.ionosphere is None:
             return {}
         middle = self.first + (self.end - self.first) // 2

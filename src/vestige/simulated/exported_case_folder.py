@@ -1,4 +1,4 @@
-"""Files of a test case beside its samples: observations, assistance, truth, README.txt."""
+"""Write the files of a test case beside its samples: observations, assistance, truth, README.txt."""
 
 from __future__ import annotations
 
@@ -62,7 +62,8 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
         rinex.mkdir()
     if observed:
         write_csv_observations(folder / "observations.csv", case.observations())
-        # in a separate folder, because a recording has only one file of observations; CSV loses no digit
+        # These observations are in a separate folder, because a recording has only one file of observations. CSV loses
+        # no digit.
         receiver = next(case.receivers(), None)
         place_m = (0.0, 0.0, 0.0) if receiver is None else receiver.first_place_m
         write_rinex_observations(rinex / "observations.rnx", case.observations(), approximate_position_m=place_m)
@@ -89,7 +90,7 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
 
 
 def write_tables(path: Path, tables: Iterable[dict[str, list[str]]]) -> None:
-    """Write the rows of successive tables with the same columns."""
+    """Write the rows of successive tables with the same columns into one file."""
     with path.open("w", encoding="ascii", newline="\n") as stream:
         for number, table in enumerate(tables):
             if number == 0:

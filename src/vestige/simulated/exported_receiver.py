@@ -1,4 +1,4 @@
-"""The receiver of an exported sky: its true position and clock error at each epoch of a block, to assess fixes."""
+"""Compute the true position and clock error of the receiver at each epoch of a test case, to assess its fixes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from vestige.scenario.campaign import CampaignScenario
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedReceiver:
-    """The receiver at the time tags of its E1 observations."""
+    """True state of the receiver at the time tags of its E1 observations."""
 
     scenario: CampaignScenario  # a scenario with a sky
-    path: ContinuousTruth  # truth of any satellite; all contain the same receiver clock
+    path: ContinuousTruth  # truth of a satellite; every satellite has the same receiver clock in its truth
     first: int  # number of the first epoch
     tag_s: Float[np.ndarray, " n"]  # time tags in s after the scenario's start, on the receiver's clock
 
@@ -35,7 +35,7 @@ class ExportedReceiver:
         return float(x_m), float(y_m), float(z_m)
 
     def table(self) -> dict[str, list[str]]:
-        """Return the columns of text for `receiver_truth.csv`."""
+        """Return the columns of `receiver_truth.csv` as text."""
         tags = [self.scenario.start_time + float(tag_s) for tag_s in self.tag_s]
         latitude_rad, longitude_rad, height_m = geodetic_from_ecef(self.motion.position_m)
         numbers = {

@@ -1,4 +1,4 @@
-"""A satellite of an exported recording: its truth at any time, its signals in both bands, and its E1 observations."""
+"""Compute the truth, the signals in E1 and E6, and the E1 observations of a satellite of an exported recording."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from vestige.records import Band, E1Observation
 from vestige.signal_generator.waveform import Sequence
 from vestige.streams import stream
 
-# largest numbers of epochs that are computed at once, which limit the memory
-_AT_ONCE = 10_000  # delays
-_PASSED_AT_ONCE = 1000  # truth before the first epoch
+# Largest numbers of epochs that are computed at once, which limit the memory.
+_AT_ONCE = 10_000  # number of epochs whose delays are computed at once
+_PASSED_AT_ONCE = 1000  # number of epochs whose truth is computed at once, before the first epoch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,21 +31,21 @@ class ExportedSatellite:
     """A satellite in the epochs `first` to `end` − 1 of a campaign."""
 
     simulation: Simulation
-    interval_s: float  # time between epochs
+    interval_s: float  # time between two epochs in s
     first: int
     end: int
     symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
     forged_symbols: Sequence | None = None  # symbols of an attacker's own message; None for random symbols
-    known: TruthWithin | None = None  # truth of these epochs; None if it is not yet computed
+    known: TruthWithin | None = None  # truth of the epochs of this object; None if the truth is not yet computed
 
     @property
     def svid(self) -> int:
-        """The satellite."""
+        """SVID of the satellite."""
         return self.simulation.svid
 
     @property
     def tail_s(self) -> float:
-        """Time in s from the last transmission to the last sample; every spoofing signal ends before this sample."""
+        """Time in s from the last transmission to the last sample, which is after the end of every spoofing signal."""
         return tail_after_s(self.simulation, self.interval_s, self.first, self.end)
 
     def blocks(self, n_epochs: int) -> Iterator[ExportedSatellite]:
@@ -76,7 +76,7 @@ class ExportedSatellite:
 
     @property
     def _own(self) -> slice:
-        """Rows of the epochs in the truth around them."""
+        """Rows of the epochs in the truth, which also contains epochs before and after."""
         before = int(np.searchsorted(self.path.truth.time_s, self.truth.time_s[0]))
         return slice(before, before + self.end - self.first)
 
@@ -115,13 +115,13 @@ class ExportedSatellite:
     def observations(self) -> tuple[E1Observation | None, ...]:
         """E1 observations at the time tag of each epoch, 86 ms after transmission.
 
-        The entry of an epoch is None if the campaign has no E1 measurement: below the mask, without lock, and while E1
-        acquires the satellite. The entry is also None while the receiver follows a meaconer with a delay of seconds,
-        because such a receiver has another time than the samples.
+        The entry of an epoch is None if the campaign has no E1 measurement: below the mask, without lock, and during
+        acquisition. The entry is also None while the receiver follows a meaconer with a delay of seconds. The time of
+        such a receiver differs from the time of the samples.
 
         An attacker's delay depends on the time of transmission. The signal that is received at the time tag was sent up
-        to 15 ms before or after the epoch. So its delay differs from the delay of the epoch by this time multiplied by
-        the rate of the delay.
+        to 15 ms before or after the epoch. So the delay of this signal differs from the delay of the epoch by the rate
+        of the delay times the time difference.
         """
         to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
         t_s = self.tag_s
@@ -156,7 +156,7 @@ class ExportedSatellite:
         return int(stream(self.simulation.seed, "carrier phase", self.svid).integers(-1_000_000, 1_000_000))
 
     def truth_table(self) -> dict[str, list[str]]:
-        """Return the truth of every epoch as columns of text for `truth.csv`."""
+        """Return the truth of every epoch as text, by the columns of `truth.csv`."""
         truth, path = self.truth, self.path
         t_s = self.received_s
         sent = [self.simulation.start + float(elapsed_s) for elapsed_s in truth.time_s]

@@ -1,4 +1,4 @@
-"""The recording that a scenario describes, and its folder: samples of both bands and all other files.
+"""Make the recording that a scenario describes, and write its folder: samples of E1 and E6, and all other files.
 
 docs/test_cases.md describes the content of the folder.
 """
@@ -41,19 +41,20 @@ from vestige.time import GalileoTime
 Report = Callable[[str, int, int], None]
 Say = Callable[[str], None]
 
-# number type: stored value of 1.0. In int8, noise has 14 counts (1σ) in I and in Q, and the scale ends at 9 σ
+# Stored value of 1.0, by number type. In int8, the noise of I and of Q has a standard deviation of 14 counts, and the
+# scale ends at 9 σ.
 SCALES: Mapping[SampleType, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
 _PROBE_S = 0.05
-_KEPT_BATCHES = 50  # number of batches (half a second) after which progress is stored, for a process that is killed
-_LONG_S = 900.0  # length of a recording whose other files take seconds to write
+_KEPT_BATCHES = 50  # number of batches (half a second) after which progress is stored, for a resumption
+_LONG_S = 900.0  # length in s of a recording whose other files take seconds to write
 _WRITING = 1.5  # time for synthesis, conversion, checksum and disk as a multiple of synthesis alone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRecording:
-    """A recording to be simulated."""
+    """Recording that is simulated when its samples are requested or written."""
 
-    sky: SkyParts  # signals of each band
+    sky: SkyParts  # signals in each band
     reference: GalileoTime  # receiver-clock time of sample 0, a whole second
     front_end: FrontEnd  # front end of each band, with the sampling rate
     samples: range  # numbers of the samples
@@ -68,24 +69,25 @@ class SimulatedRecording:
 
     @property
     def sample_rate_hz(self) -> float:
-        """Sampling rate of both bands."""
+        """Sampling rate of both bands in Hz."""
         return self.front_end.sample_rate_hz
 
     @property
     def duration_s(self) -> float:
-        """Length in s."""
+        """Length of the recording in s."""
         return len(self.samples) / self.sample_rate_hz
 
     def record(
         self, band: Band, *, at_most: int | None = None, noise: bool = True, pool: Executor | None = None
     ) -> Iterator[SampleBatch]:
-        """Yield the samples of a band."""
+        """Yield the samples of a band in order of time."""
         return self._made(band, self.samples[:at_most], noise=noise, pool=pool)
 
     def window(self, band: Band, from_s: float, to_s: float) -> SampleBatch:
         """Return the samples of a band between two times in s after the reference, as one batch.
 
-        Samples within the recording are the same as from `record`. A window may lie beyond the end of the recording.
+        Samples within the recording are equal to the samples from `record`. The two times may lie after the end of the
+        recording.
         """
         first, end = (round(at_s * self.sample_rate_hz) for at_s in (from_s, to_s))
         batches = list(self._made(band, range(first, end), noise=True))
@@ -116,22 +118,23 @@ class SimulatedRecording:
     ) -> None:
         """Pass samples to `write`, about 10 ms at a time.
 
-        A single band has the bytes of the file that `self.write` writes. Two bands take turns, sample by sample: (E1,
-        E6) gives the bytes of E1[0], E6[0], E1[1], E6[1] and so on, each I and then Q.
+        A single band gives the same bytes as the file that `self.write` writes. Two bands alternate sample by sample.
+        The bands (E1, E6) give the bytes of E1[0], E6[0], E1[1], E6[1] and so on, with I before Q in each sample.
 
         Parameters
         ----------
         bands
-            The band, or the bands in the order in which they take turns.
+            The band, or the two bands in the order in which their samples alternate.
         write
-            Function that takes bytes, I and Q in turn, little endian. While this function waits, at most eight
-            stretches of samples are made.
+            Function that takes bytes: little-endian numbers, I and Q alternating. While this function waits, at most
+            eight stretches of samples are made.
         component
             Number type of I and of Q.
         workers
             Number of threads that make samples; the samples do not depend on it.
         progress
-            Called with the bands, the number of written samples of each band, and the number of all samples.
+            Function that is called with the bands, the number of written samples of each band, and the number of all
+            samples.
         warn
             Called with one line at the end if samples clip.
 
@@ -181,16 +184,16 @@ class SimulatedRecording:
         return len(Band) * len(self.samples) * (own + sum(COPY_BYTES[name] for name in exports))
 
     def check_exports(self, component: SampleType, exports: Sequence[str]) -> None:
-        """Raise `UnsupportedError` if a receiver among `exports` could not read the samples."""
+        """Raise `UnsupportedError` if one of the receivers `exports` could not read the samples."""
         for name in exports:
             check_export(name, SampleFormat(component=component, layout="iq"), self.sample_rate_hz)
 
     def seconds_to_write(self) -> float:
-        """Return the approximate time in s to write the recording, measured with a short stretch of each band."""
+        """Return the approximate time in s to write the recording, estimated from a short stretch of each band."""
         n_samples = min(len(self.samples), int(_PROBE_S * self.sample_rate_hz))
         slowest_s = 0.0
         for band in Band:
-            for _ in range(2):  # the first pass compiles
+            for _ in range(2):  # the first pass compiles the code, and the second pass gives the time
                 started = time.perf_counter()
                 for _batch in self.record(band, at_most=n_samples):
                     pass
@@ -210,12 +213,12 @@ class SimulatedRecording:
         say: Say | None = None,
         warn: Say | None = None,
     ) -> tuple[Path, ...]:
-        """Write the folder and return its files; resume if an earlier process was killed while it wrote the folder.
+        """Write the folder and return its files; resume if an earlier process was killed during the writing.
 
         Parameters
         ----------
         folder
-            The folder, which appears when it is complete.
+            The folder of the recording, which appears when all files are complete.
         scenario_text
             The scenario as TOML, with all replaced values.
         component
@@ -225,10 +228,10 @@ class SimulatedRecording:
         workers
             Number of threads that make samples; the samples do not depend on it.
         progress
-            Called with the band, the number of samples that are written, and the number of all samples.
+            Function that is called with the band, the number of written samples, and the number of all samples.
         say
-            Called with a line if a recording is resumed, and with a line before the other files of a long recording are
-            written.
+            Function that is called with a line if a recording is resumed, and with a line before the other files of a
+            long recording are written.
         warn
             Called with one line at the end if samples clip.
 
@@ -237,7 +240,7 @@ class SimulatedRecording:
         InputFileError
             If `folder` exists, another process writes it, or a killed process left another recording.
         UnsupportedError
-            If one of `exports` cannot read such samples; then nothing is written.
+            If one of `exports` cannot read such samples; in this case nothing is written.
         VestigeError
             If the samples do not fit on the disk.
         """
@@ -290,7 +293,7 @@ class SimulatedRecording:
     ) -> tuple[list[Path], dict[Band, float]]:
         """Write both bands at the same time; return their metadata files, and the share of their numbers that clip.
 
-        A thread for each band writes the samples. The workers make the samples.
+        A thread for each band writes the samples, which the workers make.
         """
         stop = threading.Event()
         left = dict(unfinished.samples)

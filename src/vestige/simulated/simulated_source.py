@@ -1,4 +1,4 @@
-"""A campaign as a source of snapshots, like a recording: `processor.run(simulate("scenarios/sky.toml"))`."""
+"""Simulate a campaign as a source of snapshots, for example `processor.run(simulate("scenarios/sky.toml"))`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BLOCK_EPOCHS = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedSource:
-    """The snapshots of a campaign, in order of time; each iteration begins anew.
+    """Source of a campaign's snapshots, in order of time; each iteration begins with the first snapshot.
 
     Attributes
     ----------
@@ -32,11 +32,11 @@ class SimulatedSource:
 
     @property
     def assistance(self) -> SimulatedAssistance:
-        """RECS and keys for these snapshots."""
+        """RECS and keys for the snapshots of the campaign."""
         return self.scenario.simulated_receiver.assistance
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
-        """Yield the blocks."""
+        """Yield the blocks of snapshots in order of time."""
         receiver = self.scenario.simulated_receiver
         processes = receiver.truth()
         for first in range(0, self.scenario.epochs, self.block_epochs):
@@ -47,7 +47,8 @@ class SimulatedSource:
 def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLOCK_EPOCHS) -> SimulatedSource:
     """Return the snapshots of a campaign, at its fidelity, for a single line of sight or for a sky.
 
-    Use `simulate` to inspect single snapshots and verdicts. `run` keeps the results of all epochs in a folder.
+    Use `simulate` to inspect single snapshots and verdicts. In contrast, `run` keeps the results of all epochs in a
+    folder.
 
     Parameters
     ----------
@@ -59,16 +60,17 @@ def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLO
     Returns
     -------
     SimulatedSource
-        Source of blocks of n epochs × m satellites, which `AcasProcessor.run` takes. Each iteration begins anew.
+        Source of blocks of n epochs × m satellites, which `AcasProcessor.run` takes. Each iteration begins with the
+        first snapshot.
 
     Raises
     ------
     InputFileError
-        If the file describes no scenario.
+        If the file does not describe a scenario.
     VestigeError
         If the scenario is not a campaign.
     ValueError
-        If a block has less than one epoch.
+        If `block_epochs` is less than 1.
 
     Examples
     --------

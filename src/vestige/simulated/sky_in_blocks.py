@@ -1,4 +1,4 @@
-"""The signals of a test case in blocks of epochs, so that the memory does not grow with the length of a recording."""
+"""Make the signals of a test case in blocks of epochs, so that the memory does not grow with the recording's length."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from vestige.simulated.sky_parts import Part
 
 
 class _Blocks:
-    """The blocks of a test case by number; threads may share them.
+    """The blocks of a test case by number; several threads may use the same object.
 
-    The last block is kept, and a later block continues from there. For an earlier block, all blocks before it are made
-    again.
+    The last requested block is kept, and a later block continues from the kept block. A request for an earlier block
+    makes all previous blocks again.
     """
 
     def __init__(self, case: AcasTestCase) -> None:
@@ -39,9 +39,9 @@ class _Blocks:
 
 @dataclass(frozen=True, kw_only=True)
 class SkyInBlocks:
-    """All signals of a test case, of which each band keeps one block of epochs at a time.
+    """All signals of a test case; each band keeps the signals of one block of epochs at a time.
 
-    Bands have separate blocks, because one band may be far ahead of the other.
+    Bands have separate blocks, because one band may be written much faster than the other band.
     """
 
     case: AcasTestCase
@@ -58,7 +58,7 @@ class SkyInBlocks:
     def parts(self, band: Band, samples: range) -> Iterator[Part]:
         """Yield the samples of each block with the signals of a band.
 
-        A block begins with the stretch of the recorder in which its first epoch is sent.
+        A block begins with the stretch of the recorder that contains the transmission of the block's first epoch.
         """
         case, rate_hz = self.case, self.case.scenario.receiver.sample_rate_hz
         length = stretch_samples(rate_hz)

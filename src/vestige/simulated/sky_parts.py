@@ -1,6 +1,6 @@
-"""The signals of a recording, by stretches of time.
+"""Provide the signals of a recording by stretches of time.
 
-A recording of hours has more truth than memory should contain. So the signals of a stretch of time are requested only
+The truth of a recording of hours is too large for the memory. So the signals of a stretch of time are requested only
 when the samples of this stretch are made.
 """
 
@@ -38,7 +38,7 @@ class SkyParts(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class WholeSky:
-    """Signals that are the same objects from the first to the last sample."""
+    """Signals of a recording that are not divided: the same objects from the first to the last sample."""
 
     signals: Mapping[Band, tuple[ReceivedSatellite, ...]]
 

@@ -1,4 +1,4 @@
-"""The hidden folder in which a recording is written, so that the same command can resume it after a kill.
+"""Manage the hidden folder in which a recording is written, so that a killed command can be resumed.
 
 A recording `night` is written in `.night.unfinished`, in the same parent folder:
 
@@ -7,9 +7,9 @@ A recording `night` is written in `.night.unfinished`, in the same parent folder
 | `progress.json` | settings of the recording, and number of samples of each band that are certainly on disk |
 | `night/` | the later folder; samples are in `*.part` until their band is complete |
 
-`progress.json` is replaced as a whole, and only after the samples that it counts are on the disk. So the process or the
-machine may stop at any moment. The next call cuts the files to the counted samples and makes the rest. All other files
-are made anew. After an error or Ctrl-C no file is left.
+`progress.json` is replaced in one step, after all the counted samples are on the disk. So the process or the machine
+may stop at any moment. The next call truncates the files to the counted samples and makes the missing samples. All
+other files are made anew. After an error or Ctrl-C no file is left.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _BEGIN_AGAIN = "remove the folder to begin again"
 
 @dataclass(slots=True)
 class UnfinishedRecording:
-    """A recording that is still being written.
+    """Recording that is not yet complete.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[
     Parameters
     ----------
     output
-        Folder of the recording; must not exist.
+        Folder of the recording, which must not exist.
     identity
         All values on which the samples depend, by name. A recording is resumed only if all these values are equal.
 
@@ -103,7 +103,7 @@ def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[
     with naming(output, str(hidden)):
         _own_folder(hidden)
     with only_writer(hidden):
-        check_new_folder(output)  # a process that has just ended may have written it
+        check_new_folder(output)  # a process that has just ended may have written the folder
         samples = _samples_left(hidden, identity)
         with naming(output, str(hidden)):
             try:
@@ -118,7 +118,7 @@ def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[
 
 
 def _own_folder(hidden: Path) -> None:
-    """Make the folder, or check that only this user could have written into the existing folder."""
+    """Make the folder, or check that only the present user could have written into an existing folder."""
     try:
         hidden.mkdir(mode=0o700)
     except FileExistsError:
@@ -150,7 +150,7 @@ def _samples_left(hidden: Path, identity: Mapping[str, str]) -> dict[Band, int]:
 
 
 def _remove_all_but_samples(hidden: Path, folder: Path, samples: Mapping[Band, int]) -> None:
-    """Remove all files that are made anew."""
+    """Remove all files that the next call makes anew, which are all except the samples and `progress.json`."""
     kept = {folder / f"{band.value.lower()}{suffix}" for band in samples for suffix in (DATA, f"{DATA}.part")}
     for path in (*hidden.iterdir(), *folder.iterdir()):
         if path in (folder, hidden / _PROGRESS) or path in kept:

@@ -1,1 +1,1 @@
-"""The attacker: profiles against time, attacks, and their signals at the victim's antenna [WFO, Sec. V]."""
+"""Simulate the attacker: profiles over time, attacks, and their signals at the victim's antenna [WFO, Sec. V]."""

@@ -1,9 +1,9 @@
-"""Forgery with a disclosed key: E6-C chips of the past, made after the OSNMA key of their RECS is public.
+"""Simulate a forgery with a disclosed key: past E6-C chips, which are made after the OSNMA key of their RECS is public.
 
-The RECS is public before its signal is on air, and the key is public after this signal. From then on, an attacker with
-RECS and key can decrypt the RECS and transmit the true chips, without noise and with any delay. So a receiver must know
-that its samples are older than the disclosure of the key (`crypto/osnma/disclosure.py`). Only the receiver's own clock
-shows the age of the samples.
+The RECS is public before its signal is on air, and the key is public after this signal. After the disclosure, an
+attacker with RECS and key can decrypt the RECS. The attacker can then transmit the true chips, without noise and with
+any delay. So a receiver must prove that its samples are older than the disclosure of the key
+(`crypto/osnma/disclosure.py`). Only the receiver's own clock can prove the age of the samples.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from vestige.spoofer.attack import CheckedAttack, SpoofingSignal, check_delay, d
 from vestige.spoofer.phase import COHERENT
 from vestige.spoofer.profiles import Profile
 
-LONGEST_FORGERY_S = 120.0  # longest delay: four subframes, more than any key delay
+LONGEST_FORGERY_S = 120.0  # longest delay in s: four subframes, more than any key delay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForgeryAfterDisclosure(CheckedAttack):
-    """Attack that transmits the past signals of both bands, made from RECS and disclosed keys, without reception noise.
+    """Attack that transmits past signals on E1 and E6, made from RECS and disclosed keys, without reception noise.
 
     Example
     -------
@@ -38,13 +38,13 @@ class ForgeryAfterDisclosure(CheckedAttack):
     ----------
     delay_s
         Delay of the attacker's transmission after the true transmission in s, more than 0, at most 120. The attacker
-        has the key only after the last bit of the key; a scenario with a shorter delay is an error.
+        has the key only after its last bit is sent, so a scenario with a shorter delay gives an error.
     power_db
         Power relative to the true signal in dB.
     range_offset_m
         Delay in m in addition to `delay_s` for the satellites in `svids`; negative for a shorter range.
     acquired
-        Whether the receiver acquires after the attack's start, because it was switched on or jammed before.
+        Whether the receiver acquires after the attack's start, because the receiver was switched on or jammed before.
 
     Raises
     ------
@@ -72,6 +72,6 @@ class ForgeryAfterDisclosure(CheckedAttack):
         return self.acquired
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal:
-        """Return the effect on a band of a satellite under attack."""
+        """Return the spoofing signal of a satellite in a band."""
         made = delayed(self, band, times_s, delay_m=self.range_offset_m, power_db=self.power_db, phase=COHERENT)
         return replace(made, delay_m=made.delay_m + self.delay_s * SPEED_OF_LIGHT_MPS)

@@ -1,11 +1,12 @@
-"""Interface of every attack: its times, its satellites, and its effect on each band.
+"""Define the interface of every attack: its times, its satellites, and its effect on each band.
 
-An attack adds noise and a jamming waveform to a band, and at most one spoofing signal for each satellite. These effects
-are relative to the true signal of that satellite in that band. The effects depend only on time: an attack has no memory
-and no randomness of its own. Times are the times of the epochs in s after the scenario's start.
+An attack adds noise and a jamming waveform to a band, and at most one spoofing signal for each satellite. A spoofing
+signal is described relative to the true signal of its satellite in the same band. The effects depend only on time,
+because an attack has no memory and no random numbers. Times are the times of the epochs in s after the scenario's
+start.
 
-**Assumption 2** [WFO, Sec. II]: the true encrypted signal is always present and always comes first. An attack that
-violates Assumption 2 can be simulated, but states the violation in `outside_assumption_2`.
+**Assumption 2** [WFO, Sec. II] says that the true encrypted signal is always present and always comes first. An attack
+that violates Assumption 2 can be simulated, but states the violation in `outside_assumption_2`.
 """
 
 # ruff: noqa: ARG002  an attack without an effect ignores its arguments
@@ -31,29 +32,30 @@ from vestige.spoofer.phase import Coherent, DelayedCarrier, Locked, Slipping
 from vestige.spoofer.profiles import AnyProfile, as_profile, extremes, fastest
 
 MAX_DELAY_S = 60.0
-_MAX_EARLY_M = 3e5  # an attacker who predicts a public code needs at most a code period
+_MAX_EARLY_M = 3e5  # largest advance of a spoofing signal in m, about 1 ms
 _MAX_RATE_MPS = 1e4
 MAX_LEVEL_DB = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpoofingSignal:
-    """A spoofing signal of a satellite in a band, relative to the true signal, over epochs.
+    """Spoofing signal of a satellite in a band, relative to the true signal, at each epoch.
 
     Attributes
     ----------
     delay_m, delay_rate_mps
         Delay relative to the line of sight in m, positive if later, and the rate of this delay in m/s.
     power_db
-        Power relative to the line of sight; −inf for none.
+        Power relative to the line of sight in dB; −inf if there is no signal.
     phase_rad
-        Phase relative to the line of sight.
+        Phase relative to the line of sight in rad.
     doppler_hz
-        Doppler of the carrier relative to the line of sight: the rate of `phase_rad`.
+        Doppler in Hz of the carrier relative to the line of sight, which is the rate of `phase_rad`.
     forged_chips
-        True on E6 if the attacker invented the chips. Otherwise the true chips are received and sent again.
+        True on E6 if the attacker invented the chips. Otherwise the attacker sends the received true chips again.
     forged_nav_data
-        True on E1 if the attacker invented the navigation data. Otherwise the data of the satellite are sent again.
+        True on E1 if the attacker invented the navigation data. Otherwise the attacker sends the data of the satellite
+        again.
     """
 
     delay_m: Float[np.ndarray, " n"]
@@ -67,7 +69,7 @@ class SpoofingSignal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jamming:
-    """A jamming waveform in a band: J/N over epochs, and the bandwidth to which N refers."""
+    """A jamming waveform in a band: J/N at each epoch, and the bandwidth to which N refers."""
 
     waveform: AnyJammer
     j_over_n: Float[np.ndarray, " n"]
@@ -76,14 +78,15 @@ class Jamming:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attack:
-    """Base class of attacks, without any effect; each kind adds its own effects.
+    """Base class of attacks, without any effect; each subclass adds its own effects.
 
     Attributes
     ----------
     start_s, stop_s
-        Begin and end of the attack in s after the scenario's start. At `stop_s` the attack is off.
+        Begin and end of the attack in s after the scenario's start. The attack is already off at `stop_s`.
     svids
-        Satellites whose signals are spoofed; an empty list means all. Noise and jamming affect all satellites.
+        Satellites whose signals are spoofed; an empty list means all satellites. Noise and jamming affect all
+        satellites.
     """
 
     start_s: float = 0.0
@@ -106,7 +109,7 @@ class Attack:
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if the attack does not."""
+        """Reason why the attack violates Assumption 2 of [WFO]; empty if the assumption holds."""
         return ""
 
     @property
@@ -119,7 +122,7 @@ class Attack:
         return (times_s >= self.start_s) & (times_s < self.stop_s)
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
+        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
         return None
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -131,7 +134,7 @@ class Attack:
         return None
 
     def replayed(self, component: Component, svid: int, seed: int) -> Component:
-        """Return the component that a recorded spoofing signal carries in place of a component of the true signal."""
+        """Return the component of a recorded spoofing signal that replaces a component of the true signal."""
         return component
 
     def withholds_osnma(self, first_s: float, last_s: float) -> bool:
@@ -152,7 +155,7 @@ def delayed(
 ) -> SpoofingSignal:
     """Return a spoofing signal from its profiles; the signal is off while the attack is off.
 
-    A number stands for a constant profile.
+    A number means a constant profile.
     """
     delay = as_profile(delay_m)
     carrier = DelayedCarrier(
@@ -173,7 +176,7 @@ def delayed(
 
 
 def check_delay(key: str, delay_m: AnyProfile | float) -> None:
-    """Raise `SettingError` if a delay profile exceeds the limits: −1 ms to 60 s, and a change of 10 km/s."""
+    """Raise `SettingError` if a delay is outside −1 ms to 60 s, or changes by more than 10 km/s."""
     low_m, high_m = extremes(delay_m)
     if not (low_m >= -_MAX_EARLY_M and high_m <= MAX_DELAY_S * SPEED_OF_LIGHT_MPS):
         latest_m = MAX_DELAY_S * SPEED_OF_LIGHT_MPS

@@ -1,8 +1,8 @@
-"""An attack that ends before the next RECS, so that no RECS detects the attack.
+"""Simulate an attack that ends before the next RECS, so that no RECS detects the attack.
 
-Between two RECS the spoofing signal switches on over the true signal, and moves away with the tracking loop. Before the
-spoofing signal switches off, it returns the loop to the true signal. With x the time since the last RECS, from
-`guard_s` to `period_s − guard_s`:
+Between two RECS the spoofing signal switches on at the delay of the true signal. The spoofing signal then moves away
+with the tracking loop. The spoofing signal moves the loop back to the true signal, and then switches off. Let x be the
+time since the last RECS, from `guard_s` to `period_s − guard_s`. The delay is then
 
     τ = top_m sin²(π (x − guard)/(period − 2 guard))        power on
 """
@@ -27,7 +27,7 @@ from vestige.spoofer.repeaters import BOTH
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BetweenRecs(CheckedAttack):
-    """A lift-off and return in each interval between two RECS.
+    """Attack with a lift-off and a return in each interval between two RECS.
 
     Attributes
     ----------
@@ -40,8 +40,8 @@ class BetweenRecs(CheckedAttack):
     guard_s
         Time in s before and after a RECS during which the attack is off.
     phase, bands
-        Phase law and bands of the spoofing signal, as for a lift-off. Repeated noise on E6 is left out, because the
-        attack is off while the receiver records E6.
+        Phase law of the spoofing signal, and bands that have a spoofing signal. Repeated noise on E6 is left out,
+        because the attack is off while the receiver records E6.
     """
 
     top_m: float
@@ -69,7 +69,7 @@ class BetweenRecs(CheckedAttack):
         return Attack.on(self, times_s) & (since_s > self.guard_s) & (since_s < self.period_s - self.guard_s)
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
+        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
         if band not in self.bands:
             return None
         rate = 1 / (self.period_s - 2 * self.guard_s)

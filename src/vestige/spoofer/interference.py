@@ -1,4 +1,4 @@
-"""Attacks without a spoofing signal: jamming, and noise just strong enough to break OSNMA."""
+"""Simulate attacks without a spoofing signal: jamming, and noise just strong enough to prevent OSNMA."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Jam(CheckedAttack):
     waveform
         Wideband, CW, chirp or pulsed.
     bands
-        Bands that are jammed; with E6 alone, tracking on E1 continues.
+        Bands that are jammed. If only E6 is jammed, tracking on E1 continues.
     noise_bandwidth_hz
         Bandwidth to which N refers in Hz.
     """
@@ -60,9 +60,9 @@ class Jam(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaDenial(CheckedAttack):
-    """White noise on E1 that leaves tracking intact, but breaks OSNMA pages.
+    """White noise on E1 that does not stop tracking, but destroys OSNMA pages.
 
-    A key that is on air while the attack is on does not reach the receiver, so its RECS cannot be decrypted.
+    A key that is on air during the attack is not received. So RECS with this key cannot be decrypted.
 
     Attributes
     ----------

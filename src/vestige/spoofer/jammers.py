@@ -1,21 +1,23 @@
-"""Jamming waveforms as samples, and their output of a correlator.
+"""Simulate jamming waveforms as samples, and compute their effect on correlators.
 
 Theory of operation
 -------------------
-A correlator multiplies the samples by random chips c and integrates over T ≫ T_c. The output of correlators at delays
-d_i and d_k for a jammer of spectral density S_J is Gaussian (a sum of many chips) with covariance
+A correlator multiplies the samples by random chips c and integrates over T ≫ T_c. Each output is a sum over many chips,
+so the output is Gaussian. For a jammer of spectral density S_J, the covariance of the outputs at the delays d_i and d_k
+is
 
     C(d_i − d_k) = 1/T ∫ S_J(f) S_c(f) e^{j2πf(d_i − d_k)} df        S_c: spectrum of the chips
 
-White noise N0 gives N0/T · R(d_i − d_k). So with J/N in a noise bandwidth B, J = (J/N) N0 B, and in units of N0/T
+White noise N0 gives the covariance N0/T · R(d_i − d_k). With J/N in a noise bandwidth B, the jammer's power is J =
+(J/N) N0 B. In units of N0/T, the covariance C(Δ) at the distance Δ = d_i − d_k is
 
     wideband, pulsed noise   (J/N) R(Δ)                   white while on; mean power counts, many pulses fall in T
     continuous wave          (J/N) B S_c(f) e^{j2πfΔ}     all correlators see the same amplitude
     chirp over B_s           (J/N) (B/B_s) R_{B_s}(Δ)     many sweeps fall in T; R_B: behind a filter of width B
 
-Sampling folds the side lobes of S_c that lie beyond f_s/2 onto the line or the sweep. This effect, about 3 % more at
-12.5 MHz, is neglected. C(0) is the *rise* of the noise density after the correlator because of the jammer. The phase of
-the wave, and the phase of a sweep or pulse, are drawn once an epoch.
+Sampling aliases the side lobes of S_c beyond ±f_s/2 onto the frequencies of the line or the sweep. This effect, about 3
+% more noise at 12.5 MHz, is neglected. C(0) is the *rise* of the noise density after the correlator because of the
+jammer. The phase of a wave, a sweep or a pulse is drawn at random once per epoch.
 """
 
 # ruff: noqa: ARG002  one signature for all waveforms
@@ -34,27 +36,27 @@ from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signals.definitions import SignalDefinition
 from vestige.signals.pulse import autocorrelation, band_limited_autocorrelation, spectrum
 
-_SHORTEST_S = 0.999e-6  # shortest duration of a pulse: some samples
-_PIECE = 8192  # number of samples that are added at once, which fit into the cache
+_SHORTEST_S = 0.999e-6  # shortest duration of a pulse in s, which is some samples
+_PIECE = 8192  # number of samples that are added together; their arrays fit into the cache
 
 
 class _White:
     """Base class of noise that is white while the jammer is on."""
 
     __slots__ = ()
-    white: ClassVar[bool] = True  # whether the waveform is white while it is on
+    white: ClassVar[bool] = True  # whether the waveform is white noise while the jammer is on
     reach_hz: ClassVar[float] = 0.0  # largest distance of a line or sweep from the carrier; 0 for white noise
 
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
     ) -> Complex128[np.ndarray, " n"]:
-        """Return C(Δ) for J/N = 1, in units of N0/T."""
+        """Return the covariance C(Δ) of correlators for J/N = 1, in units of N0/T."""
         return autocorrelation(signal.pulse, np.abs(lag_chips)) + 0j
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wideband(_White):
-    """White Gaussian noise, wider than the receiver."""
+    """White Gaussian noise that is wider than the receiver's band."""
 
     kind: Literal["wideband"] = "wideband"
 
@@ -63,19 +65,20 @@ class Wideband(_White):
     ) -> None:
         """Add the waveform to samples.
 
-        Noise in the samples has variance 1, the waveform has the mean power `power`. `key` is the key of the waveform's
-        randomness (`noise_key`). `first` is the number of the first sample, so that pieces of a waveform fit together.
+        Noise in the samples has variance 1, and the waveform has the mean power `power`. `key` is the key of the
+        waveform's randomness (`noise_key`). `first` is the number of the first sample, so that consecutive pieces of a
+        waveform are continuous.
         """
         _add_noise(x, power, key, first)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContinuousWave:
-    """A continuous wave, `offset_hz` above the carrier."""
+    """A continuous wave at a frequency `offset_hz` above the carrier."""
 
     offset_hz: float = 0.0
     kind: Literal["cw"] = "cw"
-    white: ClassVar[bool] = False  # whether the waveform is white while it is on
+    white: ClassVar[bool] = False  # whether the waveform is white noise while the jammer is on
 
     @property
     def reach_hz(self) -> float:
@@ -85,7 +88,7 @@ class ContinuousWave:
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
     ) -> Complex128[np.ndarray, " n"]:
-        """Return C(Δ) for J/N = 1, in units of N0/T."""
+        """Return the covariance C(Δ) of correlators for J/N = 1, in units of N0/T."""
         density = float(spectrum(signal.pulse, np.array([self.offset_hz]), signal.chip_rate_hz)[0])
         turns = self.offset_hz * lag_chips / signal.chip_rate_hz
         return noise_bandwidth_hz * density * np.exp(2j * pi * turns)
@@ -93,7 +96,7 @@ class ContinuousWave:
     def add(
         self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64, first: int = 0
     ) -> None:
-        """Add the waveform to samples, see `Wideband.add`."""
+        """Add the waveform to samples; `Wideband.add` explains the parameters."""
         step = 2j * pi * self.offset_hz / sample_rate_hz
         piece = np.exp(step * np.arange(min(_PIECE, x.size))).astype(np.complex64)
         for place in range(0, x.size, _PIECE):
@@ -108,7 +111,7 @@ class Chirp:
     bandwidth_hz: float = 10e6
     sweep_s: float = 20e-6
     kind: Literal["chirp"] = "chirp"
-    white: ClassVar[bool] = False  # whether the waveform is white while it is on
+    white: ClassVar[bool] = False  # whether the waveform is white noise while the jammer is on
 
     def __post_init__(self) -> None:
         if not (0 < self.bandwidth_hz <= 1e9 and 1e-6 <= self.sweep_s <= 1e-3):
@@ -122,7 +125,7 @@ class Chirp:
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
     ) -> Complex128[np.ndarray, " n"]:
-        """Return C(Δ) for J/N = 1, in units of N0/T."""
+        """Return the covariance C(Δ) of correlators for J/N = 1, in units of N0/T."""
         passed = band_limited_autocorrelation(
             signal.pulse, lag_chips, chip_rate_hz=signal.chip_rate_hz, bandwidth_hz=self.bandwidth_hz
         )
@@ -131,7 +134,7 @@ class Chirp:
     def add(
         self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64, first: int = 0
     ) -> None:
-        """Add the waveform to samples, see `Wideband.add`."""
+        """Add the waveform to samples; `Wideband.add` explains the parameters."""
         n = max(2, round(self.sweep_s * sample_rate_hz))
         t = np.arange(n) / sample_rate_hz - self.sweep_s / 2
         sweep = np.exp(1j * pi * self.bandwidth_hz / self.sweep_s * t**2)
@@ -158,9 +161,9 @@ class Pulsed(_White):
     def add(
         self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64, first: int = 0
     ) -> None:
-        """Add the waveform to samples, see `Wideband.add`."""
+        """Add the waveform to samples; `Wideband.add` explains the parameters."""
         period = self.period_s * sample_rate_hz
-        edge = -_uniform(key) * period  # position of the edge of a pulse in samples
+        edge = -_uniform(key) * period  # position of the first edge of a pulse, in samples
         for k in range(int((first - edge) / period), int((first + x.size - edge) / period) + 1):
             begin, end = round(edge + k * period), round(edge + (k + self.duty) * period)
             begin, end = max(begin, first), min(end, first + x.size)
@@ -182,8 +185,8 @@ def rise(jammer: AnyJammer, signal: SignalDefinition, noise_bandwidth_hz: float)
 def power_in_samples(jammer: AnyJammer, j_over_n: float, noise_bandwidth_hz: float, sample_rate_hz: float) -> float:
     """Return the mean power of a jammer in samples whose noise has variance 1.
 
-    White noise enters the samples only within their bandwidth. A wave enters with its whole power, relative to N0 B =
-    B/f_s.
+    White noise adds power to the samples only within their bandwidth. Every other waveform adds its whole power,
+    relative to N0 B = B/f_s.
     """
     return j_over_n if jammer.white else j_over_n * noise_bandwidth_hz / sample_rate_hz
 

@@ -1,11 +1,12 @@
-"""The carrier phase of a spoofing signal relative to the true signal.
+"""Compute the carrier phase of a spoofing signal relative to the true signal, with one of three phase laws.
 
     locked      φ = φ0                              for any delay: the carrier phase aligned attack
     slipping    φ = φ0 + 2π f (t − t_start)         a frequency error of the attacker's oscillator
     coherent    φ = φ0 − 2π f_c τ(t)/c              as with a delay line: a turn for each wavelength
 
-The true signal and the spoofing signal add to |1 + √η e^{jφ} R(τ)|, so the phase decides between fading and gain. If
-the delay of a locked or slipping spoofing signal changes, its code and carrier diverge.
+The sum of the true signal and the spoofing signal has the amplitude |1 + √η e^{jφ} R(τ)|. So the phase decides whether
+the signals cancel or reinforce each other. If the delay of a locked or slipping spoofing signal changes, its code and
+carrier diverge.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from pydantic import Field
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.errors import SettingError
 
-_MAX_SLIP_HZ = 1e4  # twice the range of an acquisition
+_MAX_SLIP_HZ = 1e4  # largest frequency error in Hz, twice the Doppler range of an acquisition
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,11 +42,11 @@ class Locked:
     kind: Literal["locked"] = "locked"
 
     def phase(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
-        """Return φ in rad."""
+        """Return the phase φ in rad."""
         return np.full(signal.delay_m.shape, self.phase_rad)
 
     def doppler_hz(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
-        """Return dφ/dt / 2π in Hz: 0."""
+        """Return the frequency dφ/dt / 2π in Hz: 0."""
         return np.zeros(signal.delay_m.shape)
 
 
@@ -62,11 +63,11 @@ class Slipping:
             raise SettingError("slip_hz", f"{self.slip_hz:g} Hz", f"at most {_MAX_SLIP_HZ:g} Hz up or down")
 
     def phase(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
-        """Return φ in rad."""
+        """Return the phase φ in rad."""
         return self.phase_rad + 2 * np.pi * ((self.slip_hz * signal.since_start_s) % 1.0)
 
     def doppler_hz(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
-        """Return dφ/dt / 2π in Hz."""
+        """Return the frequency dφ/dt / 2π in Hz."""
         return np.full(signal.delay_m.shape, self.slip_hz)
 
 
@@ -78,11 +79,11 @@ class Coherent:
     kind: Literal["coherent"] = "coherent"
 
     def phase(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
-        """Return φ in rad."""
+        """Return the phase φ in rad."""
         return self.phase_rad - 2 * np.pi * ((signal.carrier_hz / SPEED_OF_LIGHT_MPS * signal.delay_m) % 1.0)
 
     def doppler_hz(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
-        """Return dφ/dt / 2π in Hz."""
+        """Return the frequency dφ/dt / 2π in Hz."""
         return -signal.carrier_hz / SPEED_OF_LIGHT_MPS * signal.delay_rate_mps
 
 

@@ -1,6 +1,6 @@
-"""Reader of a profile in a CSV file: a line `time_s,value`, then a point in each line.
+"""Read a profile from a CSV file: a header `time_s,value`, then a point in each line.
 
-Empty lines and lines with # are skipped.
+Empty lines and lines that begin with # are skipped.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from pathlib import Path
 from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError
 
-_MAX_FILE_BYTES = 1 << 26  # 2 million points
+_MAX_FILE_BYTES = 1 << 26  # largest size of a file, about 2 million points
 _HEADER = "time_s,value"
 
 
 def read_profile_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the times in s and the values of a table.
 
-    Raises `InputFileError` if the file has another format, has fewer than two points or a number that is not finite, or
-    times do not ascend.
+    Raises `InputFileError` if the file has another format or fewer than two points. The same error is raised for a
+    number that is not finite, and for times that do not ascend.
     """
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]

@@ -1,17 +1,18 @@
-"""Profiles of delay in m, or of power in dB, against time, with the exact derivative.
+"""Compute profiles of delay in m, or of power in dB, as functions of time, with the exact derivative.
 
-Every profile keeps its first value before its start and its last value after its end, so that it is defined at all
-times. The attacker switches on and off at the attack's `start_s` and `stop_s`. Continuity:
+Every profile has its first value before its start, and its last value after its end. So a profile has a value at every
+time. The attack is switched on and off by its own `start_s` and `stop_s`, and not by a profile. The table says which
+profiles and rates are continuous:
 
 | profile | value | rate |
 |---|---|---|
-| `Constant` | – | – |
-| `Ramp` | continuous | jumps at both ends; `smooth` gives half a cosine, and the rate is continuous |
-| `Sine` | continuous | continuous: half a cosine in, half a cosine out, 0 at the turn |
-| `Trapezoid` | continuous | jumps at four corners; `smooth` as above |
+| `Constant` | continuous | continuous: 0 |
+| `Ramp` | continuous | jumps at the start and the end; continuous with `smooth`, which makes half a cosine |
+| `Sine` | continuous | continuous: half a cosine before and after the turn, and 0 at the turn |
+| `Trapezoid` | continuous | jumps at four corners; continuous with `smooth`, which makes half cosines |
 | `Table` | continuous: straight lines | jumps at the points |
 
-In a scenario a plain number is a `Constant`.
+In a scenario a plain number means a `Constant`.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ from vestige.spoofer.profile_table import read_profile_table
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Constant:
-    """The same value at all times.
+    """Profile with the same value at all times.
 
     Attributes
     ----------
     level
-        The value; −inf dB means no signal.
+        Value in m or dB; −inf dB means no signal.
     """
 
     level: float
@@ -51,7 +52,7 @@ class Constant:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ramp:
-    """Profile from one value to another, in a straight line or smoothly.
+    """Profile from one value to another value, in a straight line or as half a cosine.
 
     Attributes
     ----------
@@ -85,7 +86,7 @@ class Ramp:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sine:
-    """Approach and departure, with rate 0 at the turn [WFO, Sec. VI-B].
+    """Profile of an approach and a departure, with rate 0 at the turn [WFO, Sec. VI-B].
 
     The profile is half a cosine from `first` to `turn`, and another half cosine from `turn` to `last`. The delay of the
     paper's spoofing signal falls until the spoofing signal reaches the true signal, and then rises again.
@@ -132,7 +133,7 @@ class Trapezoid:
     base, top
         Values outside and on the plateau.
     start_s, stop_s
-        Times at which the profile leaves the base and is back, in s after the scenario's start.
+        Times at which the profile leaves the base and reaches the base again, in s after the scenario's start.
     rise_s, fall_s
         Duration of each flank in s.
     smooth
@@ -170,16 +171,16 @@ class Trapezoid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Straight lines between points, which are given in the table or in a CSV file (`profile_table`).
+    """Profile with straight lines between points, which are given in the table or in a CSV file (`profile_table`).
 
-    The points of a file are read when the profile is made, so a scenario that was read no longer depends on the file.
+    The points of a file are read when the profile is made. So the loaded scenario no longer depends on the file.
 
     Attributes
     ----------
     path
-        CSV file with a line `time_s,value` and a point in each line; empty if the points are given.
+        CSV file with the header `time_s,value` and a point in each line; empty if the points are given in the table.
     time_s, values
-        Points, times ascending.
+        Times in s after the scenario's start in ascending order, and the value at each time.
     """
 
     path: str = ""
@@ -219,7 +220,7 @@ def _tag(value: Any) -> str:
 
 
 def _with_points(table: Any, info: ValidationInfo) -> Any:
-    """Return a table of a scenario with its points, from its file if it has one.
+    """Return a table of a scenario with its points, which are read from a file if the table names a file.
 
     The path of the file is relative to the scenario file. Points are lists in TOML, and tuples in a `Table`.
     """
@@ -250,13 +251,13 @@ def as_profile(profile: AnyProfile | float) -> AnyProfile:
 
 
 def _share(t_s: Float[np.ndarray, " n"], start_s: float, stop_s: float, smooth: bool) -> Float[np.ndarray, " n"]:
-    """Return the share of the way from start to stop, 0 to 1."""
+    """Return the completed share of a transition from `start_s` to `stop_s`, 0 to 1."""
     share = np.clip((t_s - start_s) / (stop_s - start_s), 0.0, 1.0)
     return np.sin(np.pi / 2 * share) ** 2 if smooth else share
 
 
 def _share_rate(t_s: Float[np.ndarray, " n"], start_s: float, stop_s: float, smooth: bool) -> Float[np.ndarray, " n"]:
-    """Return the derivative of `_share`."""
+    """Return the derivative of `_share` in 1/s."""
     rate = 1 / (stop_s - start_s)
     if smooth:
         return np.pi / 2 * rate * np.sin(np.pi * np.clip((t_s - start_s) * rate, 0.0, 1.0))
@@ -274,7 +275,7 @@ def _finite(*values: float) -> None:
 
 
 def extremes(profile: AnyProfile | float) -> tuple[float, float]:
-    """Return the smallest and the largest value of a profile, which are among its given values."""
+    """Return the smallest and the largest value of a profile."""
     match profile:
         case Constant():
             values: tuple[float, ...] = (profile.level,)
@@ -292,7 +293,7 @@ def extremes(profile: AnyProfile | float) -> tuple[float, float]:
 
 
 def fastest(profile: AnyProfile | float) -> float:
-    """Return the largest magnitude of the rate of a profile, per s."""
+    """Return the largest magnitude of the rate of a profile, in m/s or dB/s."""
     match profile:
         case Ramp():
             return _flank(profile.last - profile.first, profile.stop_s - profile.start_s, profile.smooth)

@@ -1,9 +1,9 @@
-"""Attacks with spoofing signals: the lift-off family, meaconing, forgery, nulling.
+"""Simulate attacks with spoofing signals: lift-off attacks, meaconing, forgery and nulling.
 
-E1 codes are public, so the attacker makes its E1 spoofing signal itself. E6-C is encrypted, so the spoofing signal on
-E6 is the true signal, received and sent again, with the noise of the attacker's own reception. The spoofing signal has
-η times the true power at the victim, and the attacker receives with G times the victim's C/N0. Then the repeated noise
-has
+E1 codes are public, so the attacker makes its E1 spoofing signal itself. E6-C is encrypted, so the attacker has to
+repeat the true signal on E6, with the noise of the attacker's own reception. At the victim, the spoofing signal has η
+times the power of the true signal. The attacker's C/N0 is G times the victim's C/N0. Then the density of the repeated
+noise is
 
     N_repeated / N0 = η / G
 
@@ -27,19 +27,19 @@ from vestige.spoofer.phase import COHERENT, Locked, Phase
 from vestige.spoofer.profiles import Constant, Profile, as_profile, extremes
 
 BOTH = (Band.E1, Band.E6)
-RECEPTION_GAIN_DB = 20.0  # gain of a dish for each satellite, or of a good antenna under open sky
+RECEPTION_GAIN_DB = 20.0  # gain in dB of a dish antenna for each satellite, or of a good antenna with an open sky
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LiftOffAttack(CheckedAttack):
-    """A spoofing signal given by profiles, the same in every band of the attack.
+    """Spoofing signal that is given by profiles, and that is the same in every band of the attack.
 
     Attributes
     ----------
     delay_m, power_db, phase
-        Delay and power relative to the true signal, and the phase law.
+        Delay in m and power in dB relative to the true signal, and the phase law.
     bands
-        Bands with a spoofing signal; with E1 alone there is no encrypted spoofing signal.
+        Bands with a spoofing signal; with E1 alone, E6 has no spoofing signal.
     reception_gain_db
         Gain G in dB: C/N0 of the attacker's reception on E6 over the victim's.
     forged_nav_data
@@ -55,13 +55,13 @@ class _LiftOffAttack(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if the attack does not."""
+        """Reason why the attack violates Assumption 2 of [WFO]; empty if the assumption holds."""
         if Band.E6 in self.bands and extremes(self.delay_m)[0] < 0:
             return "the encrypted spoofing signal arrives before the true signal"
         return ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
+        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
         if band not in self.bands:
             return None
         return delayed(
@@ -85,8 +85,8 @@ class _LiftOffAttack(CheckedAttack):
 class LiftOff(_LiftOffAttack):
     """Spoofing signal that approaches the true signal, rises and leaves with the tracking loop [WFO, Sec. VI-B].
 
-    With `bands = ["E1"]` the attack has no effect on E6. With both bands, the attack is zero-delay meaconing of E6 and
-    E1.
+    With `bands = ["E1"]` the attack has no effect on E6. With E1 and E6, the attack is zero-delay meaconing of the two
+    bands.
     """
 
     kind: Literal["lift-off"] = "lift-off"
@@ -94,7 +94,7 @@ class LiftOff(_LiftOffAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionPush(_LiftOffAttack):
-    """A lift-off of some satellites, whose common delay moves the victim's position. `svids` must be given."""
+    """Lift-off of the satellites in `svids`, whose common delay moves the victim's position."""
 
     kind: Literal["position-push"] = "position-push"
 
@@ -106,7 +106,7 @@ class PositionPush(_LiftOffAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimePush(_LiftOffAttack):
-    """A lift-off of all satellites, whose common delay moves the victim's clock. The attack takes no `svids`."""
+    """Lift-off of all satellites, without `svids`, whose common delay moves the victim's clock."""
 
     kind: Literal["time-push"] = "time-push"
 
@@ -118,15 +118,15 @@ class TimePush(_LiftOffAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Asynchronous(CheckedAttack):
-    """An E1 spoofer that does not know the delay of the true signal; E6 is not attacked.
+    """E1 spoofing signal of an attacker who does not know the delay of the true signal; E6 is not attacked.
 
-    A tracking loop on the true signal never sees the spoofing signal. The spoofing signal captures a receiver that
+    The spoofing signal does not affect a tracking loop on the true signal. The spoofing signal captures a receiver that
     acquires while the attack is on.
 
     Attributes
     ----------
     delay_m, power_db
-        Delay in m, negative values included, and power in dB, relative to the true signal.
+        Delay in m, which may be negative, and power in dB, relative to the true signal.
     acquired
         Whether the receiver is restarted when the attack begins, and acquires during the attack. If the attack starts
         at 0 s, the receiver has acquired by the first epoch. Otherwise the receiver is locked to the true signal, and
@@ -147,7 +147,7 @@ class E1Asynchronous(CheckedAttack):
         return self.acquired
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
+        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
         if band is not Band.E1:
             return None
         return delayed(
@@ -163,7 +163,7 @@ class E1Asynchronous(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """A position on the Earth: latitude and longitude in degrees, height above the ellipsoid in m."""
+    """Position on the Earth: latitude and longitude in degrees, and height above the ellipsoid in m."""
 
     latitude_deg: float
     longitude_deg: float
@@ -176,16 +176,17 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Meaconing(CheckedAttack):
-    """Attack that receives whole bands and sends them again, with the same delay, power and noise on every band.
+    """Attack that receives whole bands and sends these bands again, with the same delay, power and noise on every band.
 
     Attributes
     ----------
     delay_s
-        Delay, from a fraction of a microsecond (repeater) to seconds (recorder).
+        Delay in s, from a fraction of a microsecond (repeater) to seconds (recorder).
     antenna
         Position of the repeater's receiving antenna. The path over this antenna adds to the delay of each satellite, so
-        a victim computes the position of the antenna [WFO, Sec. II]. This option needs a sky. Without this option the
-        delay is the same for all satellites, as if the antenna stood beside the victim's.
+        a victim computes the position of the antenna [WFO, Sec. II]. This option needs a constellation and a
+        trajectory. Without this option the delay is the same for all satellites, as if the attacker's antenna were
+        beside the victim's antenna.
     power_db
         Power in dB relative to the true signal.
     bands
@@ -217,7 +218,7 @@ class Meaconing(CheckedAttack):
         return self.acquired and Band.E1 in self.bands
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
+        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
         if band not in self.bands:
             return None
         return delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=COHERENT)
@@ -246,7 +247,7 @@ class Forgery(CheckedAttack):
     power_db
         Power in dB relative to the true signal.
     delay_m
-        Delay of the chips relative to the true signal in m, which has hardly any effect.
+        Delay of the chips relative to the true signal in m. The delay has hardly any effect.
     """
 
     power_db: Profile
@@ -254,7 +255,7 @@ class Forgery(CheckedAttack):
     kind: Literal["forgery"] = "forgery"
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
+        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
         if band is not Band.E6:
             return None
         return delayed(
@@ -264,12 +265,12 @@ class Forgery(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nulling(CheckedAttack):
-    """The true signal repeated with the opposite sign, imperfectly: |1 − g e^{je}|² of its power remains.
+    """Negative of the true signal, which cancels the true signal except for the share |1 − g e^{je}|² of its power.
 
     Attributes
     ----------
     gain_db
-        Power gain g² in dB; 0 is perfect.
+        Power gain g² in dB; 0 dB cancels the true signal perfectly.
     phase_error_rad
         Phase error e in rad.
     bands
@@ -283,11 +284,11 @@ class Nulling(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if the attack does not."""
+        """Reason why the attack violates Assumption 2 of [WFO]; empty if the assumption holds."""
         return "it nulls the encrypted signal" if Band.E6 in self.bands else ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
+        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
         if band not in self.bands:
             return None
         opposite = Locked(phase_rad=pi + self.phase_error_rad)
@@ -297,6 +298,6 @@ class Nulling(CheckedAttack):
 def repeated_noise(
     attack: Attack, power_db: Profile, reception_gain_db: float, times_s: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Return η/G over epochs, 0 while the attack is off."""
+    """Return the density of the repeated noise over N0, η/G, at each epoch; 0 while the attack is off."""
     over_db = as_profile(power_db).value(times_s) - reception_gain_db
     return np.where(attack.on(times_s), 10 ** (over_db / 10), 0.0)

@@ -1,21 +1,22 @@
-"""Security code estimation and replay (SCER): symbols of E1-B and chips of E6-C, estimated with the attacker's antenna.
+"""Simulate security code estimation and replay (SCER): the attacker estimates symbols of E1-B and chips of E6-C.
 
-`vestige.theory.scer.code_estimation` gives the quality of the estimates. In a recording each E1-B chip of the spoofing
-signal is drawn from the part of its symbol that the attacker has received. Hard decisions give the sign of a chip, soft
-decisions the sign and the amplitude.
+`vestige.theory.scer.code_estimation` gives the quality of the estimates. In a recording, the attacker estimates each
+E1-B chip from the part of its symbol that is already received. Hard decisions give the sign of a chip, and soft
+decisions give the sign and the amplitude.
 
-**Noise on E6.** The E6 spoofing signals are made with the true chips, and the wrong parts of the estimates are white
-noise. The attacker decides on the chips of each satellite separately, so the errors of two satellites are independent,
+**Noise on E6.** The simulated E6 spoofing signals have the true chips. The errors of the estimates are added as white
+noise. The attacker estimates the chips of each satellite separately. So the errors of two satellites are independent,
 and their powers add:
 
     N/N0 = Σ_i η (Ec/N0 of satellite i) (1/ρ_i² − 1)        i: all satellites of the attack
 
-All satellites share the receiver's front end, so each of them has this sum. The sum of independent Gaussian noises is
-Gaussian noise with the sum of the powers, so one stream of noise is exact. Each term is the density after a correlator
-whose chips begin together with the estimated chips. The chips of other satellites begin at any time, and their density
-is half to all of the term, 2/3 on average. So the sum is an upper limit of the noise of a real receiver.
+All satellites are received with one front end, so the noise of this sum affects every satellite. The sum of independent
+Gaussian noises is Gaussian noise with the sum of the powers. So a single stream of noise is exact. Each term is the
+noise density after a correlator whose chips begin together with the estimated chips. For other satellites, whose chips
+begin at other times, the density is 0.5 to 1 times the term, and 2/3 on average. So the sum is an upper limit of the
+noise in a real receiver.
 
-A repeater (`chips = "repeated"`) has one reception for all satellites, whose noise counts once.
+A repeater (`chips = "repeated"`) receives all satellites together, so its noise counts once.
 """
 
 from __future__ import annotations
@@ -46,11 +47,11 @@ _MAX_LATENCY_S = E1B.period_s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scer(CheckedAttack):
-    """Security code estimation and replay: E1-B symbols estimated during the symbol, E6 repeated or estimated.
+    """Security code estimation and replay of E1-B symbols, with chips of E6-C that are repeated or estimated.
 
     The attacker estimates each E1-B symbol from its first part and transmits code and symbol on time. E6-C chips are
-    below the noise (−22 dB at 45 dBHz), and no chip is known before its end. So the spoofing signal on E6 comes
-    `e6_lag_m` later than the spoofing signal on E1.
+    below the noise (−22 dB at 45 dBHz), and the attacker knows no chip before its end. So the spoofing signal on E6
+    comes `e6_lag_m` later than the spoofing signal on E1.
 
     Attributes
     ----------
@@ -58,22 +59,22 @@ class Scer(CheckedAttack):
         Delay in m, power in dB and phase of the spoofing signal on E1. On E6 `power_db` is the power of the part that
         matches the true chips.
     e6_lag_m
-        Delay in m of the E6 spoofing signal after the E1 spoofing signal; at least an E6 chip, because the attacker
-        knows no chip before its end.
+        Delay in m of the E6 spoofing signal after the E1 spoofing signal; at least the length of an E6-C chip, because
+        the attacker knows no chip before its end.
     reception_gain_db
         Gain G in dB: C/N0 of the attacker's reception over the victim's.
     chips
-        Treatment of E6-C, which is repeated with its noise, or sent with hard or soft decisions on each chip.
+        Method for E6-C: `repeated` with the attacker's noise, or `hard` or `soft` decisions on each chip.
     symbols
-        Treatment of the symbols of E1-B, which are known from their beginning on, or estimated while hard or soft
-        decisions are sent. Only recordings have E1-B; campaigns do not generate it.
+        Method for the symbols of E1-B: `known` from their beginning on, or `hard` or `soft` decisions while the symbol
+        is received. This key affects only recordings, because campaigns do not simulate E1-B.
     victim_cn0_dbhz
         C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz. This C/N0 and G determine the quality of the
         attacker's estimates. A number applies to all satellites. `received` means the victim's C/N0 of E6-C of each
         satellite.
     latency_s
-        Time from the attacker's antenna to the transmission, in s. A symbol that is transmitted with a delay of τ is
-        estimated from the part received in τ minus the latency.
+        Time from the attacker's antenna to the transmission, in s. If the attacker transmits a symbol with a delay τ,
+        the estimate uses the first part of the symbol, of the duration τ minus latency.
     """
 
     delay_m: Profile
@@ -106,7 +107,7 @@ class Scer(CheckedAttack):
     def attacker_cn0_dbhz(self) -> float:
         """C/N0 of the attacker's reception in dBHz.
 
-        Raises ValueError if the C/N0 depends on the satellite; `against` gives an attack with a number.
+        Raises ValueError if the C/N0 depends on the satellite; `against` returns an attack with a number.
         """
         return self._victim_dbhz + self.reception_gain_db
 
@@ -118,12 +119,12 @@ class Scer(CheckedAttack):
 
     @property
     def outside_assumption_2(self) -> str:
-        """Reason why the attack exceeds the attacker that [WFO] assumes; empty if the attack does not."""
+        """Reason why the attack violates Assumption 2 of [WFO]; empty if the assumption holds."""
         early = extremes(self.delay_m)[0] + self.e6_lag_m < 0
         return "the encrypted spoofing signal arrives before the true signal" if early else ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the effect on a band of a satellite under attack; None if there is never an effect."""
+        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
         lag_m = self.e6_lag_m if band is Band.E6 else 0.0
         on_time = delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=self.phase)
         if not lag_m:
@@ -147,11 +148,11 @@ class Scer(CheckedAttack):
 
     @property
     def noise_at_0_db(self) -> float:
-        """N/N0 of the decisions on the chips of one satellite for a spoofing signal of 0 dB."""
+        """Noise density over N0 of the decisions on the chips of one satellite, for a spoofing signal of 0 dB."""
         return estimation_noise(self._victim_dbhz, self.reception_gain_db, self.chips)
 
     def head_start_s(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the duration in s of the part of a symbol that is received before it is transmitted, over epochs."""
+        """Return the duration in s of the part of a symbol that is received before the transmission, at each epoch."""
         return as_profile(self.delay_m).value(times_s) / SPEED_OF_LIGHT_MPS - self.latency_s
 
     def replayed(self, component: Component, svid: int, seed: int) -> Component:
@@ -164,16 +165,16 @@ class Scer(CheckedAttack):
     def _estimated_chips(self, symbol: Sequence, code: Int8[np.ndarray, " 4092"], key: np.uint64) -> Chips:
         """Return the chips of E1-B times the attacker's estimate of the symbol at each chip.
 
-        In each chip time the attacker's sum Σ grows by s √(2γ) plus a standard normal number. s is the symbol, ±1, and
-        γ is Ec/N0 of a chip at the attacker. A hard decision is sign Σ, or a guess if nothing was received. A soft
-        decision is tanh(√(2γ) Σ).
+        In each chip time, the attacker's sum Σ increases by s √(2γ) plus a standard normal number. The symbol is s, ±1,
+        and γ is the Ec/N0 of a chip at the attacker. A hard decision is sign Σ, or a random guess if no chip has been
+        received. A soft decision is tanh(√(2γ) Σ).
         """
         root = np.sqrt(2 * 10 ** (self.attacker_cn0_dbhz / 10) / E1B.chip_rate_hz)
 
         def estimates(period: int) -> Int8[np.ndarray, " 4092"] | Float32[np.ndarray, " 4092"]:
             start_s = np.array([max(period * E1B.period_s, 0.0)])
             head_chips = float(self.head_start_s(start_s)[0]) * E1B.chip_rate_hz
-            received = np.maximum(np.arange(code.size) + head_chips, 0.0)  # chips at each transmission
+            received = np.maximum(np.arange(code.size) + head_chips, 0.0)  # number of chips received before each chip
             step = np.diff(received, prepend=0.0)
             normal = normal_pairs(key, period * (code.size // 2), code.size // 2).reshape(-1)
             total = np.cumsum(int(symbol(np.array([period]))[0]) * root * step + np.sqrt(step) * normal)
@@ -191,13 +192,13 @@ class Scer(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScerOnSatellite(Scer):
-    """The attack on one satellite of a receiver, with the noise of the estimates for all satellites of the attack."""
+    """SCER attack on one satellite of a receiver, with the noise of the estimates for all satellites of the attack."""
 
-    noise_of_all: float  # N/N0 of the decisions on the chips of all satellites of the attack, at 0 dB
+    noise_of_all: float  # noise density over N0 of the decisions for all satellites, at 0 dB
 
     @property
     def noise_at_0_db(self) -> float:
-        """N/N0 of the decisions on the chips of all satellites of the attack for spoofing signals of 0 dB."""
+        """Noise density over N0 of the decisions on the chips of all satellites of the attack, for a power of 0 dB."""
         return self.noise_of_all
 
 
@@ -214,7 +215,7 @@ def against(attacks: tuple[Any, ...], svid: int, cn0_dbhz: Mapping[int, float]) 
     svid
         The satellite.
     cn0_dbhz
-        C/N0 in dBHz with which the victim receives E6-C, for every satellite on air by SVID.
+        C/N0 in dBHz of E6-C at the victim, by the SVID of each satellite on air.
     """
     return tuple(_on_satellite(one, svid, cn0_dbhz) if isinstance(one, Scer) else one for one in attacks)
 

@@ -1,16 +1,16 @@
-"""All attacks of a scenario together, with their effects on each band of a satellite, epoch by epoch.
+"""Combine all attacks of a scenario into their effects on each band of a satellite, epoch by epoch.
 
 | attack | E1 | E6 |
 |---|---|---|
 | `E1Asynchronous` | spoofing signal at any delay | – |
 | `LiftOff` | spoofing signal | spoofing signal, repeated noise |
-| `PositionPush`, `TimePush` | lift-off of some satellites, or of all | the same |
-| `Meaconing` | spoofing signal, repeated noise | the same |
-| `Scer` | spoofing signal on time, its symbols estimated | the same a chip later, repeated noise or chip errors |
-| `BetweenRecs` | lift-off and return between two RECS | the same |
+| `PositionPush`, `TimePush` | lift-off of some satellites, or of all satellites | as on E1, with repeated noise |
+| `Meaconing` | spoofing signal, repeated noise | spoofing signal, repeated noise |
+| `Scer` | spoofing signal with estimated symbols | spoofing signal one chip later, repeated noise or chip errors |
+| `BetweenRecs` | lift-off and return between two RECS | lift-off and return between two RECS |
 | `Nulling` | opposite signal | outside Assumption 2 |
 | `Forgery` | – | invented chips |
-| `ForgeryAfterDisclosure` | spoofing signal, later than the key of its RECS | the same |
+| `ForgeryAfterDisclosure` | spoofing signal, later than the key | spoofing signal, later than the key of its RECS |
 | `Jam` | waveform | waveform |
 | `OsnmaDenial` | white noise, keys are lost | – |
 """
@@ -67,20 +67,20 @@ _PILOT = {Band.E1: E1C, Band.E6: E6C}
 class BandEffects:
     """Effects of the attacks on a band of a satellite; the second axis counts the attacks."""
 
-    # spoofing signals relative to the line of sight, with the fields of `SpoofingSignal`; without a signal the power is
-    # −inf dB and the other values are 0
+    # Spoofing signals relative to the line of sight, with the fields of `SpoofingSignal`. Without a signal the power is
+    # −inf dB, and the other values are 0.
     delay_m: Float[np.ndarray, "n k"]
     delay_rate_mps: Float[np.ndarray, "n k"]
     power_db: Float[np.ndarray, "n k"]
     phase_rad: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    forged_chips: Bool[np.ndarray, " k"]  # spoofing signals with chips that the attacker invented
-    forged_nav_data: Bool[np.ndarray, " k"]  # spoofing signals with invented navigation data
+    forged_chips: Bool[np.ndarray, " k"]  # whether the chips of a spoofing signal are invented by the attacker
+    forged_nav_data: Bool[np.ndarray, " k"]  # whether the navigation data of a spoofing signal are invented
     white: Float[np.ndarray, " n"]  # added density of white noise, over N0: repeated noise and wideband jamming
     jammers: tuple[Jamming, ...]  # jamming waveforms other than white noise
 
     def part(self, rows: slice) -> BandEffects:
-        """Return the effects in some of the epochs."""
+        """Return the effects in the epochs of a slice."""
         names = (*_OF_EPOCHS, "white")
         return replace(
             self,
@@ -108,7 +108,7 @@ class Spoofer:
     attacks: tuple[Attack, ...] = ()  # simultaneous attacks
 
     def effects(self, band: Band, svid: int, times_s: Float[np.ndarray, " n"]) -> BandEffects:
-        """Return the effects on a band of a satellite."""
+        """Return the effects of all attacks on a band of a satellite."""
         found = []
         for attack in self.attacks:
             made = attack.spoofing_signal(band, times_s) if not attack.svids or svid in attack.svids else None
@@ -140,7 +140,7 @@ class Spoofer:
     ) -> Bool[np.ndarray, " n"]:
         """Return whether an attack that begins in (after_s, until_s] makes the receiver acquire anew.
 
-        An attack without power has no such effect.
+        An attack without power does not make the receiver acquire anew.
         """
         anew = np.zeros(until_s.shape, bool)
         for attack in self.attacks:
@@ -155,7 +155,7 @@ class Spoofer:
         return any(attack.withholds_osnma(first_s, last_s) for attack in self.attacks)
 
     def warnings(self) -> tuple[str, ...]:
-        """Return a line for each attack that exceeds the attacker of [WFO]."""
+        """Return a line of text for each attack that violates Assumption 2 of [WFO]."""
         return tuple(
             f"attack.{number} ({attack.kind}) is outside Assumption 2: {attack.outside_assumption_2}"
             for number, attack in enumerate(self.attacks)

@@ -1,1 +1,1 @@
-"""Theory of the receiver: thresholds, losses, thermal noise, numbers of hypotheses, and the numbers of the paper."""
+"""Theory of the receiver: thresholds, losses, thermal noise, numbers of hypotheses, and a comparison with the paper."""

@@ -1,16 +1,17 @@
-"""Misses of a signal whose amplitude fades by multipath, averaged over the fading.
+"""Compute the probability of a miss of a signal that fades by multipath, averaged over the fading.
 
 Theory of operation
 -------------------
-Reflections of many phases add a complex Gaussian g of mean power P to a direct signal of amplitude 1. In units of the
-noise per dimension, a correlator output is z = A (1 + g) + w, with A² = 2 (C/N0) T_I and w as in `thresholds`. A g and
-w are both complex Gaussian, so |z| is Rician with A and the variance s² = 1 + A² P/2 per dimension:
+Reflections with random phases add a complex Gaussian g of mean power P to a direct signal of amplitude 1. In units of
+the noise per dimension, a correlator output is z = A (1 + g) + w, with A² = 2 (C/N0) T_I. The noise w is the noise of
+`thresholds`. The terms A g and w are complex Gaussian. So |z| is Rician with the amplitude A and the variance s² = 1 +
+A² P/2 per dimension:
 
     miss = P(|z| < γ) = 1 − Q₁(A/s, γ/s)
 
-C/N0 refers to the direct signal. A real reflection is delayed, so its contribution to the correlator of the direct
-signal is less than its power. The average is therefore an upper limit of the misses. P = 0 gives `miss_probability` of
-`thresholds`.
+C/N0 refers to the direct signal. A real reflection is delayed, so only a part of its power reaches the correlator of
+the direct signal. The average is therefore an upper limit of the probability of a miss. P = 0 gives `miss_probability`
+of `thresholds`.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ def faded_miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, ra
     pfa
         P_fa of a single test.
     ray_power_db
-        P, mean power of all reflections over the power of the direct signal in dB; −inf for none.
+        P, mean power of all reflections over the power of the direct signal in dB; −inf without reflections.
 
     Examples
     --------
-    For a satellite at 33 dBHz and a RECS of 16 ms, multipath makes misses four times as frequent:
+    For a satellite at 33 dBHz and a RECS of 16 ms, reflections multiply the probability of a miss by four:
 
     >>> f"{faded_miss_probability(33.0, 0.016, 1e-7, -15.8):.3f}"
     '0.035'

@@ -1,17 +1,18 @@
-"""Number of hypotheses of a search: N relates P_fa of a single test to P_FA of the whole search.
+"""Compute the number of hypotheses N of a search, which relates P_fa of a single test to P_FA of the whole search.
 
 Theory of operation
 -------------------
-Both vestigial searches look for a signal within the time uncertainty ΔT [WFO, Sec. III-D and III-E]:
+The exhaustive search and the search with hand-over look for a signal within the time uncertainty ΔT [WFO, Sec. III-D
+and III-E]. Their numbers of hypotheses are:
 
     exhaustive   N = (ΔT / code step) · (Doppler span / Doppler step)      half a chip, 1/(2 T_I)
     hand-over    N = (ΔT / E1 code period) · taps                          one Doppler bin, known from E1
 
-The paper's count for the hand-over, 30 s / 4 ms = 7500, has one code offset at each position. With a bank of taps the
-count is multiplied by the number of taps. The hand-over saves tests on E6 because a detection on E1 comes first. The
-detection on E1 has its own count: `exhaustive_hypotheses` over one E1 period with the E1 chip.
+The paper's count for the hand-over, 30 s / 4 ms = 7500, has one code offset at each position. With a bank of taps, this
+number is multiplied by the number of taps. The hand-over saves tests on E6 because a detection on E1 comes first. The
+detection on E1 has its own number of hypotheses: `exhaustive_hypotheses` over one E1 period with the E1 chip.
 
-The counts are not rounded to whole steps. Hypotheses less than a chip apart share part of their noise, so N such
+The numbers are not rounded to whole steps. Hypotheses less than a chip apart have correlated noise, so N such
 hypotheses give fewer false alarms than N independent hypotheses. `effective_taps` gives this reduction for a bank of
 taps.
 """
@@ -30,7 +31,7 @@ _NODES, _WEIGHTS = np.polynomial.laguerre.laggauss(48)
 def code_offsets(time_uncertainty_s: float, chip_s: float = 1 / E6C.chip_rate_hz) -> float:
     """Return the number of code offsets, half a chip apart, within the time uncertainty.
 
-    `time_uncertainty_s` is ΔT, the whole width of the uncertainty.
+    `time_uncertainty_s` is ΔT in s, the whole width of the uncertainty.
     """
     return time_uncertainty_s / chip_s * 2.0
 
@@ -38,7 +39,7 @@ def code_offsets(time_uncertainty_s: float, chip_s: float = 1 / E6C.chip_rate_hz
 def doppler_bins(doppler_span_hz: float, integration_s: float) -> float:
     """Return the number of Doppler bins 1/(2 T_I) wide within the whole Doppler span.
 
-    `doppler_span_hz` is the whole width of the uncertainty: 10 kHz for ±5 kHz.
+    `doppler_span_hz` is the whole width of the uncertainty, such as 10 kHz for ±5 kHz.
     """
     return doppler_span_hz * 2.0 * integration_s
 
@@ -64,15 +65,16 @@ def handover_hypotheses(time_uncertainty_s: float, taps: int = 1) -> float:
 def effective_taps(pfa: Reals, taps: int, correlation: float) -> Reals:
     """Return the number of independent tests that give as many false alarms as a bank of taps with correlated noise.
 
-    N_eff = n − (n−1) P₁₂/P_fa, where P₁₂ is the probability that two neighbours raise a false alarm together,
+    The number is N_eff = n − (n−1) P₁₂/P_fa. P₁₂ is the probability that two neighbouring taps raise a false alarm
+    together,
 
         P₁₂/P_fa = ∫_0^∞ e^{-t} Q₁(ρ√(g²+2t)/s, g/s) dt,    s = √(1−ρ²),  g the threshold
 
-    N_eff is an upper limit, because it counts only coincidences of neighbours. N_eff is exact for small P_fa, and 1 %
-    high at 1e-3 (11 taps, ρ 0.74).
+    N_eff is an upper limit, because the formula includes only coincidences of neighbouring taps. N_eff is exact for
+    small P_fa, and 1 % high at 1e-3 (11 taps, ρ 0.74).
 
-    `pfa` is the false-alarm probability of each tap. ρ is the autocorrelation at the distance of neighbouring taps, at
-    least 0 and below 1.
+    `pfa` is the false-alarm probability of each tap. `correlation` is ρ, the autocorrelation at the distance of
+    neighbouring taps, at least 0 and below 1.
     """
     if not 0 <= correlation < 1:
         raise ValueError(f"the correlation of neighbours must be in [0, 1), found {correlation}")

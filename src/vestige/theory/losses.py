@@ -1,14 +1,14 @@
-"""Losses of C/N0 in dB that the theory of `thresholds` leaves out: grids, dynamics, filter and quantiser.
+"""Compute losses of C/N0 in dB that the theory of `thresholds` leaves out: grids, dynamics, filter and quantiser.
 
 Theory of operation
 -------------------
-A coherent correlator scales the amplitude by R(τ) in code offset (triangle, τ in chips) and by sinc(f T_I) in
-frequency. On a grid of step Δ the error is at worst Δ/2. The average over a uniform error is the average of the
-*power*, the mean square. Over T_I an uncompensated acceleration bends the phase to a parabola. An uncompensated code
-Doppler slides the replica by D chips, ±D/2 around the middle. The triangle therefore loses D/4 of its height on
-average.
+An error τ of the code offset, in chips, multiplies the amplitude of a coherent correlator by the triangle R(τ). A
+frequency error f multiplies the amplitude by sinc(f T_I). On a grid of step Δ the error is at most Δ/2. The mean loss
+is the loss of the mean *power* over all errors, which are uniformly distributed. An uncompensated acceleration makes
+the phase a parabola over T_I. An uncompensated code Doppler moves the replica by D chips over T_I, from −D/2 to D/2.
+The mean of the triangle is therefore D/4 less than its height.
 
-A positive number is a loss. [WFO] leaves these effects out.
+A positive number is a loss. [WFO] leaves out all these effects.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 class GridLoss(NamedTuple):
-    """Loss in dB at half a step off the grid, and loss of the mean power over all offsets between the grid points."""
+    """Loss in dB halfway between two grid points, and loss in dB of the mean power over all positions."""
 
     worst_db: float
     mean_db: float
 
 
 def code_grid_loss(step_chips: float) -> GridLoss:
-    """Return the loss of a grid of code offsets, for an unfiltered rectangular chip.
+    """Return the loss by a grid of code offsets, for an unfiltered rectangular chip.
 
     The step is at most 2 chips.
     """
@@ -43,7 +43,7 @@ def code_grid_loss(step_chips: float) -> GridLoss:
 
 
 def doppler_grid_loss(step_hz: float, integration_s: float) -> GridLoss:
-    """Return the loss of a grid of Doppler bins."""
+    """Return the loss by a grid of Doppler bins."""
     error_cycles = step_hz * integration_s / 2 * (1 + _NODES) / 2
     mean_power = np.sinc(error_cycles) ** 2 @ _WEIGHTS / 2
     worst = np.sinc(step_hz * integration_s / 2)
@@ -51,20 +51,20 @@ def doppler_grid_loss(step_hz: float, integration_s: float) -> GridLoss:
 
 
 def acceleration_loss_db(acceleration_mps2: float, integration_s: float) -> float:
-    """Return the loss by an acceleration along the line of sight, with the right frequency in the middle."""
+    """Return the loss by an acceleration along the line of sight, with the correct frequency in the middle of T_I."""
     time_s = integration_s / 2 * _NODES
     phase = np.pi * acceleration_mps2 / SPEED_OF_LIGHT_MPS * E6C.carrier_hz * time_s**2
     return -20 * float(np.log10(np.abs(np.exp(1j * phase) @ _WEIGHTS) / 2))
 
 
 def code_doppler_loss_db(doppler_hz: float, integration_s: float) -> float:
-    """Return the loss of a replica without code Doppler, aligned in the middle of the integration."""
+    """Return the loss by a replica without code Doppler that is aligned in the middle of the integration."""
     slide_chips = abs(doppler_hz) / E6C.carrier_hz * E6C.chip_rate_hz * integration_s
     return -20 * float(np.log10(1 - slide_chips / 4))
 
 
 def front_end_loss_db(bandwidth_hz: float) -> float:
-    """Return the loss of an ideal front-end filter with an unfiltered replica: the share of the power that passes.
+    """Return the loss by an ideal front-end filter with an unfiltered replica, from the share of the power that passes.
 
     The bandwidth is two-sided.
     """
@@ -75,10 +75,10 @@ def front_end_loss_db(bandwidth_hz: float) -> float:
 
 
 def quantisation_loss_db(bits: int) -> float:
-    """Return the loss of a quantiser at low C/N0: 1 bit (sign), or 2 bits with levels ±1, ±3 and the best step.
+    """Return the loss by a quantiser at low C/N0: 1 bit (sign), or 2 bits with levels ±1, ±3 and the best step.
 
-    With step v (in σ), inner share Φ = erf(v/√2) and E = e^{-v²/2} the efficiency is (2/π) (1 + 2E)² / (Φ + 9 (1 −
-    Φ)); a single bit leaves 2/π.
+    Let v be the step in σ, Φ = erf(v/√2) the share of the inner levels, and E = e^{-v²/2}. The efficiency of 2 bits is
+    (2/π) (1 + 2E)² / (Φ + 9 (1 − Φ)). The efficiency of a single bit is 2/π.
     """
     if bits not in {1, 2}:
         raise ValueError(f"the loss is known for 1 and 2 bits, found {bits}")

@@ -1,9 +1,9 @@
-"""Every number of [WFO] that theory determines, computed from its inputs and compared with the printed value.
+"""Recompute every number of [WFO] that theory determines, and compare the result with the printed value.
 
-Only the paper's own inputs and its printed digits are typed in. A number agrees if it rounds to the printed digits.
-Otherwise a remark gives the reason, with the number of the erratum (E1, E2, …; docs/paper_map.md). Rows 1 to 37 follow
-the paper. Rows E… have numbers that belong to an erratum. The row `omitted` has the sizes of effects that the paper's
-theory leaves out. `NOT_COMPUTED` lists the numbers that theory cannot give, with reasons.
+This file contains only the paper's own inputs and its printed digits. A number agrees if its rounded value has the
+printed digits. Otherwise a remark gives the reason, with the number of the erratum (E1, E2, …; docs/paper_map.md). Rows
+1 to 37 follow the paper. Rows E… have numbers that belong to an erratum. The row `omitted` has the sizes of effects
+that the paper's theory leaves out. `NOT_COMPUTED` lists the numbers that theory cannot give, with reasons.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ C = SPEED_OF_LIGHT_MPS
 CHIP_S = 1 / E6C.chip_rate_hz
 CHIP_M = C * CHIP_S
 STANDARD_GRAVITY_MPS2 = 9.80665  # exact, CGPM 1901
-IONOSPHERE_M3_PER_S2 = 40.3  # first-order delay 40.3 TEC / f² [OS-ICD, 5.1.6]
+IONOSPHERE_M3_PER_S2 = 40.3  # the first-order delay is 40.3 TEC / f² [OS-ICD, 5.1.6]
 
-# inputs of [WFO]
+# inputs of the paper; the comments name the sections of [WFO]
 CHIP_PRINTED_S = 60.0 / C  # T_c = 60 m, III-D
 OVERALL_PFA = 1e-3  # III-D
 UNCERTAINTY_S = 30.0  # III-D
@@ -65,13 +65,13 @@ NOT_COMPUTED = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperQuantity:
-    """A recomputed value of a row."""
+    """Recomputed value in a row, with the printed value."""
 
     name: str
     value: float
     unit: str = ""
     digits: str = ".4g"  # format specification with which a table shows the value
-    printed: str = ""  # the value as the paper prints it, in the same unit; "" if it prints none
+    printed: str = ""  # value that the paper prints, in the same unit; "" if the paper prints no value
 
     @property
     def agrees(self) -> bool:
@@ -89,7 +89,7 @@ class PaperQuantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperNumber:
-    """A row: the value that the paper prints, its section, and the recomputed values."""
+    """Row of the comparison: the value that the paper prints, its section, and the recomputed values."""
 
     row: str
     where: str
@@ -99,7 +99,7 @@ class PaperNumber:
 
     @property
     def verdict(self) -> str:
-        """`ok` if every printed value agrees, `differs` if any does not, empty if none is printed; then the remark."""
+        """Comparison with the paper: `ok`, `differs`, or empty without a printed value; then the remark."""
         word = "ok" if any(quantity.printed for quantity in self.quantities) else ""
         if not all(quantity.agrees for quantity in self.quantities):
             word = "differs"
@@ -107,7 +107,7 @@ class PaperNumber:
 
 
 def paper_numbers() -> tuple[PaperNumber, ...]:
-    """Return all rows; each call computes them."""
+    """Return all rows; each call computes all numbers again."""
     return (*_errors(), *_exhaustive(), *_handover(), *_models(), *_results(), *_errata(), *_omitted())
 
 
@@ -155,7 +155,7 @@ def _exhaustive() -> list[PaperNumber]:
     """Return rows 8 to 16: exhaustive search in E6."""
     n_exact_chip = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ)
     n_exact_c = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ, CHIP_PRINTED_S)
-    n_paper = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ, 60.0 / 3e8)  # c = 3e8 m/s, as for the 3e8 offsets
+    n_paper = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ, 60.0 / 3e8)  # c = 3e8 m/s, as in the printed value
     pfa = single_event_pfa(OVERALL_PFA, n_paper)
     cn0 = [required_cn0_dbhz(PD, k * 4e-3, single_event_pfa(OVERALL_PFA, k * n_paper)) for k in (1, 2, 4)]
     return [
@@ -223,7 +223,7 @@ def _handover() -> list[PaperNumber]:
 
 def _models() -> list[PaperNumber]:
     """Return rows 23 to 26: clock and dynamics."""
-    drift_psd, bias_psd = 2 * np.pi**2 * H_MINUS_2_HZ, H0_S / 2  # random walk and white part of the frequency
+    drift_psd, bias_psd = 2 * np.pi**2 * H_MINUS_2_HZ, H0_S / 2  # spectral densities of drift and white frequency
     adev = np.sqrt(H0_S / 2 + drift_psd / 3)
 
     def growth_m(time_s: float) -> float:
@@ -257,7 +257,7 @@ def _results() -> list[PaperNumber]:
     correlation = 1 - TAP_M / CHIP_M
     independent = effective_taps(PFA, TAPS, correlation)
     useful_chips = E6C.chip_rate_hz * RECS_S
-    body_chips = np.ceil(useful_chips / 128) * 128  # whole AES blocks
+    body_chips = np.ceil(useful_chips / 128) * 128  # chips in whole AES blocks
     missed, epochs = 52, 100_000
     noise_only = required_cn0_dbhz(1 - missed / epochs, RECS_S, PFA)
     recs_35, recs_34 = (

@@ -1,25 +1,27 @@
-"""Position of the signal between the taps: the root of the s-curve by linear interpolation [WFO, Sec. III-C].
+"""Compute the position of the signal between taps: the root of the s-curve by linear interpolation [WFO, Sec. III-C].
 
 Theory of operation
 -------------------
-c_e, c_p, c_l are the early, punctual and late magnitudes, Δ apart. The punctual tap and the lower outer tap lie on the
-same flank and give its slope α. Two lines meet at the peak: the line with that slope through c_p, and the line with the
-opposite slope through the higher outer tap.
+The magnitudes c_e, c_p and c_l are of the early, punctual and late taps, at a distance Δ. The early and the late tap
+are called outer taps. The punctual tap and the lower outer tap lie on the same flank of the correlation and give its
+slope. Two lines meet at the peak: the line with this slope through c_p, and the line with the opposite slope through
+the higher outer tap. The position of the peak is
 
     τ = τ_p + sgn(c_l − c_e) · ½ · (c_max − c_min)/(c_p − c_min) · Δ        c_max, c_min: of c_e and c_l
 
 Let all three taps lie on a triangle with flanks of slope a per metre. The peak is later than the punctual tap by δ.
 Then c_p = 1 − aδ, c_l = 1 − a(Δ−δ), and c_e = 1 − a(Δ+δ). So c_l − c_e is 2aδ, and c_p − c_e is aΔ. The result is
-δ = ½ Δ (c_l − c_e)/(c_p − c_e).
+therefore δ = ½ Δ (c_l − c_e)/(c_p − c_e).
 
-The formula is exact for an unfiltered signal while Δ + |δ| is at most one chip: for every |δ| ≤ Δ/2 if Δ ≤ 2/3 chip.
+The formula is exact for an unfiltered signal if Δ + |δ| is at most one chip. So for Δ ≤ 2/3 chip the formula is exact
+for every |δ| ≤ Δ/2.
 
 [WFO] prints the formula without the ½ and the sign, which gives |2δ|. The results of [WFO] were computed with the ½ and
-the sign: the cluster of early detections lies at −30 m + ½·15 m = −22.5 m.
+the sign. The evidence is the cluster of early detections at −30 m + ½·15 m = −22.5 m.
 
-|τ − τ_p| never exceeds Δ/2. An outer tap may be higher than the punctual tap, since the maximum detector allows this
-for n > 1 and at the ends of its range. The peak is then taken to be halfway to that outer tap. Three equal taps give
-τ_p.
+The distance |τ − τ_p| never exceeds Δ/2. An outer tap may be higher than the punctual tap. The maximum detector allows
+a higher outer tap for n > 1 and at the ends of the range of its taps. The result is then the middle between the
+punctual tap and the higher outer tap. Three equal taps give τ_p.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
-_EQUIDISTANT = 1e-6  # relative tolerance on the distances of the taps
+_EQUIDISTANT = 1e-6  # relative tolerance of the distances between taps
 
 
 def range_offset_m(
@@ -38,9 +40,9 @@ def range_offset_m(
 ) -> Float[np.ndarray, " n_epochs"]:
     """Return measured minus predicted E6 range of each epoch in m, positive if later; NaN without a detection.
 
-    Magnitudes |c| go from early to late. `tap` is the index of the punctual tap from a detector: n to N−1−n, or −1
-    without a detection. `spacing` is n. `offsets_m` are the taps' offsets from the prediction, ascending and
-    equidistant.
+    Magnitudes |c| are in the order from the earliest to the latest tap. `tap` is the index of the punctual tap from a
+    detector: n to N−1−n, or −1 without a detection. `spacing` is n. `offsets_m` are the taps' offsets from the
+    prediction, ascending and equidistant.
 
     Raises `ValueError` if the taps are not equidistant, or a punctual tap lacks a neighbour.
     """
@@ -56,7 +58,8 @@ def range_offset_m(
     columns = punctual[:, None] + np.array([-spacing, 0, spacing])
     outer = np.take_along_axis(magnitudes, columns, axis=1)
     early, late = outer[:, 0], outer[:, 2]
-    # The highest of the three taps replaces c_p. At a peak this tap is c_p; if an outer tap is higher, the ratio is ±1.
+    # The highest of the three taps replaces c_p. At a peak the highest tap is c_p. If an outer tap is higher, the ratio
+    # is ±1.
     height = outer.max(axis=1) - np.minimum(early, late)
     ratio = np.divide(late - early, height, out=np.zeros_like(height), where=height != 0)
     offset_m = offsets_m[punctual] + 0.5 * ratio * spacing * step_m[0]

@@ -1,25 +1,28 @@
-"""Loss by a screen that first correlates a part of the chips: the share of detections that a search loses.
+"""Compute the share of detections that a search loses because a screen first correlates a part of the chips.
 
 Theory of operation
 -------------------
-A correlator output z = A e^{jφ} + w is in units of its noise per dimension. The screen sums up a share f of the chips,
-and adds two outputs half a chip apart, because they share half of their noise. The screen's sum z₁, in units of its own
-noise, and z have the correlation ρ = √(f (1 + ½)/2). If |z₁| > t, both cells are kept, and z is compared with the
-threshold g. For a given z, and if the signal in z₁ has the amplitude ρ A,
+A cell is a code offset and a Doppler bin of the search. A cell has the correlator output z = A e^{jφ} + w, in units of
+its noise per dimension. A screen decides quickly which cells are tested. The screen correlates a share f of the chips.
+The screen then adds the outputs of two cells half a chip apart, because half of their noise is common. The screen's sum
+z₁, in units of its own noise, and z have the correlation ρ = √(f (1 + ½)/2). If |z₁| > t, the two cells pass the
+screen, and z is compared with the threshold g. For a given z, and if the signal in z₁ has the amplitude ρ A,
 
     z₁ = ρ z + √(1−ρ²) v,    v complex Gaussian of unit variance per dimension, whatever A is:
     P(miss | |z| = S) = P₁(ρ S/√(1−ρ²), t/√(1−ρ²))
 
-A cell far above the threshold is thus almost never lost, and the loss depends only on S, not on the C/N0. With t = ρ g
-− k √(1−ρ²), a cell just at the threshold is k standard deviations above t. The choice of k and f balances the loss
-against the time: the share e^{−t²/2} of the cells without a signal passes the screen. Here f = ¾, so ρ = ¾, and k = 2.
-Without the sum of two outputs, f = 9/16 has the same correlation, but the screen then needs 50 % more additions.
+A cell far above the threshold is thus almost never lost. The probability of a miss depends only on S, and not on the
+C/N0. With t = ρ g − k √(1−ρ²), a cell just at the threshold is k standard deviations above t. The choice of k and f is
+a compromise between the loss and the computing time. The share e^{−t²/2} of the cells without a signal passes the
+screen. The search uses f = ¾, so ρ = ¾, and k = 2. Without the sum of two outputs, f = 9/16 has the same correlation,
+but the screen then needs 50 % more additions.
 
-The loss at a C/N0 is the mean of this probability over all S > g. The mean is computed for the strongest cell, with the
-signal anywhere between the points of the grid. Three effects change the signal in z₁. The second output of the sum is
-half a chip earlier or later than the strongest cell. The signal is therefore nearer to the second output or farther
-from it. The screen's bins are 1/(2 f T_I) apart, and the bins of the cells 1/(2 T_I). So the nearest bin of the screen
-may be off the frequency of the cell. The carrier is not removed within a segment of the screen.
+The loss at a C/N0 is the mean of the probability of a miss over all S > g. The mean is computed for the strongest cell,
+over all positions of the signal between the points of the grid. Three effects change the signal in z₁. The second
+output of the sum is half a chip earlier or later than the strongest cell. So the second output contains another share
+of the signal than the strongest cell. The Doppler bins of the screen are 1/(2 f T_I) apart, and the Doppler bins of the
+cells are 1/(2 T_I) apart. So the nearest bin of the screen may have another frequency than the cell. Within a segment
+of the screen, the carrier is not removed.
 """
 
 from __future__ import annotations
@@ -31,11 +34,11 @@ from scipy.special import i0e
 from vestige.theory.marcum_q import Reals, marcum_p
 from vestige.theory.thresholds import threshold
 
-SCREEN_SHARE = 0.75  # f, share of the chips
+SCREEN_SHARE = 0.75  # f, share of the chips that the screen correlates
 _CORRELATION = float(np.sqrt(SCREEN_SHARE * 0.75))  # ρ
 _REST = float(np.sqrt(1 - _CORRELATION**2))
 _SCREEN_SIGMAS = 2.0  # k
-_STRONGEST = 9.0  # integration limit above the larger of amplitude and threshold; the rest is negligible
+_STRONGEST = 9.0  # the integral ends so far above the larger of amplitude and threshold, because the rest is negligible
 
 
 def pass_threshold(threshold: Reals) -> Reals:
@@ -67,7 +70,7 @@ def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float, segment_cycle
     pfa
         Single-event false-alarm probability of the search.
     segment_cycles
-        Cycles of the carrier in a segment of the screen at the edge of the band. The Doppler is uniform in the band.
+        Cycles of the carrier in a segment of the screen at the largest Doppler. The Doppler is uniformly distributed.
 
     Examples
     --------
@@ -77,7 +80,8 @@ def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float, segment_cycle
     g = float(threshold(pfa))
     share, of_share = _unit_interval(5)
     amplitude = np.sqrt(2 * 10 ** (cn0_dbhz / 10) * integration_s)
-    # Code and Doppler of the signal are at most ¼ chip and ¼ cycle off. The bins of the screen repeat after four cells.
+    # The signal is at most ¼ chip and ¼ cycle from the strongest cell. The positions of the screen's bins repeat after
+    # four cells.
     chip, cycle = (share / 4).reshape(-1, 1, 1, 1, 1), (share / 4).reshape(-1, 1, 1, 1)
     second = np.stack([1 / (1 - chip), (1 - chip * 4 / 3) / (1 - chip)], axis=2)[:, :, :, 0]
     step = 0.5 / SCREEN_SHARE

@@ -1,9 +1,9 @@
-"""Detection budget of a search of many hypotheses: threshold, required C/N0, P_d on a grid, ROC.
+"""Compute the detection budget of a search of many hypotheses: threshold, required C/N0, P_d on a grid, and ROC.
 
-In the paper's theory the signal is on a grid point. On a real grid the signal lies anywhere between the points. A step
-of half a chip loses up to 2.5 dB, and 1.1 dB in the mean. Bins 1/(2 T_I) apart lose up to 0.9 dB, and 0.3 dB in the
-mean (`losses`). So P_d at a given C/N0 is an average over code offset and Doppler. At high P_d this average is below
-the P_d of the paper.
+In the paper's theory the signal is on a grid point. In a real search the signal lies anywhere between the points of the
+grid. A step of half a chip loses up to 2.5 dB, and 1.1 dB on average. Bins 1/(2 T_I) apart lose up to 0.9 dB, and 0.3
+dB on average (`losses`). So P_d at a given C/N0 is an average over code offset and Doppler. At high P_d this average is
+below the P_d of the paper.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from vestige.theory.hypotheses import effective_taps
 from vestige.theory.losses import code_grid_loss, doppler_grid_loss
 from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz, single_event_pfa, threshold
 
-# overall P_fa for one search of one satellite; smaller than the share of the alarm budget that a search with each RECS
-# has
+# P_FA of one search of one satellite. The value is less than the share of the false-alarm budget for a search with each
+# RECS.
 SEARCH_P_FA = 1e-6
-_DOPPLER_CORRELATION = 2 / np.pi  # correlation of the noise of two bins 1/(2 T) apart: sinc(1/2)
+_DOPPLER_CORRELATION = 2 / np.pi  # correlation of the noise of two bins 1/(2 T_I) apart, sinc(1/2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchBudget:
-    """Detection budget of a search, printed before the search starts."""
+    """Detection budget of a search, which is printed before the search starts."""
 
     hypotheses: float
     independent: float  # number of independent tests with the same false alarms; N without `correlated_neighbours`
     pfa_overall: float  # false-alarm probability of the whole search
     pfa: float  # false-alarm probability of a single test
-    threshold: float  # on the magnitude, in standard deviations of the noise per dimension
+    threshold: float  # threshold on the magnitude, in standard deviations of the noise per dimension
     required_cn0_dbhz: float  # C/N0 of E6-C that is found with probability 0.9 on the grid
     grid_loss_db: float  # mean loss of a signal between the grid points, in code and Doppler
 
@@ -46,10 +46,10 @@ def search_budget(
 ) -> SearchBudget:
     """Return the budget of a search of N hypotheses half a chip apart.
 
-    `overall_pfa` is the probability that noise alone gives any peak. `correlated_neighbours` reduces N to the number of
-    independent tests that give the same false alarms as N tests with correlated neighbours (code ½, Doppler 2/π).
-    Without this reduction the threshold is on the safe side, by 0.01 dB at the N of 30 s. Bins are `doppler_step_hz`
-    apart: 0 for a known Doppler, 1/(2 T_I) by default.
+    `overall_pfa` is the probability that noise alone exceeds the threshold anywhere. Neighbouring tests have correlated
+    noise: ½ in code offset, 2/π in Doppler. `correlated_neighbours` reduces N to the number of independent tests with
+    the same false alarms. Without this reduction the threshold is too high by 0.01 dB, at the N for a time uncertainty
+    of 30 s. Bins are `doppler_step_hz` apart: 0 for a known Doppler, 1/(2 T_I) by default.
     """
     pfa = float(single_event_pfa(overall_pfa, max(hypotheses, 1.0)))
     independent = max(hypotheses, 1.0)
@@ -77,8 +77,8 @@ def grid_probability_of_detection(
 ) -> float:
     """Return P_d of the strongest cell, averaged over all positions of a signal between the points of the grid.
 
-    `pfa` is the false-alarm probability of a cell. If `bins` is true, the Doppler is on a grid as well, with steps of
-    1/(2 T_I). Otherwise the Doppler is known.
+    `pfa` is the false-alarm probability of a cell. If `bins` is true, the Doppler is also on a grid, with steps of 1/(2
+    T_I). Otherwise the Doppler is known.
     """
     nodes, weights = np.polynomial.legendre.leggauss(24)
     share = (nodes + 1) / 2
@@ -101,7 +101,7 @@ class RocPoint:
 def roc(
     cn0_dbhz: float, integration_s: float, hypotheses: float, overall_pfa: Sequence[float], *, bins: bool = True
 ) -> tuple[RocPoint, ...]:
-    """Return the receiver operating characteristic of a search of N hypotheses, grid losses included.
+    """Return the receiver operating characteristic of a search of N hypotheses, including the losses by the grid.
 
     If `bins` is true, the Doppler is on a grid (exhaustive search). Otherwise the Doppler is known (hand-over search).
     """

@@ -1,17 +1,18 @@
-"""Thermal noise of the two compared ranges: E1 tracked by a delay lock loop, E6 from one snapshot.
+"""Compute the thermal noise of the two compared ranges: E1 from a delay lock loop, and E6 from one snapshot.
 
 Theory of operation
 -------------------
-S(f) is the spectrum of unit area over all frequencies, and I{·} an integral over the front-end bandwidth. d is the
-early-late spacing in s, B_L the one-sided loop bandwidth, and T the integration time [BETZ09]:
+The spectrum S(f) has unit area over all frequencies, and I{·} is an integral over the front-end bandwidth. The
+early-late spacing in s is d, B_L is the one-sided loop bandwidth, and T is the integration time [BETZ09]:
 
     non-coherent DLL    σ² = B_L (1 − ½ B_L T) I{S sin²(πfd)} / ((2π)² (C/N0) I{f S sin(πfd)}²)
                              · (1 + I{S cos²(πfd)} / (T (C/N0) I{S cos(πfd)}²))
-    the same with Re((L − E) P*) in place of |L|² − |E|²: the last factor is 1 + 1 / (T (C/N0) I{S})
+    dot-product DLL, Re((L − E) P*) in place of |L|² − |E|²: the last factor is 1 + 1 / (T (C/N0) I{S})
     one snapshot        σ² ≥ 1 / (8π² (C/N0) T I{f²S})              Cramér-Rao bound
 
-A snapshot has far more noise than a tracking loop. At 35 dBHz a loop of 1 Hz has a standard deviation of 0.4 to 1 m. At
-best, 16 ms of E6 have 2.1 m within 20.46 MHz. Three taps 15 m apart have 2.5 m.
+The range from a snapshot has far more noise than the range from a tracking loop. At 35 dBHz, the range from a loop of 1
+Hz has a standard deviation of 0.4 to 1 m. The smallest possible standard deviation of a range from 16 ms of E6 is 2.1 m
+within 20.46 MHz. Three taps 15 m apart give 2.5 m.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.definitions import E1C, E6C
 from vestige.signals.pulse import BOC11, BOC61, Pulse, band_limited_autocorrelation, gabor_bandwidth_hz, spectrum
 
-MBOC: Mapping[Pulse, float] = {BOC11: 10 / 11, BOC61: 1 / 11}  # shares of E1 data and pilot together [OS-ICD, 2.3.3]
+MBOC: Mapping[Pulse, float] = {BOC11: 10 / 11, BOC61: 1 / 11}  # power shares in E1-B plus E1-C [OS-ICD, 2.3.3]
 
-_CELLS = 20_000  # cells of the frequency integrals; their relative error is below 1e-7
+_CELLS = 20_000  # number of cells of a frequency integral, for a relative error below 1e-7
 
 
 def dll_noise_m(
@@ -45,7 +46,7 @@ def dll_noise_m(
 ) -> float:
     """Return the standard deviation of the pseudorange from a non-coherent early-minus-late loop, in m.
 
-    With `dot_product` the loop multiplies early minus late with the prompt.
+    With `dot_product` the loop multiplies early minus late by the prompt.
 
     C/N0 refers to the tracked signal. The bandwidth of the front end is two-sided. The spacing is the distance between
     the early and the late correlator. `shares` are the power shares of the pulses of signal and replica. B_L is
@@ -63,13 +64,13 @@ def dll_noise_m(
 
 
 class _DllIntegrals(NamedTuple):
-    """The integrals of a delay lock loop, which do not depend on the C/N0."""
+    """Integrals for a delay lock loop, which do not depend on the C/N0."""
 
     slope: float  # 2π I{f S sin(πfd)}
     sine_squared: float
     cosine_squared: float
     cosine: float
-    power: float  # I{S}, within the bandwidth
+    power: float  # I{S}, power within the bandwidth
 
 
 @lru_cache(maxsize=64)
@@ -105,13 +106,13 @@ def snapshot_noise_bound_m(cn0_dbhz: float, integration_s: float, bandwidth_hz: 
 def pll_variance_rad2(
     cn0_hz: Float[np.ndarray, "*n"], *, bandwidth_hz: float, integration_s: float
 ) -> Float[np.ndarray, "*n"]:
-    """Return the variance of a phase lock loop's phase in rad² [KAPLAN06, 5.6.1]; C/N0 in Hz, one-sided bandwidth."""
+    """Return the variance of a phase lock loop's phase in rad² [KAPLAN06, 5.6.1], for a one-sided bandwidth."""
     return bandwidth_hz / cn0_hz * (1 + 1 / (2 * integration_s * cn0_hz))
 
 
 def fll_variance_hz2(
     cn0_hz: Float[np.ndarray, "*n"], *, bandwidth_hz: float, integration_s: float
 ) -> Float[np.ndarray, "*n"]:
-    """Return the variance of a frequency lock loop's Doppler in Hz² [KAPLAN06, 5.6.2]; C/N0 in Hz, one-sided B."""
+    """Return the variance of a frequency lock loop's Doppler in Hz² [KAPLAN06, 5.6.2], for a one-sided bandwidth."""
     spread = 4 * bandwidth_hz / cn0_hz * (1 + 1 / (integration_s * cn0_hz))
     return spread / (2 * np.pi * integration_s) ** 2

@@ -1,9 +1,10 @@
-"""Detection thresholds, the probabilities of false alarm and detection, and the C/N0 that these require.
+"""Compute detection thresholds, probabilities of false alarm and detection, and the C/N0 that a detection requires.
 
 Theory of operation
 -------------------
-The output of a correlator over T_I is, in units of the noise per dimension, z = A e^{jφ} + w. A² is 2 (C/N0) T_I, and w
-is complex Gaussian of unit variance per dimension. The magnitude of z is compared with a threshold g [WFO, Sec. III-A]:
+In units of the noise per dimension, the output of a correlator over T_I is z = A e^{jφ} + w. A² is 2 (C/N0) T_I, and w
+is complex Gaussian noise of unit variance per dimension. The magnitude of z is compared with a threshold g [WFO, Sec.
+III-A]:
 
     no signal    P_fa = e^{-g²/2}             so  g = √(−2 ln P_fa)
     signal       P_d  = Q₁(A, g)              miss = 1 − P_d = P₁(A, g)
@@ -11,13 +12,15 @@ is complex Gaussian of unit variance per dimension. The magnitude of z is compar
     K squared magnitudes added (non-coherent sum), A² = 2 K (C/N0) T_I:
                  P_fa = Γ(K, g²/2) / Γ(K)     P_d = Q_K(A, g)
 
-The paper's numbers assume one dwell, aligned in time and frequency, a constant amplitude, and known noise power.
-`losses` gives the loss by misalignment. `swerling1_probability_of_detection` is for a fluctuating amplitude.
+The paper's numbers assume a single dwell, exact alignment in time and frequency, a constant amplitude, and a known
+noise power. The module `losses` gives the loss by misalignment. `swerling1_probability_of_detection` is for a
+fluctuating amplitude.
 
-The conversions between P_FA and P_fa use log1p and expm1. As printed, 1 − (1 − P_FA)^{1/N} loses digits in floating
-point and gives the paper's 4.16e-14 instead of 4.17e-14.
+The conversions between P_FA and P_fa use log1p and expm1. The printed formula 1 − (1 − P_FA)^{1/N} loses digits in
+floating point and gives the paper's 4.16e-14 instead of 4.17e-14.
 
-Every function takes a number or an array as its first argument and returns the same type. Other arguments are numbers.
+The first argument of every function is a number or an array. The result has the shape of the first argument. Other
+arguments are numbers.
 """
 
 from __future__ import annotations
@@ -28,14 +31,14 @@ from scipy.special import chdtri
 
 from vestige.theory.marcum_q import Real, Reals, marcum_p, marcum_q
 
-_BISECTIONS = 60  # bisections that reduce a bracket of about 20 to less than its rounding error
+_BISECTIONS = 60  # number of bisections that reduce a bracket of about 20 to less than its rounding error
 _SURE = 9.0  # amplitude above the threshold at which the miss, below 1e-18, is less than any 1 − P_d in floating point
 
 
 def single_event_pfa(overall: Reals, hypotheses: float) -> Reals:
     """Return P_fa, the false alarm probability that each of N tests may have: 1 − (1 − P_FA)^{1/N}.
 
-    For correlated tests the result is on the safe side.
+    For correlated tests the false-alarm probability of all tests is less than P_FA.
 
     Raises `ValueError` if a probability is not between 0 and 1, or N is below 1.
     """
@@ -134,7 +137,7 @@ def miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoh
 def swerling1_probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float) -> Reals:
     """Return P_d = P_fa^{1/(1 + A²/2)} for an amplitude that is Rayleigh distributed from dwell to dwell.
 
-    This P_d is a pessimistic comparison, because the signal has no direct path. Parameters are those of
+    This P_d is a lower reference, because a Rayleigh distributed signal has no direct path. Parameters are those of
     `probability_of_detection`; `cn0_dbhz` is the mean.
     """
     _check(pfa)
@@ -165,7 +168,7 @@ def required_cn0_dbhz(pd: Reals, integration_s: float, pfa: float, n_noncoherent
     Raises
     ------
     ValueError
-        If P_d does not exceed P_fa, which even noise alone reaches.
+        If P_d does not exceed P_fa, which is the P_d without a signal.
 
     Examples
     --------

@@ -1,14 +1,14 @@
-"""Threshold of a test of variance in which some degrees of freedom have a larger variance than the others.
+"""Compute the threshold of a variance test in which some degrees of freedom have a larger variance than the rest.
 
 Theory of operation
 -------------------
-n residuals of variance 1 have a sum of squares T ~ χ²(n). If d of the n degrees of freedom have the variance k ≥ 1,
-then
+The sum of squares T of n residuals of variance 1 has the distribution χ²(n). If d of the n degrees of freedom have the
+variance k ≥ 1, then
 
     T = χ²(n − d) + k χ²(d)        P(T > t) = ∫₀^∞ e^{−v} P(χ²(n − d) > t − k q(v)) dv,    P(χ²(d) > q(v)) = e^{−v}
 
-For d = n the sum is k χ²(n). The integral is a sum over `_TAILS`. k is rounded up to a step of 2 %. The threshold is
-therefore an upper limit, too high by at most 2 % of the part k χ²(d).
+For d = n the sum is k χ²(n). The integral is computed as a sum over `_TAILS`. The variance k is rounded up to a step of
+2 %. The threshold is therefore an upper limit, which is too high by at most 2 % of the part k χ²(d).
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from jaxtyping import Float, Int
 from scipy.special import chdtrc, chdtri
 
 _STEP = 0.02  # step of ln k
-_TAILS = (np.arange(600) + 0.5) / 10  # values of v
+_TAILS = (np.arange(600) + 0.5) / 10  # values of v in the sum
 
 
 def variance_threshold(
     freedom: int, wide: Int[np.ndarray, "*n"], ratio: Float[np.ndarray, "*n"], p_fa: float
 ) -> Float[np.ndarray, "*n"]:
-    """Return the t with P(T > t) ≤ p_fa.
+    """Return the threshold t with P(T > t) ≤ p_fa.
 
     Parameters
     ----------
     freedom
-        n, all degrees of freedom.
+        n, number of all degrees of freedom.
     wide
         d of each test, from 0 to n: the number of degrees of freedom with the larger variance.
     ratio

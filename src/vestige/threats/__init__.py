@@ -1,8 +1,8 @@
 """The threat table: the measured and the expected outcome of every attack at every mitigation level.
 
-`read_threats` returns the attacks, `cases` returns their scenes, and `case_of` makes a scene of your own scenario.
-`measure_threats` measures the scenes, and `threat_dataset` makes the table that `plots.threat_map` draws.
-The command `vestige threats` does all these steps.
+`read_threats` returns the attacks, `cases` returns their scenes, and `case_of` makes a scene from your own scenario.
+`measure_threats` measures the scenes, and `threat_dataset` makes the table that `plots.threat_map` draws. The command
+`vestige threats` does all these steps.
 
 Examples
 --------

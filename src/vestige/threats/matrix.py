@@ -1,12 +1,12 @@
-"""Measurement of the threat table: every scene is run with many seeds, and each run is a line of a file.
+"""Measure the threat table: run every scene with many seeds, and write each run as a line of a file.
 
 A run takes about a second, so only its outcome is kept. A line of `runs.csv` has the outcome of a run at a mitigation
-level. Threat, scene, seed, attack or no attack, level and a digest of the scenario identify the line. A later call
-continues the file. If scenario or version changed, the run is measured again.
+level. Threat, scene, seed, attack or no attack, level and a digest of the scenario identify the line. A later call adds
+the missing runs to the file. If the scenario or the version of vestige has changed, the run is measured again.
 
-All levels are judged on the same results. Each attacked run is measured a second time without its attack. Alarms of the
-second run are alarms by chance. The worker of the attacked run also measures the second run. If another scene differs
-only in its attack, the second run is measured once for both scenes.
+All levels are evaluated with the same simulation. Each attacked run is measured a second time without its attack.
+Alarms of the second run are false alarms. The worker of the attacked run also measures the second run. If another scene
+differs only in its attack, the second run is measured once for the two scenes.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from vestige.threats.runs import RUNS, RunKey, line_of, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 from vestige.threats.scenes import LEVEL_NUMBERS, Scene, Threat, scene_scenario
 
-_IN_FLIGHT = 6  # runs per worker that are submitted in advance; half of them may be runs that scenes share
+_IN_FLIGHT = 6  # number of runs per worker that are submitted in advance; half of the runs may belong to several scenes
 _SEEDS_TOGETHER = 6  # number of seeds whose `undisturbed_truth` a worker keeps for all scenes
-Outcomes = tuple[RunOutcome, ...]  # outcomes of one run, in the order of LEVEL_NUMBERS
+Outcomes = tuple[RunOutcome, ...]  # outcomes of a run, in the order of LEVEL_NUMBERS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A scene to measure."""
+    """Scene of the threat table, or of a user's own scenario, that is measured."""
 
     threat: str  # number of the attack, such as `A3`; – for the user's own scenario
     scene: str  # name of the scene
-    # function that returns the campaign of a seed; the second argument says whether the campaign has the attack
+    # Function that returns the campaign of a seed. The second argument says whether the campaign has the attack.
     scenario: Callable[[int, bool], CampaignScenario]
     row: Threat | None = None  # row of the threat table; None for the user's own scenario
     notes: tuple[str, str, str] = ("", "", "")  # reasons for a difference from the expectation, by level
@@ -75,7 +75,7 @@ class SceneCell:
 
 
 def cases(threats: Sequence[Threat], settings: tuple[str, ...] = ()) -> tuple[Case, ...]:
-    """Return the scenes of threats; `settings` replace values in every scene, as with `--set`."""
+    """Return the scenes of some threats; `settings` replace values in every scene, as with `--set`."""
     return tuple(
         Case(
             threat=threat.id,
@@ -97,7 +97,8 @@ def _scenarios(threat: Threat, scene: Scene, settings: tuple[str, ...]) -> Calla
 def case_of(name: str, scenario: CampaignScenario, settings: tuple[str, ...] = ()) -> Case:
     """Return a scenario as a case; the case has the same seeds as the scenes of the table.
 
-    `settings` are the values of `--set` with which the scenario was loaded; the table shows them beside the results.
+    `settings` are the values of `--set` with which the scenario was loaded; the table shows these values beside the
+    results.
     """
     all_columns = scenario.processor.model_copy(update={"level": max(LEVEL_NUMBERS)})
 
@@ -110,10 +111,10 @@ def case_of(name: str, scenario: CampaignScenario, settings: tuple[str, ...] = (
 def measure_scenes(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:
     """Return the outcome of a campaign at every level, counted in a window of time.
 
-    For a campaign without an attack the outcome has the alarms by chance. The scenario must be a sky, or have a
+    For a campaign without an attack the outcome has the false alarms. The scenario must have a constellation, or a
     processor of level 3. The end of the window is excluded.
     """
-    plan = ScenarioPlan(scenario=scenario, with_phases=False)  # no outcome needs the phases
+    plan = ScenarioPlan(scenario=scenario, with_phases=False)  # carrier phases do not affect an outcome
     return outcomes_of(scenario, direct_results(plan, judge=False), LEVEL_NUMBERS, window_s)
 
 
@@ -133,8 +134,9 @@ def measure_threats(
 ) -> Iterator[SceneCell]:
     """Yield a cell for each case and level, after all runs of all cases have ended.
 
-    The workers of the pool measure the runs in parallel. If there is a folder, its `runs.csv` is continued; without a
-    folder no run is kept. `progress` gets a text, the number of runs that are done, and the number of all runs.
+    The workers of the pool measure the runs in parallel. If there is a folder, new runs are added to its `runs.csv`.
+    Without a folder, no run is kept. `progress` is called with a text, the number of completed runs, and the number of
+    all runs.
 
     Raises `InputFileError` if `runs.csv` is not a file of runs.
     """
@@ -168,12 +170,12 @@ def _runs(
     known: dict[RunKey, RunOutcome],
     folder: Path | None,
 ) -> Iterator[tuple[int, bool, Outcomes]]:
-    """Yield, for each run, number of the case, whether it is attacked, and outcomes; write new runs to the file.
+    """Yield the case number, whether there is an attack, and the outcomes of each run; write new runs to the file.
 
     All cases are measured with a group of seeds before the next group begins. The runs of a case begin before the
     runs of the previous case have ended, so that no worker waits.
     """
-    # for each digest: the call that measures the run, and the position of the run in this call
+    # the call that measures a run, and the position of the run in this call, by digest
     measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}
 
     def submitted() -> Iterator[tuple[int, bool, tuple[RunKey, ...], str]]:

@@ -1,16 +1,16 @@
-"""Outcome of an attack in a recording that a receiver has processed, in the words of the threat table.
+"""Determine the outcome of an attack in a recording that a receiver has processed, in the words of the threat table.
 
-`campaign/run_outcome.py` defines the words. The words need the errors of the ranges and the epochs, which are taken
-from the recording:
+`campaign/run_outcome.py` defines these words. An outcome needs the errors of the ranges and the epochs, which come from
+the recording:
 
 **Error of a range.** The error is the tracked pseudorange minus the pseudorange of the same receiver without the
-attack. The pseudorange without the attack is computed from the scenario, without samples. Both pseudoranges have the
+attack. The pseudorange without the attack is computed from the scenario, without samples. The two pseudoranges have the
 same clock, orbits and atmosphere.
 
-**Epochs.** Each RECS is an epoch, and so is each second between two RECS if the level tests E1 between RECS. A
-satellite of the scenario that tracking lost has no verdict.
+**Epochs.** Each RECS is an epoch. If the level tests E1 between RECS, each second between two RECS is also an epoch. A
+satellite of the scenario that is not tracked has no verdict.
 
-The error of the position is not computed, because it follows from the errors of the ranges.
+The error of the position is not computed, because this error follows from the errors of the ranges.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from vestige.scenario.scenario_processor import processor_of
 from vestige.simulated.exported_case import AcasTestCase
 from vestige.threats.recorded_scenes import RecordedScene
 
-_SAME_S = 0.5  # half of the time between two epochs of E1
+_SAME_S = 0.5  # half of the time in s between two epochs of E1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,17 +42,17 @@ class RecordedVerdicts:
     """Verdicts of a level on a recording of n epochs and m satellites, as `JudgedRun`."""
 
     status: Int8[np.ndarray, "n m"]
-    state: Int8[np.ndarray, "n m"]  # state that a receiver shows its user after an epoch
+    state: Int8[np.ndarray, "n m"]  # state that a receiver shows to its user after an epoch
     recs: Bool[np.ndarray, " n"]
     seen: Bool[np.ndarray, "n m"]
     range_error_m: Float[np.ndarray, "n m"]
     tests: Mapping[CheckName | str, Bool[np.ndarray, "n m"]]
     failed: Mapping[CheckName | str, Bool[np.ndarray, "n m"]]
-    time_s: Float[np.ndarray, " n"]  # time after the start of the scenario
+    time_s: Float[np.ndarray, " n"]  # time in s after the start of the scenario
 
     @property
     def budget(self) -> Mapping[CheckName | str, AlarmShare]:
-        """An empty mapping: a recording of some seconds is too short to count alarms a day."""
+        """Empty mapping, because a recording of some seconds is too short to count alarms per day."""
         return {}
 
     @property
@@ -67,13 +67,13 @@ class RecordedVerdicts:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackedErrors:
-    """Errors in m that an attack causes in the tracked pseudoranges of k seconds, m satellites; NaN if not tracked."""
+    """Errors in m that an attack causes in the pseudoranges of k seconds, m satellites; NaN without tracking."""
 
     time_s: Float[np.ndarray, " k"]
     error_m: Float[np.ndarray, "k m"]
 
     def worst_m(self, column: int, after_s: float, to_s: float) -> float:
-        """Return the error of largest magnitude of a satellite between `after_s` and `to_s`; NaN if not tracked."""
+        """Return a satellite's error of largest magnitude between `after_s` and `to_s`; NaN without tracking."""
         here = (self.time_s > after_s + _SAME_S) & (self.time_s < to_s + _SAME_S)
         return worst_of(self.error_m[here, column])
 
@@ -115,7 +115,7 @@ def recorded_verdicts(recorded: RecordedScene, steps: Sequence[Step], errors: Tr
     recorded
         The scene.
     steps
-        The processor's answers, one epoch each, in the order of time.
+        The processor's answer at each epoch, in order of time.
     errors
         Errors of the tracked ranges that the attack caused.
     """

@@ -1,17 +1,17 @@
-"""Scenes of the threat table as recordings of some seconds, for a receiver that tracks their samples.
+"""Make recordings of some seconds from scenes of the threat table, for a receiver that tracks the samples.
 
-A scene lasts 15 minutes. The samples of a scene would fill 56 GB, and tracking them would take as long as the scene. So
-a recording is a part of the scene and differs from it only in these points:
+A scene lasts 15 minutes. The samples of a scene would need 56 GB, and tracking the samples would take as long as the
+scene. So a recording is a part of the scene, and differs from the scene only in the following points:
 
 * A slow attack is accelerated by the factor `faster`. Every time in the tables of the attack, counted from its start,
-  and every duration is divided by the factor. Powers, delays and the values that the seed draws stay as in the scene.
-* RECS come more often, and some satellites are left out.
+  and every duration is divided by the factor. Powers, delays and the values that the seed draws do not change.
+* The interval between two RECS is shorter, and some satellites are left out.
 * If the recording begins before the attack, the receiver is locked when the attack begins. If the recording begins
-  later, the receiver is switched on under the attack, as in the scene (`acquired`).
-* The sampling rate is the lowest that E6 allows. The stated limit of the clock error is 10 ms. So the search for E6
-  signals at other times than E1 predicts covers 10 ms on both sides, not 1 s.
+  later, the receiver is switched on during the attack, as in the scene (`acquired`).
+* The sampling rate is the lowest rate that E6 allows. The stated limit of the clock error is 10 ms. So the search for
+  E6 signals at other times than E1 predicts covers 10 ms on both sides, not 1 s.
 
-`threats.toml` gives the part, the factor and the satellites of each recording.
+The file `threats.toml` gives the part of the scene, the factor and the satellites of each recording.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class RecordedScene:
 
     @property
     def name(self) -> str:
-        """Threat, and name of the recording or else of the scene, such as `A1 receiver already tracking`."""
+        """Number of the threat, and name of the recording or of the scene, such as `A1 receiver already tracking`."""
         return f"{self.threat.id} {self.recording.name or self.scene.name}"
 
     def scenario(self, *, attacked: bool = True) -> CampaignScenario:
@@ -72,7 +72,7 @@ def recorded_scenes(seed: int = 0) -> Iterator[RecordedScene]:
 
 
 def _faster(table: dict[str, Any], factor: float, start_s: float) -> dict[str, Any]:
-    """Return a table of an attack; times since the start and durations are divided by the factor."""
+    """Return the table of an accelerated attack: times since its start and durations are divided by the factor."""
 
     def changed(key: str, value: Any) -> Any:
         if isinstance(value, dict):

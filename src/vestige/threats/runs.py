@@ -1,4 +1,4 @@
-"""The file that keeps the runs of the threat table: a line per run and level, appended when the run ends."""
+"""Read and write the file with the runs of the threat table: a line per run and level, added when the run ends."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from vestige.errors import InputFileError
 from vestige.output import replacement
 
 RUNS = "runs.csv"
-_MAX_BYTES = 1 << 30  # largest file that is read; a line has about 200 bytes
-RunKey = tuple[str, ...]  # threat, scene, seed, whether attacked, level, digest of the scenario
+_MAX_BYTES = 1 << 30  # largest size of a file that is read; a line has about 200 bytes
+RunKey = tuple[str, ...]  # threat, scene, seed, attack or no attack, level, digest of the scenario
 
 _KEY = ("threat", "scene", "seed", "attacked", "level", "digest")
 _COLUMNS = tuple(field.name for field in fields(RunOutcome))
@@ -29,9 +29,9 @@ _READ: dict[str, Callable[[str], object]] = {
 
 
 def read_runs(path: Path) -> dict[RunKey, RunOutcome]:
-    """Return the runs in a file by their key; none if there is no file.
+    """Return the runs in a file by their key; the result is empty if there is no file.
 
-    A last line that was cut off by an interruption is left out.
+    An incomplete last line, which an interruption has cut off, is left out.
 
     Raises `InputFileError` if the file is not a file of runs.
     """
@@ -40,7 +40,7 @@ def read_runs(path: Path) -> dict[RunKey, RunOutcome]:
     try:
         content = read_bytes(path, at_most=_MAX_BYTES)
         if _HEADER.encode().startswith(content):
-            return {}  # a file that is empty, or cut off in its first line
+            return {}  # the file is empty, or an interruption has cut off its first line
         whole = content[: content.rfind(b"\n") + 1].decode().splitlines()
         lines = list(csv.reader(whole[1:]))
     except (UnicodeDecodeError, csv.Error) as error:
@@ -69,7 +69,7 @@ def write_runs(path: Path, runs: dict[RunKey, RunOutcome]) -> None:
 
 
 def line_of(key: RunKey, run: RunOutcome) -> str:
-    """Return the line of a run."""
+    """Return the line of the file for a run."""
     text = StringIO()
     values = [int(value) if isinstance(value, bool) else value for value in asdict(run).values()]
     csv.writer(text, lineterminator="\n").writerow([*key, *values])

@@ -1,23 +1,23 @@
-"""Outcome of an attack in many runs at one mitigation level, and its agreement with the expectation.
+"""Compute the outcome of an attack in many runs at a mitigation level, and compare this outcome with the expectation.
 
-A statement about an attack is tested in many runs with different seeds. The statement is true if the exact interval of
-its probability lies above ½. If the interval contains ½, the runs are not conclusive. An expectation is a statement of
-this kind:
+A statement about an attack is tested in many runs with different seeds. The statement is true if the exact confidence
+interval of its probability lies above ½. If the interval contains ½, the runs are not conclusive. An expectation is one
+of these words, with its statement:
 
     pass         without an attack: alarms, failed tests, and failures of each check are not more frequent than their
-                 budgets allow; and failures with an exact budget are not less frequent than this budget
+                 budgets allow, and failures with an exact budget are not less frequent than this budget
     detect       detected
     mitigate     mitigated
-    miss         missed or denied, and not detected: the attack succeeds unnoticed
+    miss         missed or denied, and not detected: the attack succeeds without an alarm
     deny         denied, and not missed
-    partial      detected in about half of the runs: the interval contains one half
+    partial      detected in about half of the runs: the interval contains ½
 
-No check may use the budget of another check. A check exceeds its budget if the Poisson probability of at least so
-many failures is below `ERROR` divided by the number of the level's checks. So a level whose checks all
-keep their budgets is reported to exceed a budget in at most 5 % of all measurements.
+Each check has its own budget of failures. Let p be the Poisson probability of at least the counted number of failures.
+A check exceeds its budget if p is below `ERROR` divided by the number of the level's checks. So a level whose checks
+all keep their budgets is reported to exceed a budget in at most 5 % of all measurements.
 
-The outcome of a single run is defined in `campaign/run_outcome.py`. Neighbouring epochs share the noise of some
-seconds, so failures of single tests come in groups of up to `_GROUP`. All functions are pure.
+The outcome of a single run is defined in `campaign/run_outcome.py`. The tests at neighbouring epochs use common data of
+some seconds. So failures of single tests occur in groups of up to `_GROUP`.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from vestige.campaign.run_outcome import HALF, HARMLESS, OutcomeCounts, RunOutco
 from vestige.campaign.statistics import Proportion, count_interval, proportion
 from vestige.constants import DAY_S
 
-MIXED = "mixed"  # word of a scene without an outcome in more than half of the runs
+MIXED = "mixed"  # word for a scene in which no outcome occurs in more than half of the runs
 ERROR = 0.05  # probability that a level whose checks all keep their budgets is reported to exceed a budget
-_GROUP = 3  # failures per event: the clock checks share nine seconds of data, RAIM tests share slow errors
+_GROUP = 3  # number of failures per event; clock checks use common data of 9 s, and RAIM tests have common slow errors
 
-# checks that test once per RECS and satellite, 30 s apart, so neighbouring failures are separate events
+# Checks that test once per RECS and satellite, every 30 s, so that neighbouring failures are separate events.
 _WITH_RECS = {str(row.name) for level in LEVELS.values() for row in level if row.cadence is TestCadence.RECS}
 
 
@@ -70,7 +70,7 @@ class CheckBudget:
     """Number of failures of a check without an attack, and the number that its own budget allows."""
 
     name: str
-    failures: int  # tests that failed, after confirmation
+    failures: int  # number of tests that failed, after confirmation
     budget: float
 
     def exceeded(self, checks: int) -> bool:
@@ -83,36 +83,37 @@ class CheckBudget:
 class SceneOutcome(OutcomeCounts):
     """Outcome of an attack in many runs at one level; counts are sums over all runs."""
 
-    # shares of the runs with each outcome
+    # Share of the runs with each outcome.
     detected: Proportion
     mitigated: Proportion
     protected: Proportion
     missed: Proportion
     denied: Proportion
-    succeeded: Proportion  # runs that are missed or denied
-    harmless: Proportion  # runs that are neither detected nor missed nor denied
-    # share of the runs without the attack that have an alarm in the same epochs; no such runs if there is no attack
+    succeeded: Proportion  # share of the runs that are missed or denied
+    harmless: Proportion  # share of the runs that are neither detected nor missed nor denied
+    # Share of the runs without the attack that have an alarm in the same epochs. Without an attack there are no such
+    # runs.
     by_chance: Proportion
-    checks: tuple[CheckShare, ...]  # checks that failed in any run: the most frequent first, then the earliest
-    budgets: tuple[CheckBudget, ...] = ()  # every check that has a budget
-    time_to_detect_s: float  # median of the runs with an alarm; NaN if no run has an alarm
-    worst_range_m: float  # error of a range in use with the largest magnitude in all runs, with its sign
-    worst_position_m: float  # largest error of a position in use in all runs
+    checks: tuple[CheckShare, ...]  # checks that failed in any run, sorted by frequency, then by time of the failure
+    budgets: tuple[CheckBudget, ...] = ()  # failures and budget of each check that has a budget
+    time_to_detect_s: float  # median time in s of the runs with an alarm; NaN without any alarm
+    worst_range_m: float  # error in m of largest magnitude of a range in use, in all runs, with its sign
+    worst_position_m: float  # largest error in m of a position in use, in all runs
 
     def a_day(self, name: str) -> tuple[float, float, float]:
-        """Return the daily rate of a count, and the ends of the exact interval of its mean."""
+        """Return the daily rate of a count, and the limits of the exact confidence interval of the rate."""
         return tuple(one * DAY_S / self.duration_s for one in count_interval(getattr(self, name)))  # type: ignore[return-value]
 
     @property
     def word(self) -> str:
-        """Outcome of more than half of the runs, in one or two words; `MIXED` if there is no such outcome."""
+        """Outcome that more than half of the runs have, in one or two words; `MIXED` if there is no such outcome."""
         shares = (self.detected, self.mitigated, self.missed, self.denied)
         word = outcome_word(*(share.value > HALF for share in shares))
         return MIXED if word == HARMLESS and self.harmless.value <= HALF else word
 
     @property
     def exceeded(self) -> tuple[CheckBudget, ...]:
-        """The checks that failed more often than their own budgets allow."""
+        """Checks that failed more often than their own budgets allow."""
         return tuple(one for one in self.budgets if one.exceeded(len(self.budgets)))
 
     @property
@@ -175,7 +176,7 @@ def _check_budgets(runs: Sequence[RunOutcome]) -> tuple[CheckBudget, ...]:
 
 
 def poisson_tail(count: int, mean: float) -> float:
-    """Return the probability of `count` or more events whose mean number is `mean`."""
+    """Return the Poisson probability of `count` or more events, if their mean number is `mean`."""
     return float(pdtrc(count - 1, mean)) if count > 0 else 1.0
 
 

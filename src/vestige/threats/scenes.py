@@ -1,7 +1,7 @@
-"""The threat table: attacks A0 to A21, the expected outcome at each mitigation level, and the scenes to measure it.
+"""Read the threat table: attacks A0 to A21, their expected outcomes at each mitigation level, and their scenes.
 
-The file `threats.toml` beside this module has the table as data and explains it. The rows are the attacks against which
-the levels of [WFO, Sec. IV] defend. Parameters come from recorded attacks [TEXBAT] if such recordings exist.
+The file `threats.toml` beside this module contains and explains the table. The rows are the attacks against which the
+levels of [WFO, Sec. IV] defend. Parameters come from recorded attacks [TEXBAT] if such recordings exist.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _CAMPAIGN: TypeAdapter[CampaignScenario] = TypeAdapter(CampaignScenario)
 
 
 class Draw(Section):
-    """A value that each seed draws anew, uniformly in the value or in its logarithm."""
+    """Value that each seed draws at random, uniformly in the value or in its logarithm."""
 
     low: float
     high: float
@@ -38,29 +38,30 @@ class Draw(Section):
         return self
 
     def value(self, share: float) -> float:
-        """Return the value at a share (0 to 1) of the way from low to high."""
+        """Return the value at a share (0 to 1) of the range from low to high."""
         if self.log:
             return math.exp(math.log(self.low) + share * math.log(self.high / self.low))
         return self.low + share * (self.high - self.low)
 
 
 class ShortRecording(Section):
-    """Settings that make a recording of some seconds from a scene, used by `threats/recorded_scenes.py`.
+    """Settings with which `threats/recorded_scenes.py` makes a recording of some seconds from a scene.
 
     Attributes
     ----------
     name
-        Name among the recordings of a scene: the state of the receiver when the attack begins.
+        Name of the recording, which describes the state of the receiver when the attack begins.
     faster
         Factor by which the attack is faster than in the scene.
     first_s, end_s
-        Start and end of the recording, in s after the start of the scene with the accelerated attack.
+        Start and end of the recording in s after the start of the scene, in which the attack is already accelerated.
     every_s
         Time between two RECS in s.
     svids
         Satellites in the recording.
     sample_rate_hz
-        Sampling rate of both bands in Hz: little more than the 5.115 MHz that E6 needs, unless a jammer is wider.
+        Sampling rate of both bands in Hz. The rate is slightly above the 5.115 MHz that E6 needs, unless a jammer is
+        wider.
     """
 
     name: str = ""
@@ -73,27 +74,27 @@ class ShortRecording(Section):
 
 
 class Scene(Section):
-    """A campaign that shows an attack."""
+    """Scene of the threat table: a campaign that shows an attack."""
 
-    name: str  # name among the scenes of a threat
-    settings: tuple[str, ...] = ()  # settings KEY=VALUE, as for `--set`, that replace values of `base`
+    name: str  # name of the scene, unique within a threat
+    settings: tuple[str, ...] = ()  # values KEY=VALUE, as for `--set`, that replace values of `base`
     attack: tuple[dict[str, Any], ...] = ()  # `[[attack]]` tables of the scene
-    draw: dict[str, Draw] = Field(default_factory=dict)  # values that each seed draws, by dotted key
-    draws_of: str = ""  # earlier name of the scene, from which its seeds still draw; empty if the name never changed
-    # reasons for a difference from the expectation, by level
+    draw: dict[str, Draw] = Field(default_factory=dict)  # random values of each seed, by dotted key
+    draws_of: str = ""  # earlier name of the scene, with which random values are drawn; empty if unchanged
+    # Reasons for a difference from the expectation, by level.
     notes: dict[Literal["1", "2", "3"], str] = Field(default_factory=dict)
-    recording: tuple[ShortRecording, ...] = ()  # recordings of some seconds of the scene
+    recording: tuple[ShortRecording, ...] = ()  # recordings made from the scene
 
 
 class Threat(Section):
-    """A row of the table."""
+    """Row of the threat table: an attack with its scenes."""
 
     id: Annotated[str, Field(pattern=r"^A\d+$")]  # number of the attack, such as `A5`
     name: str  # description of the attack
     e1: str  # parameters of the attack on E1
     e6: str  # parameters of the attack on E6
     source: str  # source of the attack and its parameters
-    # outcome by level: a word of `OUTCOMES`, which a colon and a reason may follow
+    # Expected outcome by level: a word of `OUTCOMES`, which may be followed by a colon and a reason.
     expected: dict[Literal["1", "2", "3"], Annotated[str, Field(pattern=rf"^({'|'.join(OUTCOMES)})(: .+)?$")]]
     scene: Annotated[tuple[Scene, ...], Field(min_length=1)]
 
@@ -115,7 +116,7 @@ def _table() -> _ThreatFile:
 
 
 def read_threats() -> tuple[Threat, ...]:
-    """Return the rows of the table."""
+    """Return the rows of the threat table."""
     return _table().threat
 
 
@@ -137,18 +138,20 @@ def scene_scenario(
     settings: tuple[str, ...] = (),
     attacks: tuple[dict[str, Any], ...] | None = None,
 ) -> CampaignScenario:
-    """Return the campaign of a scene with one seed. The seed also determines the values that are drawn.
+    """Return the campaign of a scene with one seed.
+
+    The seed also determines the random values of the scene.
 
     Parameters
     ----------
     threat, scene, seed
-        Row of the table, one of its scenes, and the seed.
+        Row of the threat table, one of its scenes, and the seed.
     attacked
-        Whether the campaign has the attacks of the scene; everything else is the same without them.
+        Whether the campaign has the attacks of the scene. Without the attacks, all other values are the same.
     settings
-        Values of `--set`, which replace values of the scene. Values of attacks count only if `attacked`.
+        Values of `--set`, which replace values of the scene. Values of attacks are used only if `attacked` is true.
     attacks
-        Attacks, used in place of `scene_attacks`.
+        Attacks that replace the attacks of `scene_attacks`.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""The threat table as files: `threats.csv` with a row for each scene, `threats.zarr` over scene and level.
+"""Write the threat table to files: `threats.csv` with a row for each scene, and `threats.zarr` over scene and level.
 
 In the CSV file the name of a column ends with its level, such as `detected_level_2`. `expected_level_2` has the
-expected outcome with its reason. `level_2` says whether the measurement agrees with this outcome. In the store the same
-statistics are variables over `scene` and `level`. `check_failed` is the number of runs in which a check failed.
-`check_time_s` is the median time of the first failure of the check in these runs.
+expected outcome with its reason. `level_2` says whether the measurement agrees with this outcome. In the store
+`threats.zarr`, the same statistics are variables over `scene` and `level`. `check_failed` is the number of runs in
+which a check failed. `check_time_s` is the median time of the first failure of the check in these runs.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from vestige.threats.scenes import LEVEL_NUMBERS
 
 TABLE, STORE = "threats.csv", "threats.zarr"
 SETTINGS = "settings"  # name of the column and attribute with the values of `--set`
-VERSION = "vestige_version"  # name of the column and attribute with the version that measured all runs
+VERSION = "vestige_version"  # name of the column and attribute with the version of vestige that measured all runs
 _BUDGETS = ("budget_alarms", "budget_range_alarms", "budget_failures", "budget_exact_failures", "budget_range_failures")
 _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance")
 
 
 def table_rows(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
-    """Return the rows of the table: one dictionary by column name for each scene."""
+    """Return the rows of the table, one dictionary with the column names as keys for each scene."""
     rows = []
     for _, of_scene in groupby(cells, key=lambda cell: (cell.case.threat, cell.case.scene)):
         levels = list(of_scene)
@@ -108,7 +108,7 @@ def write_table(folder: Path, cells: Sequence[SceneCell]) -> None:
 
 
 def read_threat_dataset(folder: Path) -> xarray.Dataset:
-    """Return the table in a folder of `vestige threats`.
+    """Return the table from a folder that `vestige threats` wrote.
 
     Raises `InputFileError` if the folder has no table, or a damaged table.
     """
@@ -171,5 +171,5 @@ def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
 
 
 def _text(words: Sequence[str]) -> np.ndarray:
-    """Return words as an array of strings of variable length, which a store can keep."""
+    """Return words as an array of strings of variable length, which can be stored."""
     return np.array(words, dtype=np.dtypes.StringDType())

@@ -1,1 +1,1 @@
-"""Checks: each compares one statistic with a threshold that follows from its false-alarm budget."""
+"""Checks of the processor: a check compares a statistic with a threshold that follows from a false-alarm budget."""

@@ -1,8 +1,9 @@
-"""Common parts of all checks: the class `Check`, and thresholds from a false-alarm budget.
+"""Provide the common parts of all checks: the class `Check`, and thresholds from a false-alarm budget.
 
-A check has a name, a unit, a false-alarm probability `p_fa` per test, and `series`: statistic and threshold over a
-block of epochs. A check fails where |statistic| > threshold. If an input is missing, the check is not run (NaN) and
-states the reason. A check that was not run counts neither for nor against an attack.
+A check has a name, a unit, and a false-alarm probability `p_fa` of one test. The method `series` returns statistic and
+threshold for a block of epochs. A check fails where |statistic| > threshold. If an input is missing, the check is not
+run: the statistic is NaN, and the check states the reason. A check that was not run counts neither for nor against an
+attack.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Check(Protocol):
-    """Protocol of a check. Each check has its file, a row in `levels.py`, and a member of `CheckName`."""
+    """Protocol of a check. Each check has its own file, a row in `levels.py`, and a member of `CheckName`."""
 
     @property
     def name(self) -> CheckName | str:
@@ -38,15 +39,15 @@ class Check(Protocol):
         """False-alarm probability of one test."""
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block of epochs."""
+        """Return the results of the check for a block of epochs."""
 
 
 @runtime_checkable
 class CheckWithMemory(Check, Protocol):
     """Protocol of a check that remembers numbers from one block of epochs to the next.
 
-    The cut into blocks must change no bit of `series`. So the memory contains whatever `series` needs of the epochs
-    before a block.
+    The division of the epochs into blocks must not change any bit of the results. So the memory contains all data that
+    `series` needs from the epochs before a block.
     """
 
     def remember(self, evidence: Evidence) -> CheckMemory:
@@ -67,7 +68,7 @@ def series_of(
     *,
     exact: bool = False,
 ) -> CheckSeries:
-    """Return the result of a check for a block, under its own name, unit and false-alarm probability."""
+    """Return the results of a check for a block, with the name, unit and false-alarm probability of the check."""
     return CheckSeries(
         name=check.name,
         unit=check.unit,
@@ -132,7 +133,7 @@ def count_threshold(trials: int, probability: float, p_fa: float) -> int:
 def confirmed(
     failed: Bool[np.ndarray, "*n"], run: Bool[np.ndarray, "*n"], confirm: int, before: Int64[np.ndarray, "*k"]
 ) -> Bool[np.ndarray, "*n"]:
-    """Return where a check failed `confirm` times in a row; epochs in which it was not run do not count.
+    """Return whether a check failed `confirm` times in a row, at each epoch; epochs without a test do not count.
 
     `before` is, for each satellite, the number of failures in a row just before the block, at most `confirm`.
     """

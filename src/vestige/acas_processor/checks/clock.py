@@ -10,8 +10,8 @@ carriers give d with σ_d, independently. The oscillator has white (Sf) and rand
     consistency    b_k − b_{k−1} − ½(d_k + d_{k−1}) Δt      c² (Sf Δt + Sg Δt³/12) + 2 σ_b² + ½ σ_d² Δt²
     slope          least-squares slope of the last drifts   wᵀ C w,  C_ij = c² Sg min(t_i, t_j) + σ_d² δ_ij
 
-w are the weights of the least-squares slope, and C is the covariance of the drifts. Each test fails beyond K standard
-deviations. The three tests share the budget P_fa equally.
+w are the weights of the least-squares slope, and C is the covariance of the drifts. A test fails if its statistic is
+more than K standard deviations from 0. The three tests share the budget P_fa equally.
 
 The innovation test detects a step of the drift. The consistency test detects a delay of the codes that the carriers do
 not follow. The slope test detects a slow, steady change of the drift. An attack that changes code and carrier alike,
@@ -66,8 +66,8 @@ class ClockDriftMonitor:
     white_s: float = 7.115e-24 / 2  # Sf = h0/2, white frequency noise of the oscillator [WFO, Sec. V]
     # Sg = 2π² h−2, random-walk frequency noise of the oscillator [WFO, Sec. V]
     walk_hz: float = 2 * math.pi**2 * 4.311e-21
-    window: int = 10  # number of epochs of the slope, 3 or more
-    max_gap_s: float = 120.0  # longest step between epochs; the monitor begins anew after a longer gap
+    window: int = 10  # number of epochs for the slope, 3 or more
+    max_gap_s: float = 120.0  # longest step between epochs in s; the monitor begins anew after a longer gap
     p_fa: float = 1e-5  # false-alarm probability of one epoch, all three tests together
 
     def __post_init__(self) -> None:
@@ -145,7 +145,7 @@ class ClockCheck:
         return self.monitor.p_fa / 3
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block."""
+        """Return the results of the check for a block of epochs."""
         attribute, unit, what = _PARTS[self.name]
         history, rows = clock_history(evidence, self.monitor.window)
         found, before = self.monitor.statistics(history), history.time_s.size - rows.size
@@ -166,7 +166,7 @@ class ClockCheck:
         return series_of(self, statistic, threshold, explain, exact=fix is not None and not fix.bounded)
 
     def remember(self, evidence: Evidence) -> CheckMemory:
-        """Return the clock of the last epochs with a fix, as in `ClockHistory`."""
+        """Return the clock at the last epochs with a fix, in the order of `ClockHistory`."""
         history, _ = clock_history(evidence, self.monitor.window)
         rows = np.stack(history, axis=1)[-(self.monitor.window - 1) :]
         return {RECEIVER: tuple(rows.ravel().tolist())} if rows.size else {}
@@ -180,7 +180,7 @@ _PARTS = {
 
 
 def clock_history(evidence: Evidence, window: int) -> tuple[ClockHistory, Int64[np.ndarray, " k"]]:
-    """Return the clock of all epochs with a fix, earlier blocks first, and the rows that belong to this block."""
+    """Return the clock at all epochs with a fix, earlier blocks first, and the rows of this block that have a fix."""
     fix = evidence.measured.fix
     rows = np.zeros(0, np.int64) if fix is None else np.flatnonzero(fix.fix.valid)
     own = (

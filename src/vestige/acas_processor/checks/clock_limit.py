@@ -2,16 +2,16 @@
 
 Theory of operation
 -------------------
-The receiver keeps time by itself. The receiver states an upper limit U of the error of its clock against Galileo System
-Time (`time_uncertainty_s`). The E1 ranges measure the same error: a position fix gives the clock error b, multiplied by
-c. A replay that arrives later by τ increases b by c τ, even if the attacker suppresses other signals. The check passes
-if
+The receiver has a clock that GNSS does not set. The receiver states an upper limit U of the error of its clock against
+Galileo System Time (`time_uncertainty_s`). The E1 ranges also measure this error: a position fix gives b, the clock
+error multiplied by c. A replay that arrives later by τ increases b by c τ, even if the attacker suppresses other
+signals. The check passes if
 
     with a fix       |b|/c ≤ U + (`MARGIN_M` + K σ_b)/c
     without a fix    |median(P)/c − 85 ms| ≤ U + 20 ms
 
-where P are the pseudoranges; Galileo travel times are 65 to 105 ms (`position/possible_range.py`). `MARGIN_M` covers
-ionosphere, troposphere and orbit errors, which the fix does not correct. K follows from `p_fa`.
+where P are the pseudoranges. The travel times of Galileo signals are 65 to 105 ms (`position/possible_range.py`).
+`MARGIN_M` covers ionosphere, troposphere and orbit errors, which the fix does not correct. K follows from `p_fa`.
 
 The check depends on U. A replay passes if it is no later than U allows, or if the error of the clock cancels the delay
 of the replay. U is the limit that the receiver states. The smaller limit from the receiver's last authentic fix does
@@ -32,7 +32,7 @@ from vestige.acas_processor.position.possible_range import MARGIN_M
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records.checks import CheckName, CheckSeries
 
-CLOCK_LIMIT_P_FA = 1e-9  # false-alarm probability of one test: 6 σ of the fix's clock, about 10 m
+CLOCK_LIMIT_P_FA = 1e-9  # false-alarm probability of one test; K is 6, and K σ_b is about 10 m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class ClockLimitMonitor(Monitor):
     p_fa: float = CLOCK_LIMIT_P_FA
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block."""
+        """Return the results of the check for a block of epochs."""
         stated_s = evidence.measured.snapshots.time_uncertainty_s
         limit_s = np.where(np.isfinite(stated_s), stated_s, np.nan)
         shown = clock_error(evidence.measured)

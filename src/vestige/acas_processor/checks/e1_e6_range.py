@@ -1,4 +1,4 @@
-"""Check the E6 range against E1: |offset| ≤ κσ, step 2 of every level [WFO, Sec. IV-A; TAES2023, Eq. 21-24]."""
+"""Check whether the E6 range agrees with E1 within κσ: step 2 of a level [WFO, Sec. IV-A; TAES2023, Eq. 21-24]."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class RangeCheck:
 
     name: ClassVar = CheckName.E1_E6_RANGE
     unit: ClassVar = "m"
-    budget: ErrorBudget = field(default_factory=ErrorBudget.uncorrected)  # error budget of the range difference, σ
+    budget: ErrorBudget = field(default_factory=ErrorBudget.uncorrected)  # error budget that gives σ
     kappa: float = KAPPA  # κ, factor of σ
 
     @property
@@ -32,11 +32,11 @@ class RangeCheck:
 
     @property
     def limit_m(self) -> float:
-        """κσ, the largest offset that passes."""
+        """κσ, the largest |offset| that passes, in m."""
         return self.kappa * self.budget.sigma_m
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block."""
+        """Return the results of the check for a block of epochs."""
         offset_m = np.asarray(evidence.measured.detected.range_offset_m, np.float64)
 
         def explain(epoch: int, satellite: int) -> str:

@@ -1,7 +1,9 @@
 """Check whether the E6 carrier phase follows the E1 phase from RECS to RECS [WFO, Sec. VI-B, figures 12 and 13].
 
-Theory of operation ------------------- One oscillator drives both front ends, and geometry, troposphere and clocks
-change both carriers alike. φ is the phase of the detecting correlator minus the phase that the E1 carrier predicts
+Theory of operation
+-------------------
+One oscillator drives both front ends. Geometry, troposphere and clocks change the ranges of both carriers by the same
+amount. φ is the phase of the detecting correlator minus the phase that the E1 carrier predicts
 (`searches/handover.py`). Without a second signal only the ionosphere changes φ. A second E6 signal of relative
 amplitude a adds the variance a²/2 while its range changes. The phase between the two signals turns once for each 23.4
 cm of their range difference. The statistic is √(T/(N − 2)). T is the scatter of φ about a straight line over the last N
@@ -10,10 +12,11 @@ RECS, relative to the noise (`monitoring/recs_windows.py`). The variance of each
     σ² = 1/m² + (f6/f1)² (σ_PLL² + (2π σ_FLL Δt)²)
 
 m is the magnitude of the correlator in standard deviations of the noise per dimension. σ_PLL and σ_FLL are the noise of
-the E1 loops at its C/N0. Δt is the time over which the E1 Doppler extrapolates the E1 phase to the middle of the RECS.
+the E1 loops at the C/N0 of E1. Δt is the time over which the E1 Doppler extrapolates the E1 phase to the middle of the
+RECS.
 
-Between two RECS the phase is known up to whole turns. The smallest of the possible phase steps is taken. This choice is
-right if
+Between two RECS the phase is known up to whole turns. The check takes the smallest of the possible phase steps. This
+choice is right if
 
     (2π/λ6) v |t_k − t_{k−1}| + 4 √(σ_k² + σ_{k−1}² + P) < π
 
@@ -21,9 +24,9 @@ with v the fastest change of E6 − E1 by the ionosphere, and P the power of the
 any of the N RECS, the check is not run. The check is not run either if the N RECS take more than 120 s, because the
 ionosphere may then not change linearly. `p_fa` assumes noise and multipath about a straight line. An ionosphere that
 does not change linearly raises the false-alarm rate. False alarms were measured for `p_fa` = 10⁻⁶ and reflections that
-are new with each RECS. Without a spoofer, 73 of 59,677 overlapping windows of 100 RECS failed, and no window of 30 RECS
-(docs/checks). At 35 dBHz and v = 3 mm/s the phase can be continued over 27 s. The check therefore does not run with one
-RECS each 30 s.
+change with each RECS. Without a spoofer, 73 of 59,677 overlapping windows of 100 RECS failed, and no window of 30 RECS
+failed (docs/checks). At 35 dBHz and v = 3 mm/s the phase can be continued over 27 s. The check therefore does not run
+with one RECS each 30 s.
 """
 
 from __future__ import annotations
@@ -60,7 +63,7 @@ class _Tested(NamedTuple):
 
     scatter: Float[np.ndarray, " tests"]  # T
     limit: Float[np.ndarray, " tests"]  # threshold of T
-    whole: Bool[np.ndarray, " tests"]  # whether each RECS has a phase, and E1 tracked all the time
+    whole: Bool[np.ndarray, " tests"]  # whether each RECS has a phase, and E1 was tracked without a gap
     continued: Bool[np.ndarray, " tests"]  # whether the number of whole turns is known from each RECS to the next
     straight: Bool[np.ndarray, " tests"]  # whether a straight line describes the ionosphere
 
@@ -80,7 +83,8 @@ class E6PhaseMonitor(Monitor):
     change_mps
         v, fastest change of E6 − E1 by the ionosphere, in m/s.
     pll_bandwidth_hz, fll_bandwidth_hz, loop_integration_s
-        One-sided bandwidths of the phase and the frequency loop of E1 in Hz, and the integration time of both in s.
+        One-sided bandwidths of the phase and the frequency loop of E1 in Hz, and the integration time of both loops in
+        s.
     p_fa
         False-alarm probability of one test of one satellite, an upper limit while the ionosphere changes linearly.
     """
@@ -111,7 +115,7 @@ class E6PhaseMonitor(Monitor):
         return 1 / magnitude_sigma**2 + (E6_CARRIER_HZ / E1_CARRIER_HZ) ** 2 * of_e1
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block: each test is over the last N RECS of a satellite."""
+        """Return the results of the check for a block; each test uses the last N RECS of a satellite."""
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
         far, long = np.zeros((2, *evidence.shape), np.bool_)
         relative = relative_ray_amplitude(evidence.elevation_rad)

@@ -7,18 +7,19 @@ the line of sight, and the receiver's clock. The ephemeris predicts the part of 
 that does not accelerate:
 
     ρ̇₁ − ρ̇₀ = Δ_satellite − Δ(e·v) + Δdrift        e: unit vector to the satellite, v: velocity against the Earth
-    Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means of both ends, a: acceleration
+    Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means of the values at both ends, a: acceleration
 
-The difference of both sides has the variance of the remaining errors:
+The difference of the two sides of the first equation has the variance of the remaining errors:
 
     variance = σ_ρ̇,0² + σ_ρ̇,1² + (σ_bias T)² + N² T + c² Sg T
 
 T is the time between the epochs, σ_bias the bias of the accelerometers, N their velocity random walk, and Sg the
-frequency random walk of the receiver's oscillator. The test fails beyond K standard deviations. The test does not
-detect a pull-off that stays below the drift of oscillator and accelerometers. The test does not detect a pull-off that
-ends before the next epoch either, if the rate then has its old value.
+frequency random walk of the receiver's oscillator. The test fails if the difference exceeds K standard deviations. The
+test does not detect a pull-off that stays below the drift of oscillator and accelerometers. The test also does not
+detect a pull-off that ends before the next epoch, if the rate then has its earlier value.
 
-Accelerations are kinematic: the second derivative of the position relative to the Earth, without gravity.
+Accelerations are kinematic: an acceleration is the second derivative of the position relative to the Earth, without
+gravity.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class InertialMonitor(Monitor):
     name: ClassVar = CheckName.INERTIAL_RANGE_RATE
     unit: ClassVar = "m/s"
     # bias of the accelerometers along the line of sight, 1σ
-    sigma_bias_mps2: float = 0.01  # 1 mg, a consumer's sensor
+    sigma_bias_mps2: float = 0.01  # 1 mg, the bias of a consumer sensor
     walk_mps_per_sqrt_s: float = 0.002  # N, velocity random walk of the accelerometers
     # Sg = 2π² h−2 of the receiver's oscillator; 0 for differences between satellites, which have no clock error
     clock_walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
@@ -66,9 +67,9 @@ class InertialMonitor(Monitor):
         satellite_change_mps: Float[np.ndarray, "*n"],
         delta_velocity_mps: Float[np.ndarray, "*n"],
     ) -> Float[np.ndarray, "*n"]:
-        """Return measured minus expected change of the range rate.
+        """Return the measured minus the expected change of the range rate.
 
-        `satellite_change_mps` is the change without acceleration of the receiver, `delta_velocity_mps` is Δ(e·v).
+        `satellite_change_mps` is the change without acceleration of the receiver, and `delta_velocity_mps` is Δ(e·v).
         """
         return rate_change_mps - satellite_change_mps + delta_velocity_mps
 
@@ -80,7 +81,7 @@ class InertialMonitor(Monitor):
         return two_sided_detection(pull_mps / sigma, self.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block: an epoch with RECS and a position is compared with the previous such epoch."""
+        """Return the results for a block; an epoch with RECS and position is compared with the previous such epoch."""
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
         steps = rate_steps(evidence)
         changes = steps.rate_change_mps, steps.static_change_mps, steps.delta_velocity_mps
@@ -100,5 +101,5 @@ class InertialMonitor(Monitor):
         return series_of(self, statistic, np.where(np.isnan(statistic), np.nan, threshold), explain)
 
     def remember(self, evidence: Evidence) -> CheckMemory:
-        """Return the range rates at the last RECS, and the increments of velocity since then."""
+        """Return the range rates at the last RECS, and the increments of velocity since the last RECS."""
         return remembered_rates(evidence)

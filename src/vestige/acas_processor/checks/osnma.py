@@ -1,7 +1,7 @@
-"""Check whether OSNMA keys still arrive, and whether demodulated fields are those that the satellites sent.
+"""Check whether OSNMA keys still arrive, and whether demodulated fields agree with the fields that were sent.
 
-An attacker who cannot forge OSNMA can prevent its reception. Noise that is just strong enough for bit errors leaves
-ranging intact and denies keys and tags. Two checks detect such an attack.
+An attacker who cannot forge OSNMA can prevent its reception. Noise that is just strong enough for bit errors does not
+disturb ranging, but prevents the reception of keys and tags. Two checks detect such an attack.
 
 **Availability.** The statistic counts the subframes without a validated key among the last n. Without an attack a
 subframe is lost with a known probability p, so the count is binomial. The threshold is the smallest count that is
@@ -33,7 +33,7 @@ from vestige.records.checks import CheckName, CheckSeries
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LossMonitor(Monitor):
-    """Monitor of losses, which fails if so many losses have a probability below P_fa without an attack."""
+    """Monitor that fails if too many losses occur; without an attack the probability of a failure is at most P_fa."""
 
     loss_probability: float = 0.02  # probability of a loss in one trial without an attack
     p_fa: float = 1e-5
@@ -64,7 +64,7 @@ class OsnmaAvailabilityMonitor(_LossMonitor):
     unit: ClassVar = "subframes"
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block; it is made at the end of each subframe."""
+        """Return the results of the check for a block, with a test at the end of each subframe."""
         found = evidence.subframes
         limits = self._limits(found.window)
         return _series(
@@ -84,7 +84,7 @@ class OsnmaAgreementMonitor:
     p_fa: float = 2.0**-24  # probability that a damaged page passes CRC-24, so that its field differs
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block; it is made at the end of each subframe."""
+        """Return the results of the check for a block, with a test at the end of each subframe."""
         found = evidence.subframes
         return _series(
             self, evidence, found.differs, np.zeros_like(found.differs), found.received > 0,
@@ -103,7 +103,7 @@ class OsnmaReceptionMonitor(_LossMonitor):
     loss_probability: float = 0.01
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block; it is made at the end of each subframe."""
+        """Return the results of the check for a block, with a test at the end of each subframe."""
         found = evidence.subframes
         limits = self._limits(found.due)
         return _series(
@@ -122,7 +122,7 @@ def _series(
     too_few: str,
     failed: Callable[[float, float], str],
 ) -> CheckSeries:
-    """Return a check at the ends of subframes; NaN at other epochs, and where `enough` is false.
+    """Return the results of a check at the ends of subframes; NaN at other epochs, and where `enough` is false.
 
     If several subframes end before an epoch, the subframe with the largest excess over its limit counts.
     """

@@ -1,7 +1,7 @@
-"""Compare OSNMA with a second channel, subframe by subframe: the counts for the three OSNMA checks [WFO, Sec. IV-C].
+"""Compare OSNMA with a second channel, and count lost and different fields in each subframe [WFO, Sec. IV-C].
 
-A subframe is judged at the first epoch after its end. The key of the subframe counts as received if one satellite
-brought all its pages, and no page differs from the page of the second channel.
+A subframe is compared at the first epoch after its end. The key of the subframe counts as received if all pages of the
+key came from one satellite and agree with the second channel.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vestige.acas_processor.monitoring.memory import OsnmaMemory, Subframe
 from vestige.constants import PAGES_A_SUBFRAME
 from vestige.records.snapshot_block import OsnmaBlock
 
-KEY_WINDOW = 20  # subframes in which missing keys are counted, 10 minutes
+KEY_WINDOW = 20  # number of subframes in which missing keys are counted, 10 minutes
 KEY_BIT = 1 << PAGES_A_SUBFRAME  # bit of a key that is compared as a whole, after the bits of the pages
 _KEY_PAGES = sum(1 << page for page in range(10, 15))  # pages with the bits of a key of 128 bits [OSNMA-ICD]
 
@@ -26,14 +26,14 @@ _KEY_PAGES = sum(1 << page for page in range(10, 15))  # pages with the bits of 
 class Subframes:
     """The k subframes that ended in a block."""
 
-    epoch: Int64[np.ndarray, " k"]  # row at which each subframe is judged
-    missing: Int64[np.ndarray, " k"]  # number of the last `window` subframes without a received key
-    window: Int64[np.ndarray, " k"]  # number of the last subframes, at most `KEY_WINDOW`
-    # numbers of pages or keys, summed over the satellites:
-    due: Int64[np.ndarray, " k"]  # sent according to the second channel
-    lost: Int64[np.ndarray, " k"]  # due, but not received
-    received: Int64[np.ndarray, " k"]  # received
-    differs: Int64[np.ndarray, " k"]  # received, but different from the second channel
+    epoch: Int64[np.ndarray, " k"]  # row of the epoch at which each subframe is compared
+    missing: Int64[np.ndarray, " k"]  # number of subframes without a received key among the last `window`
+    window: Int64[np.ndarray, " k"]  # number of subframes over which `missing` counts, at most `KEY_WINDOW`
+    # The next attributes are numbers of pages or keys, summed over the satellites.
+    due: Int64[np.ndarray, " k"]  # pages and keys that were sent according to the second channel
+    lost: Int64[np.ndarray, " k"]  # pages and keys that are due, but were not received
+    received: Int64[np.ndarray, " k"]  # pages and keys that were received
+    differs: Int64[np.ndarray, " k"]  # received pages and keys that differ from the second channel
 
 
 def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMemory) -> tuple[Subframes, OsnmaMemory]:
@@ -44,7 +44,7 @@ def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMem
     keyed, current = memory.keyed, memory.open
     rows: list[tuple[int, ...]] = []
     for of in _together(block):
-        if current is None or of.start != current.start:  # the last pieces of the other subframe are missing
+        if current is None or of.start != current.start:  # the last pieces of the earlier subframe are missing
             current = Subframe(start=of.start)
         current = _joined(current, of, svids)
         if not of.last:
@@ -64,7 +64,7 @@ class _Pieces(NamedTuple):
     start: int  # start of the subframe
     epoch: int  # row of the last piece
     last: bool  # whether the last piece ends the subframe
-    # bits of pages and key, an integer for each satellite
+    # The next attributes have the bits of pages and key, an integer for each satellite.
     due: list[int]
     received: list[int]
     differs: list[int]

@@ -48,7 +48,7 @@ class RaimMonitor(Monitor):
         return 1 - missed_detection(bias_m**2 * fix.weight[0, column] * share, freedom, self.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block; the reason of a failure names the satellite without which the others agree."""
+        """Return the results for a block; a failure names the satellite without which the other satellites agree."""
         fix, snapshots = evidence.measured.fix, evidence.measured.snapshots
         nothing = np.full(evidence.shape[0], np.nan)
         used = np.zeros(evidence.shape[0], np.int64) if fix is None else fix.satellites

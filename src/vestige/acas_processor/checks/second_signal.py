@@ -2,29 +2,31 @@
 
 Theory of operation
 -------------------
-One signal is a triangle r(τ) of unknown amplitude and position. C is the correlation of the noise in the taps, and ⟨a,
-b⟩ = aᴴC⁻¹b. The taps c are in standard deviations of the noise per dimension. τ₁ is the position at which |⟨r, c⟩|²/⟨r,
-r⟩ is largest. The statistic √G with
+The correlation function of one signal is a triangle r(τ) of unknown amplitude and position. C is the correlation of the
+noise in the taps, and ⟨a, b⟩ = aᴴC⁻¹b. The taps c are in standard deviations of the noise per dimension. τ₁ is the
+position at which |⟨r, c⟩|²/⟨r, r⟩ is largest. The statistic √G with
 
     r₂⊥ = r(τ) − r(τ₁) ⟨r(τ₁), r(τ)⟩/⟨r(τ₁), r(τ₁)⟩        G = max over |τ − τ₁| ≥ ½ chip of |⟨r₂⊥, c⟩|²/⟨r₂⊥, r₂⊥⟩
 
-measures how much better two signals explain the taps than one signal. Noise alone makes every |·|²/2 exponential. Let a
-reflection have a Rayleigh amplitude and the mean power P over a direct signal of amplitude s. The reflection adds at
-most s²P/2 to the variance in each dimension. In a single RECS such a reflection looks like a spoofing signal. The check
-therefore fails where
+measures how much better two signals explain the taps than one signal. With noise alone, every |·|²/2 has an exponential
+distribution. Let a reflection have a Rayleigh amplitude and the mean power P over a direct signal of amplitude s. The
+reflection adds at most s²P/2 to the variance in each dimension. In a single RECS such a reflection looks like a
+spoofing signal. The check therefore fails where
 
     √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = number of positions tried
 
 with k = 1 where the weaker signal is the later signal. The false-alarm probability is an upper limit, because
 neighbouring positions share noise and a reflection rarely lies at the worst position. In harsh conditions P is −15.8
-dB. No later signal below −4 dB of the direct signal is then detected at p_fa = 10⁻⁶, however large C/N0 is.
+dB. A later signal with a power below −4 dB relative to the direct signal is then not detected at p_fa = 10⁻⁶, however
+large C/N0 is.
 
 A reflection never arrives before its direct signal. If the weaker signal is the earlier signal, it is no reflection of
-the stronger signal. Then noise sets the threshold. A small k = 0.06 allows for two effects: a near reflection bends the
-triangle, and τ₁ is found to 0.05 chip. With this k, measured false alarms stay below p_fa up to 45 dBHz over 16 ms.
+the stronger signal. Then only noise determines the threshold. A small k = 0.06 allows for two effects: a near
+reflection distorts the triangle, and τ₁ is found only to 0.05 chip. With this k, the measured rate of false alarms
+stays below p_fa up to 45 dBHz with an integration of 16 ms.
 
-The check looks at the correlators within `reach_m` of the prediction. Farther out the early detector alone separates
-two signals.
+The check uses the correlators within `reach_m` of the prediction. Farther from the prediction only the early detector
+separates two signals.
 """
 
 from __future__ import annotations
@@ -49,7 +51,7 @@ _CHIPS_A_METRE = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
 _STEP_CHIPS = 0.05
 _APART_CHIPS = 0.5
 _EARLY_SHARE = 0.06  # k where the weaker signal is the earlier signal
-_BLOCK = 20_000  # epochs at once, so that memory does not grow
+_BLOCK = 20_000  # number of epochs that are processed at once, which limits the memory
 
 
 class TwoSignals(NamedTuple):
@@ -68,7 +70,7 @@ class TwoSignals(NamedTuple):
 
 
 class _Places(NamedTuple):
-    """Quantities independent of the taps: positions, r(τ)/√⟨r, r⟩, and r₂⊥/√⟨r₂⊥, r₂⊥⟩ of each pair (0 if too near)."""
+    """Positions, r(τ)/√⟨r, r⟩, and r₂⊥/√⟨r₂⊥, r₂⊥⟩ of each pair (0 for near positions), which do not depend on taps."""
 
     at_m: Float[np.ndarray, " places"]
     whitened: Float[np.ndarray, "places n_taps"]
@@ -81,10 +83,11 @@ class SecondSignalMonitor(Monitor):
 
     name: ClassVar = CheckName.E6_SECOND_SIGNAL
     unit: ClassVar = "sigma"
-    # P, mean power of all reflections over the direct signal; the default is for harsh conditions [WFO, Sec. VI-A]
+    # P, mean power of all reflections over the direct signal in dB; the default is for harsh conditions [WFO, Sec.
+    # VI-A]
     ray_power_db: float = -15.8
     p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, an upper limit
-    reach_m: float = np.inf  # correlators farther from the prediction are left out
+    reach_m: float = np.inf  # the check leaves out correlators that are farther from the prediction, in m
 
     def near(self, offsets_m: Float[np.ndarray, " n_taps"]) -> Bool[np.ndarray, " n_taps"]:
         """Return which correlators the check uses."""
@@ -107,7 +110,7 @@ class SecondSignalMonitor(Monitor):
             part = slice(low, low + _BLOCK)
             alone = np.abs(
                 np.einsum("nt,pt->np", scaled[part], places.whitened)
-            )  # without BLAS, so that any number of rows gives the same bits
+            )  # `einsum` uses no BLAS here, so any number of rows gives the same bits
             first = np.argmax(alone, axis=1)
             further = np.abs(np.einsum("npt,nt->np", places.beside[first], scaled[part]))
             second, row = np.argmax(further, axis=1), np.arange(first.size)
@@ -125,7 +128,7 @@ class SecondSignalMonitor(Monitor):
         return np.sqrt(-2 * variance * np.log(self.p_fa / tried))
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block; low satellites have stronger multipath and therefore a higher threshold."""
+        """Return the results for a block; low satellites have stronger multipath and therefore a higher threshold."""
         measured = evidence.measured
         found = two_signals(self, measured)
         offsets_m = measured.banks.offsets_m
@@ -154,7 +157,7 @@ def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> Two
 
 @cache
 def _places(offsets_m: tuple[float, ...]) -> _Places:
-    """Return the positions of a bank of taps, from its first to its last tap."""
+    """Return the tried positions and their weights for a bank of taps, from the first to the last tap."""
     chips = np.array(offsets_m) * _CHIPS_A_METRE
     at = np.arange(chips[0], chips[-1] + _STEP_CHIPS / 2, _STEP_CHIPS)
     shape = autocorrelation(BPSK, np.subtract.outer(at, chips).ravel()).reshape(at.size, chips.size)
@@ -162,7 +165,7 @@ def _places(offsets_m: tuple[float, ...]) -> _Places:
     noise = autocorrelation(BPSK, lags.ravel()).reshape(lags.shape)
     weighted = np.linalg.solve(noise, shape.T).T  # C⁻¹ r
     own = np.einsum("pt,pt->p", shape, weighted)
-    share = (weighted @ shape.T) / own[:, None]  # ⟨r₁, r⟩/⟨r₁, r₁⟩, first position by second
+    share = (weighted @ shape.T) / own[:, None]  # ⟨r₁, r⟩/⟨r₁, r₁⟩, first position in rows, second position in columns
     left = own[None, :] - share**2 * own[:, None]
     apart = (np.abs(at[:, None] - at) >= _APART_CHIPS) & (left > 1e-6)
     beside = np.where(

@@ -1,7 +1,7 @@
-"""Check whether the position without each satellite agrees with the position from all (solution separation).
+"""Check solution separation: whether the position without each satellite agrees with the position from all satellites.
 
-See `navigation/raim.py` for the theory. The check does not detect a pull of all satellites together, in time or in
-position.
+See `navigation/raim.py` for the theory. The check does not detect an attack that shifts the ranges of all satellites
+consistently, in time or in position.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ _AXES = ("east", "north", "up")
 
 
 def separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3 m"], Int[np.ndarray, " n"]]:
-    """Return |Δx_q|/σ_ss,q for east, north, up and every satellite (NaN if undefined), and the number of modes."""
+    """Return |Δx_q|/σ_ss,q for each axis and satellite (NaN if undefined), and the number of satellites left out."""
     parts = redundancy(local_geometry(fix), fix.weight)
     separation = solution_separation(parts, fix.residual_m, fix.weight)
     sigma = separation.sigma_m[:, :3]
-    # the σ of a satellite that hardly affects an axis consists of rounding errors only
+    # if a satellite hardly affects an axis, the computed σ consists of rounding errors only
     touched = sigma > 1e-9
     modes = np.count_nonzero(np.isfinite(sigma[:, 2]), axis=1)
     return np.abs(separation.difference_m[:, :3]) / np.where(touched, sigma, np.nan), modes
 
 
 def largest_separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
-    """Return the largest of `separations` on each axis, and the number of satellites."""
+    """Return the largest value of `separations` on each axis, and the number of satellites left out in turn."""
     sigmas, modes = separations(fix)
     return _largest(sigmas), modes
 
 
 def _largest(values: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n"]:
-    """Return the largest number of the last axis, NaN where all are NaN."""
+    """Return the largest value along the last axis; NaN where all values are NaN."""
     known = np.isfinite(values)
     found = np.max(np.where(known, values, -np.inf), axis=-1, initial=-np.inf)
     return np.where(known.any(axis=-1), found, np.nan)
@@ -64,37 +64,37 @@ class SolutionSeparationMonitor(Monitor):
 
     @classmethod
     def of_budget(cls, p_fa: float) -> SolutionSeparationMonitor:
-        """Return the monitor with one budget for all axes: half horizontal, half vertical."""
+        """Return the monitor that gives half of `p_fa` to the horizontal axes and half to the vertical axis."""
         return cls(p_fa_horizontal=p_fa / 2, p_fa_vertical=p_fa / 2)
 
     def factors(self, modes: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-        """Return K of east, north and up; `modes` is the number of satellites left out in turn."""
+        """Return the factor K for east, north and up; `modes` is the number of satellites left out in turn."""
         axes = (self.p_fa_horizontal / 2, self.p_fa_horizontal / 2, self.p_fa_vertical)
         counts, place = np.unique(modes, return_inverse=True)
         table = [[separation_factor(p_fa, max(count, 1)) for p_fa in axes] for count in counts.tolist()]
         return np.array(table, np.float64).reshape(-1, len(axes))[place]
 
     def ratios(self, fix: Fix) -> Float[np.ndarray, "n 3 m"]:
-        """Return |Δx_q| over its threshold for east, north, up and every satellite; NaN where undefined."""
+        """Return |Δx_q| divided by its threshold for east, north, up and every satellite; NaN where undefined."""
         sigmas, modes = separations(fix)
         return sigmas / self.factors(modes)[..., None]
 
     def statistic(self, fix: Fix) -> Float[np.ndarray, " n"]:
-        """Return the largest ratio of every epoch, NaN without redundancy."""
+        """Return the largest value of `ratios` at every epoch; NaN without redundancy."""
         return self.over_threshold(*largest_separations(fix))
 
     def over_threshold(
         self, largest: Float[np.ndarray, "n 3"], modes: Int[np.ndarray, " n"]
     ) -> Float[np.ndarray, " n"]:
-        """Return `statistic` from the result of `largest_separations`, without a fix."""
+        """Return the statistic from the result of `largest_separations`, where the fix itself is not available."""
         return _largest(largest / self.factors(modes))
 
     def probability_of_detection(
         self, fix: Fix, column: int, bias_m: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, " k"]:
-        """Return the probability that omitting the biased satellite of `column` reveals the bias, in the first epoch.
+        """Return the probability, at the first epoch, that omitting the biased satellite of `column` reveals the bias.
 
-        The result is a lower limit, because leaving out other satellites may reveal the bias too.
+        The result is a lower limit, because omitting another satellite may reveal the bias too.
         """
         share = redundancy(fix.geometry[:1], fix.weight[:1]).unexplained[0, column]
         used = int(fix.n_used[0])
@@ -102,7 +102,7 @@ class SolutionSeparationMonitor(Monitor):
         return two_sided_detection(bias_m * np.sqrt(fix.weight[0, column] * share), single)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block."""
+        """Return statistic and threshold of the check for every epoch of a block."""
         fix, svids = evidence.measured.fix, evidence.measured.snapshots.svids
         nothing = np.full(evidence.shape[0], np.nan)
         used = np.zeros(evidence.shape[0], np.int64) if fix is None else fix.satellites

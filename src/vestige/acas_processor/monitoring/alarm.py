@@ -1,10 +1,10 @@
-"""State of each satellite that a receiver shows, with one alarm for each change of state.
+"""Keep the state of each satellite, so that a receiver raises a single alarm for a single attack.
 
 Each RECS gives a verdict, and the monitors may raise a suspicion between two RECS. The state of a satellite is
-therefore the gravest status of the last `HOLD_S`. A graver status raises the state at once. The state falls only after
-`HOLD_S` without a status as grave as the state. So an attack that a check detects only in some RECS raises a single
-alarm. AUTHENTIC is a statement about a range, and a satellite that E1 has lost has no range. The state AUTHENTIC
-therefore ends with the loss, but a state of alarm does not.
+therefore the gravest status of the last `HOLD_S` seconds. A graver status raises the state at once. The state falls
+only after `HOLD_S` seconds without a status as grave as the state. So an attack that a check detects only in some RECS
+raises a single alarm. AUTHENTIC is a statement about a range, and a satellite whose signal on E1 is lost has no range.
+So the loss of the signal on E1 ends the state AUTHENTIC, but not a state of alarm.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from vestige.acas_processor.levels import ALARMS, GRAVITY, POSITION
 from vestige.records import Status
 from vestige.time import GalileoTime
 
-HOLD_S = 90.0  # 3 RECS of the service, one each 30 s
+HOLD_S = 90.0  # time of 3 RECS of the service, which sends a RECS every 30 s
 _NOT_AVAILABLE = POSITION[Status.NOT_AVAILABLE]
 
 
@@ -41,9 +41,9 @@ class StateChange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmState:
-    """State of all satellites."""
+    """State of all satellites after a block of epochs."""
 
-    # last time of each status, by satellite, in s after the receiver's origin
+    # last time of each status of each satellite, in s after the receiver's origin
     seen: Mapping[int, Mapping[Status, float]] = field(default_factory=dict)
     shown: Mapping[int, Status] = field(default_factory=dict)
 
@@ -57,8 +57,8 @@ class AlarmState:
     ) -> tuple[Int8[np.ndarray, "n m"], AlarmState]:
         """Return the state of every epoch and satellite, as positions in `Status`, and the state after the block.
 
-        `time_s` ascends and counts from the receiver's origin. Where no status is `due` the state stays unchanged.
-        `lost` marks where E1 has lost a satellite.
+        `time_s` ascends and counts from the receiver's origin. The state stays unchanged where `due` is False. `lost`
+        is True where the signal of a satellite on E1 is lost.
         """
         n = time_s.size
         shown = np.array([POSITION[self.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids], np.int8)
@@ -100,7 +100,7 @@ def _last_time(
 def state_changes(
     svids: tuple[int, ...], state: Int8[np.ndarray, "n m"], before: AlarmState
 ) -> list[tuple[int, int, Status, Status]]:
-    """Return the changes of state: row, column, state before and after."""
+    """Return the changes of state: row, column, state before the change, and state after the change."""
     statuses = tuple(POSITION)
     first = np.array([[POSITION[before.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids]], np.int8)
     earlier = np.concatenate([first, state[:-1]])

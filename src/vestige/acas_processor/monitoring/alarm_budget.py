@@ -1,22 +1,30 @@
-"""Budget of false alarms: the number that a level may raise in a day, and the share of each check.
+"""Budget of false alarms: the number of false alarms that a level may raise in a day, and the share of each check.
 
 Theory of operation
 -------------------
-**Without the setting `alarms_per_day`** the checks that can be set to any false-alarm probability may raise
-`ALARMS_PER_DAY` together. These checks get equal shares, and each check divides its share among its tests of a day:
+**Without the setting `alarms_per_day`** the checks whose false-alarm probability can be chosen may together raise
+`ALARMS_PER_DAY` false alarms in a day. These checks get equal shares. A check divides its share equally among its tests
+of a day:
 
     P_fa = alarms a day / (number of such checks · tests a day)
 
-Some checks have their own false-alarm probability, in addition to this budget. The range check has erfc(κ/√2) if its σ
-is the standard deviation of the errors (a larger σ is intended). In addition, noise exceeds the detection threshold in
-some of the N correlators, with N times the P_fa of a correlator. E6 power has 1 − P_d, averaged over fading by
-multipath (`theory/fading.py`). Power–distortion has 0.006ᵏ, where 0.6 % is the published false-alarm probability
-[WESSON18] and k the number of confirmations. OSNMA agreement has 2⁻²⁴ a page. These probabilities are upper limits. The
-sum of these probabilities is an upper limit too, because several failures during one alarm (`alarm.py`) count once.
+Some checks have their own false-alarm probability, in addition to this budget. The following values are upper limits:
 
-**With `alarms_per_day` = a** the whole level may raise at most `a` false alarms in one day. Alarms that no threshold
-changes are subtracted first: the alarms by noise in the N correlators, and OSNMA's 2⁻²⁴. The other n checks of the
-level get equal shares. A check with T tests a day has
+* The probability of the range check is erfc(κ/√2) if its σ is the standard deviation of the errors. The assumed σ is
+  larger by intention, so the true probability is smaller. Noise above the detection threshold in one of the N
+  correlators adds N times the P_fa of a correlator.
+* The probability of E6 power is 1 − P_d, averaged over fading by multipath (`theory/fading.py`).
+* The probability of power–distortion is 0.006ᵏ: 0.6 % is the published false-alarm probability [WESSON18], and k is the
+  number of confirmations.
+* The probability of OSNMA agreement is 2⁻²⁴, the probability that CRC-24 passes a damaged page.
+* The probability of the clock limit is `CLOCK_LIMIT_P_FA`.
+
+The sum of these probabilities is an upper limit too, because several failures during one alarm (`alarm.py`) count once.
+
+**With `alarms_per_day` = a** the whole level may raise at most `a` false alarms in one day. Alarms that do not depend
+on the threshold of a check are subtracted first. Such alarms come from noise in the N correlators, from OSNMA agreement
+and from the clock limit. The other n checks of the level get equal shares of the rest. The following equations are
+valid for a check with T tests a day:
 
     P = (a − Σ fixed) / (n T)        of one test
     range check        κ = √2 erfc⁻¹(P)
@@ -25,11 +33,12 @@ level get equal shares. A check with T tests a day has
     all others         P_fa = P
 
 An example is level 1 with eight satellites, a RECS each 30 s and a = 1. Noise in 46 correlators then raises 0.11 alarms
-a day, P is 1.9·10⁻⁵, and κ is 4.27. Checks that a user wrote keep their own probability, in addition to a.
+a day, P is 1.9·10⁻⁵, and κ is 4.27. Checks that a user wrote keep their own probability, and raise alarms in addition
+to the number a.
 
-Among the checks with a settable probability, clock and RAIM are *exact*: their statistics have the distribution from
-which the threshold is computed. The other checks allow for errors that are not always present, such as a front end that
-drifts or a C/N0 that fades. The probabilities of these checks are upper limits.
+The probability of some checks can be chosen. Among these checks, clock and RAIM are *exact*: their statistics have the
+distribution from which the threshold is computed. The other checks allow for errors that are not always present, such
+as a drifting front end or a fading C/N0. The probabilities of the other checks are upper limits.
 """
 
 from __future__ import annotations
@@ -53,13 +62,13 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
     from vestige.acas_processor.verdict_block import VerdictBlock
 
-ALARMS_PER_DAY = 1.0  # sum over all checks whose probability can be chosen
+ALARMS_PER_DAY = 1.0  # false alarms a day of all checks together whose probability can be chosen
 _LARGEST_P_FA = 0.5  # upper limit of the false-alarm probability of one test
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cadence:
-    """Numbers that determine how often a receiver tests: satellites, and times between epochs, RECS and searches."""
+    """Frequency of a receiver's tests: number of satellites, and times between epochs, RECS and searches."""
 
     satellites: int
     observation_s: float = 1.0  # time between epochs of E1
@@ -92,14 +101,15 @@ def false_alarm_budget(
     Parameters
     ----------
     level, cadence
-        Mitigation level, and how often its checks test.
+        Mitigation level, and the frequency of its tests.
     alarms_per_day
-        False alarms a day of the whole level. With None, the checks with a settable probability have `ALARMS_PER_DAY`
-        together, and the other checks have their own probability.
+        False alarms a day of the whole level. With None, the checks whose probability can be chosen have
+        `ALARMS_PER_DAY` together, and the other checks have their own probability.
     kappa
         Factor of the range check; used only without `alarms_per_day`.
     pd
-        Mean probability that E6 is detected where a miss is an alarm; used only without `alarms_per_day`.
+        Mean probability of detection of E6 over the RECS for which a missing signal is an alarm; used only without
+        `alarms_per_day`.
     bank_p_fa
         Probability that noise exceeds the detection threshold in any correlator of the bank.
     added
@@ -108,7 +118,7 @@ def false_alarm_budget(
     Raises
     ------
     VestigeError
-        If `alarms_per_day` does not exceed the alarms that no threshold changes.
+        If `alarms_per_day` does not exceed the alarms that do not depend on the threshold of a check.
 
     Examples
     --------
@@ -134,7 +144,7 @@ def false_alarm_budget(
 def _set_share(
     rows: Sequence[CheckSpec], cadence: Cadence, alarms_per_day: float, assumed: DetectionAssumptions
 ) -> float:
-    """Return the alarms a day that each check may raise, after subtraction of the alarms that no threshold changes."""
+    """Return the alarms a day that each check may raise, without the alarms that do not depend on its threshold."""
     fixed = sum(_fixed_p_fa(row, assumed) * cadence.tests_a_day(row) for row in rows)
     if alarms_per_day <= fixed:
         raise VestigeError(
@@ -145,13 +155,13 @@ def _set_share(
 
 
 def _fixed_p_fa(row: CheckSpec, assumed: DetectionAssumptions) -> float:
-    """Return the part of a check's false-alarm probability that no threshold changes."""
+    """Return the part of a check's false-alarm probability that does not depend on the threshold of the check."""
     fixed = row.fixed_p_fa if row.settable else row.own_p_fa
     return 0.0 if fixed is None else fixed(assumed)
 
 
 def _set(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmShare:
-    """Return the share of a check if the alarms a day are set; `p_fa` is the probability that one test may have."""
+    """Return the share of a check if the alarms a day are set; `p_fa` is the probability P of one test."""
     if not row.settable:
         return _with_own(row, p_fa, assumed)
     p_fa = min(p_fa, _LARGEST_P_FA)
@@ -164,7 +174,7 @@ def _set(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmSha
 
 
 def _with_own(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmShare:
-    """Return the share of a check that may have its own probability in place of `p_fa`."""
+    """Return the share of a check: its own false-alarm probability if it has one, otherwise `p_fa`."""
     return AlarmShare(
         p_fa=p_fa if row.own_p_fa is None else row.own_p_fa(assumed),
         confirm=row.confirm,
@@ -177,7 +187,7 @@ def _with_own(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> Ala
 def set_kappa(share: AlarmShare, bank_p_fa: float) -> float:
     """Return κ of a range check from its share of a level whose alarms a day are set: √2 erfc⁻¹(P).
 
-    `bank_p_fa` is the part of the share that noise in the bank of correlators takes.
+    `bank_p_fa` is the part of the share for noise in the bank of correlators.
     """
     return sqrt(2) * float(erfcinv(share.p_fa - bank_p_fa))
 

@@ -1,11 +1,11 @@
 """Reference levels of power, C/N0 and noise floor, configured or learned [WFO, Sec. IV-B].
 
-The checks of step 3 compare with a reference level. One rule gives the source of this level:
+The checks of step 3 compare measured values with a reference level. The source of this level is as follows:
 
 1. If the receiver's settings state the level (calibrated front end, antenna with known C/N0), this level is the
    reference.
-2. Otherwise the receiver learns the level: the median of the last `WINDOW` values of epochs with RECS and without an
-   alarm. Before `LEARNED` values are collected, the check is not run.
+2. Otherwise the receiver learns the level: the median of the last `BASELINE_WINDOW` values of epochs with RECS and
+   without an alarm. Before `LEARNED` values are collected, the check is not run.
 
 If an attack is present from the beginning, the receiver learns the level of the attack. The median of k values has
 π/(2k) times the variance of a single value, so thresholds grow by √(1 + π/(2k)).
@@ -30,7 +30,7 @@ from vestige.signals.definitions import E6C
 
 BASELINE_WINDOW = 20
 LEARNED = 5
-_LEAST_SNR = 1e-3  # smallest SNR, for a largest correlator that is below the noise
+_LEAST_SNR = 1e-3  # lower limit of an estimated SNR, which would otherwise be negative for correlators below the noise
 
 
 class Quantity(Enum):
@@ -74,7 +74,7 @@ class ReferenceLevels:
     antenna: Antenna | None = None
 
     def configured(self, quantity: Quantity, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "*n"] | None:
-        """Return the stated level of every epoch (and satellite, for C/N0); None if the receiver learns the level."""
+        """Return the stated level of every epoch, for C/N0 of every satellite too; None if the receiver learns it."""
         power_db = {Quantity.E1_POWER_DB: self.e1_power_db, Quantity.E6_POWER_DB: self.e6_power_db}.get(quantity)
         if power_db is not None:
             return np.full(elevation_rad.shape[0], power_db)
@@ -86,10 +86,10 @@ class ReferenceLevels:
 
 
 class Reference(NamedTuple):
-    """Reference level of every epoch, and of every satellite for quantities of satellites.
+    """Reference level of every epoch; for a quantity of satellites, of every epoch and satellite.
 
-    `value` is NaN where the level is unknown. `learned` is the number of values behind a level, infinite where the
-    level is configured.
+    `value` is NaN where the level is unknown. `learned` is the number of values from which the level was learned;
+    infinite where the settings state the level.
     """
 
     value: Float[np.ndarray, "*n"]
@@ -97,7 +97,7 @@ class Reference(NamedTuple):
 
     @property
     def growth(self) -> Float[np.ndarray, "*n"]:
-        """Factor by which thresholds grow, because the level is a median of few values."""
+        """Factor by which thresholds are larger, because the level is a median of few values."""
         return np.sqrt(1 + np.pi / 2 / np.maximum(self.learned, 1))
 
     def why_unknown(self, place: tuple[int, ...]) -> str:
@@ -112,12 +112,12 @@ Values = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baseline:
-    """Last values of each quantity without an alarm, by SVID; values of the receiver have the key 0."""
+    """Last values of each quantity at epochs without an alarm, by SVID; values of the receiver have the key 0."""
 
     values: Mapping[Quantity, Mapping[int, Values]] = field(default_factory=dict)
 
     def of(self, quantity: Quantity, svid: int) -> Values:
-        """Return the values in order of time."""
+        """Return the values of a quantity and a satellite in order of time."""
         return self.values.get(quantity, {}).get(svid, ())
 
 
@@ -129,7 +129,7 @@ class Observed:
 
     @cached_property
     def values(self) -> Mapping[Quantity, Float[np.ndarray, "*n"]]:
-        """Values of every quantity, NaN where not measured."""
+        """Values of every quantity; NaN where the quantity was not measured."""
         snapshots, banks = self.measured.snapshots, self.measured.banks
         nothing = np.full(len(snapshots.time), np.nan)
         power = {
@@ -154,7 +154,10 @@ class Observed:
         }
 
     def _own_share(self, snr: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
-        """Return the power that the signal adds to the floor of wrong codes, over the noise: at most Ec/N0."""
+        """Return the power that the signal adds to the noise floor of wrong codes, divided by the noise power.
+
+        The result is at most Ec/N0.
+        """
         banks, chips_per_m = self.measured.banks, E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
         between = np.nan_to_num(self.measured.detected.range_offset_m) * chips_per_m % 1.0
         return snr / (banks.integration_s * E6C.chip_rate_hz) * ((1 - between) ** 2 + between**2)
@@ -166,9 +169,9 @@ class Observed:
         teaches: Bool[np.ndarray, " n"],
         elevation_rad: Float[np.ndarray, "n m"],
     ) -> Mapping[Quantity, Reference]:
-        """Return the reference at each epoch, from the values before that epoch.
+        """Return the reference level at each epoch, from the values before that epoch.
 
-        `teaches` marks the epochs with RECS and without an alarm, from which later epochs learn.
+        `teaches` is True at epochs with RECS and without an alarm, whose values give the levels of later epochs.
         """
         found = {}
         for quantity, values in self.values.items():
@@ -186,7 +189,7 @@ class Observed:
         return found
 
     def after(self, baseline: Baseline, teaches: Bool[np.ndarray, " n"]) -> Baseline:
-        """Return the baseline after a block, with the values of its epochs without an alarm."""
+        """Return the baseline after a block, with the values of the block's epochs without an alarm."""
         known: dict[Quantity, dict[int, Values]] = {}
         for quantity, values in self.values.items():
             known[quantity] = dict(baseline.values.get(quantity, {}))
@@ -201,11 +204,14 @@ class Observed:
 def _running(
     before: Values, column: Float[np.ndarray, " n"], teaches: Bool[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the median of the last values without an alarm before each epoch (NaN if too few), and their number."""
+    """Return the median of the last values without an alarm before each epoch, and the number of these values.
+
+    The median is NaN where there are too few values.
+    """
     taught = teaches & np.isfinite(column)
     values = np.concatenate([np.array(before, np.float64), column[taught]])
     known: Int64[np.ndarray, " n"] = len(before) + np.cumsum(taught) - taught
-    medians = np.full(values.size + 1, np.nan)  # medians of the values so far, by number of values
+    medians = np.full(values.size + 1, np.nan)  # medians of the values collected so far, by the number of these values
     growing = values[: BASELINE_WINDOW - 1].tolist()
     for count in range(max(LEARNED, len(before)), len(growing) + 1):
         medians[count] = median(growing[:count])

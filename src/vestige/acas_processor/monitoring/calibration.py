@@ -1,4 +1,4 @@
-"""Calibration of the receiver's constant delay between E6 and E1 from its own measurements."""
+"""Calibration of the receiver's constant delay between E6 and E1 from measurements of the receiver."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from vestige.acas_processor.measurement import MeasurementBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
 
-MIN_SATELLITES = 3  # with a single satellite, spoofing looks like a bias
+MIN_SATELLITES = 3  # with fewer satellites, the spoofing of a single satellite would look like a bias
 
 
 def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | None:
     """Return the correction of the hardware bias in s that makes the median range offset zero.
 
-    The bias is common to all satellites; ionosphere, multipath and noise are not. The median over all detected
+    The bias is common to all satellites, in contrast to ionosphere, multipath and noise. The median over all detected
     satellites is robust against a minority of spoofed satellites. Calibrate where the signals are known to be
-    authentic, and keep the value.
+    authentic, and use the calibrated bias from then on.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | 
 
     Examples
     --------
-    A single satellite is not enough:
+    A single satellite is not enough for a calibration:
 
     >>> import vestige as vs
     >>> source = vs.simulate(vs.load_scenario("scenarios/quick.toml", ["epochs=2", "receiver.cn0_dbhz=45"]))

@@ -6,26 +6,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 Vector = tuple[float, float, float]
-# Numbers that a check remembers from block to block, by SVID; numbers of the receiver have the key 0. Each check gives
-# the numbers its own meaning.
+# Numbers that a check remembers from block to block, by SVID; numbers of the receiver have the key 0. The meaning of
+# the numbers depends on the check.
 CheckMemory = Mapping[int, tuple[float, ...]]
-RECEIVER = 0  # key of the receiver
+RECEIVER = 0  # key of the receiver's numbers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixMemory:
     """Last position from authentic ranges without an alarm."""
 
-    time_s: float  # in s after the first epoch that the receiver ever processed
-    position_m: Vector  # ECEF
+    time_s: float  # time of the position in s after the first epoch that the receiver ever processed
+    position_m: Vector  # ECEF coordinates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subframe:
-    """OSNMA of one subframe, as far as received."""
+    """OSNMA of one subframe: the parts that were received so far."""
 
-    start: int  # in s since the GST epoch
-    # by satellite, a bit for each page: due, received, and received but different
+    start: int  # beginning of the subframe in s since the GST epoch
+    # bits of each satellite, one bit for each page: page due, page received, and page received with different data
     due: Mapping[int, int] = field(default_factory=dict)
     received: Mapping[int, int] = field(default_factory=dict)
     differs: Mapping[int, int] = field(default_factory=dict)
@@ -33,7 +33,7 @@ class Subframe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaMemory:
-    """OSNMA of earlier epochs: whether each of the last subframes brought a key, and the unfinished subframe."""
+    """OSNMA of earlier epochs: whether each of the last subframes had a key, and the unfinished subframe."""
 
     keyed: tuple[bool, ...] = ()
     open: Subframe | None = None

@@ -38,29 +38,30 @@ class MonitoringSettings:
     Attributes
     ----------
     cadence
-        How often the checks test: number of satellites, and times between epochs, RECS and searches.
+        Frequency of the tests: number of satellites, and times between epochs, RECS and searches.
     alarms_per_day
-        Number of false alarms a day that the whole level may raise. Thresholds and confirmations of all checks of the
-        level follow (`alarm_budget.py`). With None, the checks with a settable probability may raise one alarm a day
-        together. Range check and E6 power then have their own probability.
+        Number of false alarms a day that the whole level may raise. The thresholds and confirmations of all checks of
+        the level follow from this number (`alarm_budget.py`). With None, the checks whose probability can be chosen may
+        together raise one alarm a day. Range check and E6 power then have their own probability.
     test_p_fa
-        False-alarm probability of one test of every check, in place of the shares of the budget, to measure detection
-        curves. The three clock checks have this probability together. With None, the checks have the shares of the
-        budget.
+        False-alarm probability of one test of every check, in place of the shares of the budget. The purpose is to
+        measure detection curves. The three clock checks have this probability together. With None, the checks have the
+        shares of the budget.
     levels
         Reference levels that are known beforehand; the receiver learns the other levels.
     fix
         Orbits, and the assumed errors of the observations.
     e1_power, e6_power, e1_cn0, e6_cn0, noise_floor, second_signal, clock, power_distortion, inertial
-        Settings of the check with this name; the class of the settings describes them.
+        Settings of the check with the same name; their class describes the settings.
     e6_phase, e6_fading
         The optional monitors of the carrier on E6, for every level; None if they are turned off.
     osnma_availability, osnma_reception
-        Settings of both checks; the level's budget replaces their false-alarm probability.
+        Settings of the two checks; the level's budget replaces the false-alarm probability in these settings.
     second_signal_filtered
-        Whether a filter of the E6 front end bends the correlation function, so that two signals look like one.
+        Whether a filter of the E6 front end distorts the correlation function. The check for a second signal is then
+        not made.
     e1_search, exhaustive_search
-        Settings of the searches, without the two settings below.
+        Settings of the searches, except `search_p_fa` and `exhaustive_period_s`.
     search_p_fa
         False-alarm probability of one search.
     exhaustive_period_s
@@ -103,7 +104,7 @@ def shares_of(processor: AcasProcessor) -> dict[CheckName | str, float]:
 
 
 def set_shares(processor: AcasProcessor) -> dict[CheckName | str, AlarmShare]:
-    """Return the share of each check of a processor's level, before any measurement.
+    """Return the share of each check of a processor's level, without use of measurements.
 
     Raises `VestigeError` if the configured false alarms a day are too few.
     """

@@ -6,17 +6,17 @@ A window contains N RECS in a row with the values y, their times t and their wei
 represents unknown or slowly changing terms (a constant, the ionosphere, the elevation). The line is fitted and
 subtracted:
 
-    T = Σ w (y − a − b t)²        ~ χ²(N − 2) if nothing but noise scatters
+    T = Σ w (y − a − b t)²        ~ χ²(N − 2) if noise alone scatters the values
 
-Reflections scatter too. The part of y that comes from reflections, in phase or in quadrature, is normal with the
-variance P/2. P is the mean power of the reflections over the direct signal. If reflections are new with every RECS, all
-N − 2 degrees of freedom have the variance k = 1 + w P N/(2 (N − 2)). If reflections last for a time L, d/2 reflections
-follow each other in a window. Each reflection widens two degrees of freedom, because its phase is free and its
-amplitude is constant:
+Reflections scatter the values too. The part of y that comes from reflections, in phase or in quadrature, is normal with
+the variance P/2. P is the mean power of the reflections relative to the direct signal. If the reflections change with
+every RECS, all N − 2 degrees of freedom have the variance k = 1 + w P N/(2 (N − 2)). If a reflection lasts for a time
+L, d/2 reflections follow each other in a window. Each reflection increases the variance of two degrees of freedom,
+because its phase is free and its amplitude is constant:
 
     d = 2 max(1, ⌊(t_N − t_1)/L⌋), at most N − 2        k = 1 + w P N/(2 d)
 
-The window begins anew where E1 loses the satellite, because the constant changes at this time.
+A new window begins where tracking on E1 loses the satellite, because the constant changes at this time.
 """
 
 from __future__ import annotations
@@ -33,15 +33,16 @@ from vestige.theory.variance_test import variance_threshold
 
 
 class Recs(NamedTuple):
-    """RECS in order of time, from before the block and of the block."""
+    """RECS of a satellite in order of time: the RECS before the block, then the RECS of the block."""
 
     row: Int[np.ndarray, " k"]  # row of the RECS in the block; −1 for earlier RECS
-    stretch: Int[np.ndarray, " k"]  # number of times that E1 lost the satellite since the block began
+    # number of epochs of the block, before the RECS, at which E1 did not show the satellite
+    stretch: Int[np.ndarray, " k"]
     # the following fields are remembered from block to block
-    time_s: Float[np.ndarray, " k"]  # in s after the first epoch that the receiver ever processed
-    # phase of the detecting correlator minus the phase that E1 predicts, up to a constant; NaN if unknown
+    time_s: Float[np.ndarray, " k"]  # time of the RECS in s after the first epoch that the receiver ever processed
+    # phase of the punctual correlator minus the phase that E1 predicts, up to a constant; NaN if unknown
     phase_rad: Float[np.ndarray, " k"]
-    # magnitude of the detecting correlator in standard deviations of the noise per dimension
+    # magnitude of the punctual correlator in standard deviations of the noise per dimension
     magnitude_sigma: Float[np.ndarray, " k"]
     cn0_e1_dbhz: Float[np.ndarray, " k"]
     # time over which the Doppler of E1 extrapolates the E1 phase to the middle of the RECS
@@ -52,7 +53,7 @@ _REMEMBERED = Recs._fields[2:]
 
 
 def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
-    """Yield the detected RECS of each satellite of a block, in the order of its columns."""
+    """Yield the detected RECS of each satellite of a block, in the order of the block's columns."""
     measured, snapshots = evidence.measured, evidence.measured.snapshots
     detected = measured.detected
     phase_rad = detected.phase_rad - measured.predicted_phase_rad
@@ -75,7 +76,7 @@ def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
 
 
 def remembered_recs(evidence: Evidence, most: int) -> CheckMemory:
-    """Return the memory for the next block: the last RECS of each satellite that E1 still tracks, at most `most`."""
+    """Return the memory for the next block: at most the last `most` RECS of each satellite that E1 still tracks."""
     lost = np.count_nonzero(~evidence.measured.snapshots.e1.seen, axis=0)
     found = {}
     for column, recs in enumerate(recs_of_satellites(evidence)):
@@ -95,7 +96,7 @@ def last_of(values: Shaped[np.ndarray, " k"], n: int) -> Shaped[np.ndarray, "tes
 def scatter(
     time_s: Float[np.ndarray, "tests n"], values: Float[np.ndarray, "tests n"], weights: Float[np.ndarray, "tests n"]
 ) -> Float[np.ndarray, " tests"]:
-    """Return T, the weighted sum of squares about a straight line."""
+    """Return T, the weighted sum of squared deviations from the fitted straight line."""
     total = np.sum(weights, axis=1)
     t = time_s - time_s[:, -1:]
     t = t - (np.sum(weights * t, axis=1) / total)[:, None]
@@ -112,7 +113,7 @@ def scatter_threshold(
     ray_life_s: float,
     p_fa: float,
 ) -> Float[np.ndarray, " tests"]:
-    """Return the largest T that passes; `ray_variance` is P/2 and `ray_life_s` L."""
+    """Return the largest T that passes; `ray_variance` is P/2, and `ray_life_s` is L."""
     n = time_s.shape[1]
     span_s = time_s[:, -1] - time_s[:, 0]
     lives = np.floor(span_s / ray_life_s) if ray_life_s > 0 else np.full(span_s.shape, np.inf)

@@ -31,11 +31,11 @@ class ReceiverState:
     uncertainty: TimeUncertainty = field(default_factory=TimeUncertainty)
     baseline: Baseline = field(default_factory=Baseline)  # reference levels of power, C/N0 and noise floor
     position_m: Vector | None = None  # ECEF position of the last fix; None before the first fix
-    fix: FixMemory | None = None  # last fix near which the receiver must be; None before the first such fix
+    fix: FixMemory | None = None  # last position from authentic ranges; None before the first such position
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
-    memory: Mapping[CheckName | str, CheckMemory] = field(default_factory=dict)  # by check
+    memory: Mapping[CheckName | str, CheckMemory] = field(default_factory=dict)  # memory of each check
     search: SearchMemory = field(default_factory=SearchMemory)
-    # number of last tests in a row that failed, by satellite, for each check that needs confirmation
+    # number of tests in a row that failed up to the last test, for each check that needs confirmation, by satellite
     streaks: Mapping[CheckName | str, Mapping[int, int]] = field(default_factory=dict)
     alarm: AlarmState = field(default_factory=AlarmState)
     on_e1: Mapping[int, GalileoTime] = field(default_factory=dict)  # last time at which E1 showed each satellite

@@ -1,4 +1,4 @@
-"""Position that a snapshot authenticates: geodetic, with its standard deviations and its latency.
+"""Authenticated position of a snapshot in geodetic coordinates, with standard deviations and latency.
 
 `range_in_use.py` chooses the ranges for this position.
 """
@@ -22,7 +22,7 @@ class AuthenticPosition:
     index: int
     time: GalileoTime  # time of the snapshot
     available_at: GalileoTime  # time of the last key that the position needs
-    # geodetic coordinates; height over the ellipsoid
+    # geodetic coordinates; the height is above the ellipsoid
     latitude_deg: float
     longitude_deg: float
     height_m: float

@@ -1,7 +1,7 @@
-"""Error budget of the range check: the possible distance of E6 from the E1 prediction without an attack.
+"""Error budget of the range check: the possible difference between E6 range and E1 prediction without an attack.
 
-The range offset of a true signal is the sum of independent errors, and the check allows κ times their standard
-deviation [TAES2023, Eq. 21-24]:
+The range offset of a true signal is the sum of independent errors. The check passes if the range offset is at most κ
+times the standard deviation of this sum [TAES2023, Eq. 21-24]:
 
     authentic if  |τ_E6 − τ_E6,predicted| ≤ κ σ_auth
     σ_auth² = σ_HWB² + σ_BGD² + (γ−1)² σ_I,E1² + σ_MP,E1² + σ_MP,E6² + σ_n,E1² + σ_n,E6²,    γ = (f1/f6)²
@@ -24,16 +24,16 @@ class ErrorBudget:
     Attributes
     ----------
     hardware_m
-        σ_HWB, receiver delay between E1 and E6 after calibration.
+        σ_HWB: receiver delay between E1 and E6 after calibration.
     group_delay_m
-        σ_BGD, broadcast group delay after correction.
+        σ_BGD: broadcast group delay after correction.
     ionosphere_e1_m
-        σ_I,E1, ionospheric delay *on E1* after correction. The difference between E6 and E1 is γ−1 = 0.518 of this
-        delay.
+        σ_I,E1: ionospheric delay *on E1* after correction. The difference between the delays on E6 and E1 is γ−1 =
+        0.518 times this delay.
     multipath_e1_m, multipath_e6_m
-        σ_MP, code multipath.
+        σ_MP,E1 and σ_MP,E6: code multipath.
     noise_e1_m, noise_e6_m
-        σ_n, thermal noise of the E1 pseudorange and of the E6 snapshot.
+        σ_n,E1 and σ_n,E6: thermal noise of the E1 pseudorange and of the E6 snapshot.
 
     Examples
     --------
@@ -53,20 +53,20 @@ class ErrorBudget:
 
     @classmethod
     def uncorrected(cls) -> ErrorBudget:
-        """Return the budget without ionosphere model and without group delay file [SASLIB]: σ_auth 8.85 m."""
+        """Return the budget without ionosphere model and without group delay file [SASLIB]; σ_auth is 8.85 m."""
         return cls(
             hardware_m=0.0,
             group_delay_m=1.5,
             ionosphere_e1_m=15.0,
             multipath_e1_m=3.0,
             multipath_e6_m=0.6,
-            noise_e1_m=0.4,  # tracking at 37 dBHz; 3 to 5 m if E1 is a snapshot too
+            noise_e1_m=0.4,  # noise of tracking at 37 dBHz; 3 to 5 m if E1 is measured in a snapshot too
             noise_e6_m=2.5,
         )
 
     @classmethod
     def corrected(cls) -> ErrorBudget:
-        """Return the budget with ionosphere model (NeQuick-G) and group delay file [SASLIB]: σ_auth 4.37 m."""
+        """Return the budget with ionosphere model (NeQuick-G) and group delay file [SASLIB]; σ_auth is 4.37 m."""
         return replace(cls.uncorrected(), group_delay_m=0.0, ionosphere_e1_m=3.5)
 
     @property

@@ -1,7 +1,7 @@
 """Position fix of every epoch of a block, with the quantities for the checks of step 5 [WFO, Sec. IV-B].
 
 The fix uses all E1 pseudoranges of an epoch and the broadcast orbits. If the standard deviations depend on the
-elevation, a first fix with other standard deviations gives the elevation.
+elevation, a first fix with constant or C/N0-dependent standard deviations gives the elevation.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ class FixSettings:
     """Orbits, and the receiver's assumptions about its observations."""
 
     ephemerides: tuple[Ephemeris, ...] = ()  # broadcast orbits and clocks of any satellites
-    authenticated: frozenset[int] | None = None  # satellites whose ephemerides are authenticated; None for all
+    authenticated: frozenset[int] | None = None  # satellites with authenticated ephemerides; None for all satellites
     errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)  # standard deviations of the observations
     fit_interval_s: float = FIT_INTERVAL_S  # longest time between the reference time of an ephemeris and its use
-    near: ApproximatePosition | None = None  # known position of the receiver, if any
+    near: ApproximatePosition | None = None  # known position of the receiver; None if no position is known
 
     def why_no_fix(self, time: GalileoTime) -> str | None:
         """Return why no fix is possible at a time; None if a fix is possible, or if no ephemerides are given."""
@@ -54,7 +54,7 @@ class FixSettings:
     def transmission(
         self, time: GalileoTimes, svids: tuple[int, ...], pseudorange_m: Float[np.ndarray, "n m"]
     ) -> Transmission:
-        """Return the satellites at transmission; NaN without a measurement or an orbit."""
+        """Return positions and clocks of the satellites at transmission; NaN without a pseudorange or an orbit."""
         n, m = pseudorange_m.shape
         position, velocity = np.full((2, n, m, 3), np.nan)
         clock_m, clock_mps = np.full((2, n, m), np.nan)
@@ -150,11 +150,12 @@ def elevations_from(
 def _chosen(
     own: tuple[Ephemeris, ...], time: GalileoTimes, fit_interval_s: float
 ) -> list[tuple[Ephemeris, np.ndarray]]:
-    """Return the ephemeris of each row: the nearest, by the rule of `nearest_ephemerides`."""
+    """Return each used ephemeris with its rows; a row uses the nearest ephemeris, as in `nearest_ephemerides`."""
     if not own:
         return []
     age_s = np.abs(np.stack([time.since(one.toe) for one in own]))
-    best = age_s.shape[0] - 1 - np.argmin(age_s[::-1], axis=0)  # the later of two equally near ephemerides
+    # if two ephemerides are equally near, the later ephemeris is used
+    best = age_s.shape[0] - 1 - np.argmin(age_s[::-1], axis=0)
     usable = np.min(age_s, axis=0) <= fit_interval_s
     rows = [np.flatnonzero(usable & (best == place)) for place in range(len(own))]
     return [(ephemeris, some) for ephemeris, some in zip(own, rows, strict=True) if some.size]
@@ -163,5 +164,5 @@ def _chosen(
 def _drift_variance(
     fix: Fix, share: Float[np.ndarray, "n m"], sigma_mps: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, " n"]:
-    """Return the variance of the clock's drift from the variance of the range rates; NaN without a fix."""
+    """Return the variance of the clock drift that follows from the variance of the range rates; NaN without a fix."""
     return np.sum(np.where(fix.weight > 0, share * sigma_mps, 0.0) ** 2, axis=1) + 0 * fix.clock_m

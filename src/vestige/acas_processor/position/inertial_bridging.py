@@ -1,14 +1,14 @@
 """Inertial bridging from one RECS to the next: changes of range rates, and increments of the receiver's velocity.
 
-Each epoch with RECS and a position stores three quantities of its satellites. The quantities are the measured range
-rates, the range rates for a receiver and a clock at rest, and the directions to the satellites. The next epoch compares
-its own quantities with the stored quantities (`checks/inertial.py`). An epoch without a position stores nothing, so the
-next epoch has no comparison.
+At each epoch with RECS and a position, three quantities of the satellites are stored: the measured range rates, the
+range rates for a receiver and a clock at rest, and the directions to the satellites. At the next epoch, new quantities
+are compared with the stored quantities (`checks/inertial.py`). Without a position nothing is stored, and no comparison
+is made at the next epoch.
 
-Velocity increments are in local axes, which rotate with the position: by 1.2 mrad over the 7.5 km that an aircraft
-flies in 30 s. Each increment is rotated into ECEF at its position on the path between the two fixes. The path follows
-from the positions at both ends and the increments. The path is computed twice: as a straight line, then with the
-increments. The path also gives the velocities at both ends.
+Velocity increments are in local axes, which rotate with the position. An aircraft flies 7.5 km in 30 s, and its local
+axes then rotate by 1.2 mrad. Each increment is rotated into ECEF at its position on the path between the two fixes. The
+path follows from the positions at both ends and the increments. The path is computed twice: first as a straight line,
+then with the increments. The path also gives the velocities at both ends.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def delta_velocity_towards_mps(
     """Return the velocity increment towards satellites, Δ(e·v) = ē·Δv + Δe·v̄, with the rotation of the line of sight.
 
     `before` and `now` are unit vectors e to the satellites, and `delta_velocity_mps` is Δv = ∫ a dt. `mean_mps` is the
-    mean of the receiver's velocities at both ends. All vectors have the same axes.
+    mean of the receiver's velocities at the beginning and at the end. All vectors have the same axes.
     """
     own = np.einsum("...mi,...i->...m", (before + now) / 2, delta_velocity_mps)
     return own + np.einsum("...mi,...i->...m", now - before, mean_mps)
@@ -47,16 +47,16 @@ class RateSteps:
 
     epoch: Int64[np.ndarray, " k"]  # row in which each step ends
     interval_s: Float[np.ndarray, " k"]
-    # arguments of `InertialMonitor.statistic`; NaN for satellites that are not known at both ends
+    # arguments of `InertialMonitor.statistic`; NaN for satellites without a range rate at either end
     rate_change_mps: Float[np.ndarray, "k m"]
     static_change_mps: Float[np.ndarray, "k m"]
     delta_velocity_mps: Float[np.ndarray, "k m"]
     sigma_change_mps: Float[np.ndarray, "k m"]  # standard deviation of the measured change
-    reasons: Mapping[int, str]  # rows with RECS at which no step ends, and why
+    reasons: Mapping[int, str]  # reason why no step ends at a row with RECS, by the number of the row
 
 
 def rate_steps(evidence: Evidence) -> RateSteps:
-    """Return the rate steps that end in the block; none without inertial sensors."""
+    """Return the rate steps that end in the block; without inertial sensors there are no steps."""
     snapshots = evidence.measured.snapshots
     recs = np.flatnonzero(snapshots.recs) if snapshots.increments is not None else np.zeros(0, np.int64)
     ends, sensed = _ends(evidence, recs), _sensed(evidence, recs)
@@ -70,7 +70,7 @@ def rate_steps(evidence: Evidence) -> RateSteps:
     both = (np.isfinite(ends.rate_mps[:-1]) & np.isfinite(ends.rate_mps[1:]))[steps]
     delta_velocity_mps = np.full((steps.size, len(snapshots.svids)), np.nan)
     for number in np.unique(sensed.number[steps]).tolist():
-        alike = np.flatnonzero(sensed.number[steps] == number)  # steps with as many increments are computed together
+        alike = np.flatnonzero(sensed.number[steps] == number)  # steps with the same number of increments
         delta_velocity_mps[alike] = _gained(ends, sensed, interval_s, steps[alike])
     changes = {
         "rate_change_mps": ends.rate_mps[1:][steps] - ends.rate_mps[:-1][steps],
@@ -91,8 +91,8 @@ def remembered_rates(evidence: Evidence) -> CheckMemory:
 
     The first numbers of the receiver are time (GST second and fraction), position (ECEF), and whether the increments
     since the RECS have no gap. The numbers of each increment follow: the time of its end, and velocity (east, north,
-    up). Each satellite has its range rate, its range rate for a receiver and a clock at rest, the σ of the range rate,
-    and the unit vector to the satellite (ECEF).
+    up). The numbers of a satellite are the range rate, the range rate for a receiver and a clock at rest, the σ of the
+    range rate, and the unit vector to the satellite (ECEF).
     """
     snapshots = evidence.measured.snapshots
     after = int(np.max(np.flatnonzero(snapshots.recs), initial=-1)) + 1
@@ -100,11 +100,11 @@ def remembered_rates(evidence: Evidence) -> CheckMemory:
     return _with_increments(evidence, last, after, evidence.shape[0])
 
 
-_OF_END, _OF_INCREMENT = 6, 5  # count of numbers of the receiver in the memory: of a RECS, and of an increment
+_OF_END, _OF_INCREMENT = 6, 5  # how many numbers the receiver stores for a RECS, and for an increment
 
 
 def _with_increments(evidence: Evidence, left: CheckMemory, first: int, last: int) -> CheckMemory:
-    """Return the memory of an epoch, with the increments of the rows from `first` to before `last` added."""
+    """Return the memory `left` with the increments of the rows from `first` to `last` − 1 added."""
     increments = evidence.measured.snapshots.increments
     if not left or increments is None:
         return {}
@@ -117,7 +117,7 @@ def _with_increments(evidence: Evidence, left: CheckMemory, first: int, last: in
 
 
 def _left_behind(evidence: Evidence, epoch: int) -> CheckMemory:
-    """Return the memory of an epoch; empty without a position."""
+    """Return the numbers that an epoch stores in the memory; empty without a position."""
     found, snapshots = evidence.measured.fix, evidence.measured.snapshots
     if found is None or not found.fix.valid[epoch]:
         return {}
@@ -136,9 +136,9 @@ class _Ends(NamedTuple):
     """Ends of all steps of a block: the last RECS before the block, from the state, and all RECS of the block."""
 
     time: GalileoTimes
-    valid: Bool[np.ndarray, " q"]  # whether there is a position
+    valid: Bool[np.ndarray, " q"]  # whether there is a position at the end
     position_m: Float[np.ndarray, "q 3"]
-    # NaN for satellites without a range rate
+    # the values are NaN for satellites without a range rate
     rate_mps: Float[np.ndarray, "q m"]
     static_mps: Float[np.ndarray, "q m"]
     sigma_mps: Float[np.ndarray, "q m"]
@@ -176,7 +176,7 @@ class _Sensed(NamedTuple):
     time: GalileoTimes
     delta_velocity_mps: Float[np.ndarray, "j 3"]
     step: Int64[np.ndarray, " j"]
-    # one value for each step
+    # fields with a value for each step
     number: Int64[np.ndarray, " k"]  # number of increments
     covered: Bool[np.ndarray, " k"]  # whether the increments leave no gap
 
@@ -227,7 +227,7 @@ def _gained(
     places = np.stack([ends.position_m[steps], ends.position_m[steps + 1]], axis=1)
     local = sensed.delta_velocity_mps[here]
     path = _bent(places, ends_s, interval_s[steps], np.zeros(local.shape))
-    for _ in range(2):  # the first time along a straight line, the second along the path that the increments bend
+    for _ in range(2):  # first along a straight line, then along the path that follows from the increments
         axes = local_axes_at(path.middles_m.reshape(-1, 3)).reshape(*local.shape, 3)
         gained = np.einsum("pkij,pki->pkj", axes, local)
         path = _bent(places, ends_s, interval_s[steps], gained)
@@ -237,7 +237,7 @@ def _gained(
 
 
 class _Path(NamedTuple):
-    """Positions in the middle of each of k increments of p steps, and the mean of the velocities at both ends."""
+    """Positions in the middle of k increments of p steps, and the mean of the velocities at both ends of each step."""
 
     middles_m: Float[np.ndarray, "p k 3"]
     mean_of_ends_mps: Float[np.ndarray, "p 3"]
@@ -249,7 +249,7 @@ def _bent(
     interval_s: Float[np.ndarray, " p"],
     gained: Float[np.ndarray, "p k 3"],
 ) -> _Path:
-    """Return the path between two positions on which a receiver gains velocities, each at a constant rate.
+    """Return the path between two positions from velocity increments; acceleration is constant in each increment.
 
     Positions and velocities are ECEF. `ends_s` are the ends of the increments in s after the first position. The
     receiver reaches the second position at `interval_s`.

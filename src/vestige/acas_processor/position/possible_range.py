@@ -7,10 +7,10 @@ A search can mistake noise for a signal anywhere in the searched time. Three tes
 2. **The other satellites.** The clock error is common to all ranges of an epoch, so ranges differ by the travel times
    alone. A range that is farther from the median than `SPREAD_M` is wrong. If only two ranges disagree, either may be
    wrong.
-3. **The known position.** d is the distance from the satellite to the known position, and Δt_sat the satellite's clock.
-   P − d + c Δt_sat is then the error of the receiver's clock times c, to within `reach_m` + `MARGIN_M`. This error must
-   lie within the limit of the clock, and agree with the error from the other satellites. Test 3 is only for signals
-   that a search found, because the checks test the range of E1.
+3. **The known position.** d is the distance from the satellite to the known position, and Δt_sat is the error of the
+   satellite's clock. P − d + c Δt_sat is then the error of the receiver's clock multiplied by c, to within `reach_m` +
+   `MARGIN_M`. This error must lie within the limit of the clock, and agree with the error from the other satellites.
+   Test 3 is only for signals that a search found, because the checks test the range of E1.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from vestige.navigation.position_fix import Transmission
 SHORTEST_TRAVEL_S, LONGEST_TRAVEL_S = 0.065, 0.105
 SPREAD_M = (LONGEST_TRAVEL_S - SHORTEST_TRAVEL_S) * SPEED_OF_LIGHT_MPS
 
-FIX_REACH_M = 1000.0  # error of a fix without corrections: ionosphere, troposphere, and an undetected attack
+FIX_REACH_M = 1000.0  # upper limit of the error of a fix by ionosphere, troposphere and an undetected attack
 FASTEST_MPS = 500.0  # highest speed of the receiver; an airliner has 300 m/s
-MARGIN_M = 500.0  # ionosphere and troposphere of a low satellite, its orbit error, 46 m of Earth rotation
-_RANGE_RATE_MPS = 1000.0  # upper limit of range rates on the Earth: range error for each second of clock error
+MARGIN_M = 500.0  # margin for ionosphere, troposphere, orbit error, and 46 m of Earth rotation
+_RANGE_RATE_MPS = 1000.0  # upper limit of range rates on the Earth, to convert a clock error to a range error
 
 # reasons why a range is not possible; `why_impossible` returns the index of the reason
 REASONS = (
@@ -71,7 +71,7 @@ class ApproximatePosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KnownPositions:
-    """Positions near which the receiver must be at each of n epochs; NaN and infinity where nothing is known."""
+    """Positions near which the receiver must be at each of n epochs; NaN, with infinite reach, where unknown."""
 
     position_m: Float[np.ndarray, "n 3"]
     reach_m: Float[np.ndarray, " n"]
@@ -81,7 +81,7 @@ def why_impossible(
     range_m: Float[np.ndarray, "n m"],
     clock_limit_s: Float[np.ndarray, " n"],
 ) -> Int8[np.ndarray, "n m"]:
-    """Return the ranges that travel time, clock or other satellites exclude, as a number of `REASONS`; 0 if possible.
+    """Return the index in `REASONS` of the test (1 or 2) that excludes each range; 0 if the range is possible.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def too_far_away(
     Parameters
     ----------
     range_m
-        Pseudoranges that passed the other tests; NaN elsewhere.
+        Pseudoranges that passed tests 1 and 2; NaN elsewhere.
     sent
         The satellites at the transmission of the signals with these ranges.
     found
@@ -137,18 +137,18 @@ def known_positions(
 ) -> KnownPositions:
     """Return the possible position at each epoch: near the last fix before the epoch, or near the stated position.
 
-    If both are known, the position with the smaller reach is returned.
+    If both positions are known, the position with the smaller reach is returned.
 
     Parameters
     ----------
     time_s
-        Epochs, in s after the first epoch that the receiver processed.
+        Times of the epochs in s after the first epoch that the receiver processed.
     fixed_m
-        The valid fix of each epoch; NaN where there is none.
+        The valid fix of each epoch; NaN where there is no fix.
     before
         The last valid fix before the block.
     stated
-        Approximate position from the settings; None if it is not set.
+        Approximate position from the settings; None if the settings have no position.
     """
     rows = np.where(np.isfinite(fixed_m[:, 0]), np.arange(time_s.size), -1)
     last = np.concatenate([[-1], np.maximum.accumulate(rows)[:-1]])
@@ -164,7 +164,7 @@ def known_positions(
 
 
 def row_median(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n 1"]:
-    """Return the median of the values of each row without NaN; NaN if all are NaN."""
+    """Return the median of the finite values of each row; NaN if no value is finite."""
     order = np.sort(values, axis=1)  # NaN last
     count = np.count_nonzero(np.isfinite(values), axis=1)
     row, middle = np.arange(count.size), np.maximum(count - 1, 0)

@@ -41,19 +41,19 @@ class LoopNoise(Protocol):
         """Return the standard deviation of a Doppler in Hz."""
 
 
-_NEGLIGIBLE_M = 0.01  # compared with the noise of a loop
+_NEGLIGIBLE_M = 0.01  # largest error that is negligible compared with the noise of a loop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PseudorangeErrors:
     """Standard deviations of E1 observations."""
 
-    floor_m: float = 5.0  # all errors except those below
+    floor_m: float = 5.0  # all errors except the errors of the following fields
     ionosphere_m: float = 0.0  # residual of the ionosphere on E1 at 17.5° elevation
     ionosphere_common: float = 0.5  # share of the variance of the ionosphere that is common to all satellites
     multipath_m: float = 0.0  # error of multipath at 16° elevation
     rate_mps: float = 0.1  # error of a range rate, used if `loops` is None
-    loops: LoopNoise | None = None  # noise of the tracking loops; None: only the floor
+    loops: LoopNoise | None = None  # noise of the tracking loops; None if `floor_m` includes this noise
 
     @property
     def needs_elevation(self) -> bool:
@@ -77,7 +77,7 @@ class PseudorangeErrors:
         return np.sqrt(code_m**2 + ionosphere_m**2 + multipath_m**2 + self.floor_m**2)
 
     def common_m(self, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"] | None:
-        """Return the common part of the ionosphere in each pseudorange; None if it is not modelled."""
+        """Return the σ of the ionosphere's common part in each pseudorange; None if the ionosphere is not modelled."""
         if not self.ionosphere_m:
             return None
         return math.sqrt(self.ionosphere_common) * self.ionosphere_m * obliquity(elevation_rad)

@@ -1,22 +1,22 @@
 """Choose the usable range of each satellite, and compute the authenticated position [WFO, Sec. III-D, IV].
 
-A RECS authenticates the time since the previous RECS. In epochs with RECS the range in use is
+A satellite can have a range in use only in epochs with RECS. The range in use is
 
-1. the range of the earliest signal, if a search found several signals. This rule holds for any verdict, because nobody
-   can send chips before they are broadcast. If both searches found this signal within one chip, the exhaustive search
-   gives its range;
+1. the range of the earliest signal, if a search found several signals. This rule is valid for any verdict, because
+   nobody can send chips before they are broadcast. If both searches found this signal within one chip, the exhaustive
+   search gives its range;
 2. if the correlators of the RECS contain two signals: the range of E1 if the earlier signal agrees with the E1
    prediction, otherwise the range of the earlier signal;
-3. the range of E6, if the detected signal comes before the E1 prediction and the range check fails (for the reason of
-   rule 1);
+3. the range of E6, if the detected signal comes before the E1 prediction and the range check fails. As in rule 1,
+   nobody can send chips before they are broadcast;
 4. the range of E1, if both the verdict and the state are AUTHENTIC.
 
 Otherwise no range is in use. If a search found several signals and cannot decide which signal is true, no range is in
-use either. The true signal may then come before all signals that the correlators of the RECS reach, so the earliest of
-these signals proves nothing. Impossible ranges are not used (`possible_range.py`).
+use either. The true signal may then arrive earlier than the correlators of the RECS reach, so the earliest signal in
+the correlators proves nothing. Impossible ranges are not used (`possible_range.py`).
 
-The position is the fix of all satellites with a range in use, at least four. The fix uses uncorrected pseudoranges and
-broadcast orbits. Delays of ionosphere and troposphere therefore remain, mostly in height and clock.
+The position is the fix of all satellites with a range in use, at least four satellites. The fix uses uncorrected
+pseudoranges and broadcast orbits. Delays of ionosphere and troposphere therefore remain, mostly in height and clock.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 def ranges_in_use(
     block: VerdictBlock, processor: AcasProcessor, clock_limit_s: Float[np.ndarray, " n"]
 ) -> VerdictBlock:
-    """Return verdicts with the ranges and positions in use.
+    """Return the verdicts of a block with the ranges in use and the positions added.
 
     `clock_limit_s` is the upper limit of the error of the receiver's clock at each epoch.
     """
@@ -81,7 +81,7 @@ def ranges_in_use(
 def ranges_near(
     block: VerdictBlock, processor: AcasProcessor, clock_limit_s: Float[np.ndarray, " n"], known: KnownPositions
 ) -> VerdictBlock:
-    """Return verdicts without the found signals that the known position excludes; parameters as in `ranges_in_use`."""
+    """Remove found signals that the known position excludes from verdicts; see `ranges_in_use` for parameters."""
     rows = np.flatnonzero(block.earlier.any(axis=1) & np.isfinite(known.reach_m))
     if not rows.size or block.position is None:
         return block
@@ -104,7 +104,7 @@ def ranges_near(
 
 
 def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[np.ndarray, "n m"]:
-    """Return the delay of the earlier of two signals in a RECS after the E1 prediction, in m; NaN for one signal.
+    """Return the delay in m, after the E1 prediction, of the earlier of two signals in a RECS; NaN for one signal.
 
     A signal that only the detector found counts if its range check failed.
     """
@@ -119,10 +119,10 @@ def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[n
 def _earliest_m(
     handed_over_m: Float[np.ndarray, "n m"], exhaustive_m: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n m"]:
-    """Return the delay of the earliest signal of both searches after the E1 prediction, in m; NaN for one signal.
+    """Return the delay in m, after the E1 prediction, of the earliest signal of both searches; NaN for one signal.
 
     Nobody can send before the satellite, so the earlier of two signals counts. Two offsets within a chip belong to the
-    same signal. Then the offset of the exhaustive search counts, because this search covers all offsets.
+    same signal. In this case the offset of the exhaustive search counts, because this search covers all offsets.
     """
     same_or_later = ~(handed_over_m < exhaustive_m - SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz)
     return np.where(np.isfinite(exhaustive_m) & same_or_later, exhaustive_m, handed_over_m)
@@ -139,7 +139,7 @@ def _positions(
     if snapshots.data_authenticated is not None:
         range_m = np.where(snapshots.data_authenticated, range_m, np.nan)
     rows = np.flatnonzero(np.count_nonzero(np.isfinite(range_m), axis=1) >= UNKNOWNS)
-    fixes = measured.fix.rows(rows)  # the same as in step 5 where all ranges of E1 are in use
+    fixes = measured.fix.rows(rows)  # where all ranges of E1 are in use, the fix of step 5 is the position
     other = np.flatnonzero(~np.all(_equal(range_m[rows], snapshots.e1.pseudorange_m[rows]), axis=1))
     if other.size:
         sent = settings.transmission(snapshots.time[rows[other]], snapshots.svids, range_m[rows[other]])
@@ -155,5 +155,5 @@ def _positions(
 
 
 def _equal(one: Float[np.ndarray, "n m"], other: Float[np.ndarray, "n m"]) -> Bool[np.ndarray, "n m"]:
-    """Return where two ranges are equal or both missing."""
+    """Return where two ranges are equal or where both ranges are missing."""
     return (one == other) | (np.isnan(one) & np.isnan(other))

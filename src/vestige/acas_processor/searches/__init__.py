@@ -1,1 +1,1 @@
-"""The vestigial signal searches, and when they run."""
+"""The searches for vestigial signals, and the rule that says when a search is due."""

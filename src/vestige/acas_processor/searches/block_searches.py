@@ -53,7 +53,7 @@ class ProcessorSearches:
     assistance: Assistance
 
     def e1(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
-        """Return the result of the search of E1 with hand-over to E6 for some satellites."""
+        """Return the result of the search of E1 with hand-over to E6 for the given satellites."""
         search = replace(
             self.processor.monitoring.e1_search,
             p_fa=request.p_fa,
@@ -64,7 +64,7 @@ class ProcessorSearches:
         return self._block(found, snapshot, svids, request)
 
     def exhaustive(self, snapshot: Snapshot, svids: tuple[int, ...], request: SearchRequest) -> SearchBlock:
-        """Return the result of the exhaustive search of E6 for some satellites."""
+        """Return the result of the exhaustive search of E6 for the given satellites."""
         settings = self.processor.monitoring.exhaustive_search
         search = replace(settings, p_fa=request.p_fa, cipher_mode=self.processor.cipher_mode)
         expected = {

@@ -33,7 +33,7 @@ from vestige.records.snapshot_block import E1Block
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite
 
-_LIGHT_TIME_STEPS = 4  # P changes by < 1 km/s · 0.1 s; each step gains five decimals
+_LIGHT_TIME_STEPS = 4  # the range rate is below 1 km/s, so each step of the iteration adds five exact decimal digits
 
 
 def predicted_delay_m(
@@ -43,9 +43,9 @@ def predicted_delay_m(
     hardware_bias_e1_e6_s: float = 0.0,
     convention: GroupDelayConvention = OS_ICD_CONVENTION,
 ) -> float:
-    """Return P6 − P1 in m; positive means that E6 arrives later.
+    """Return P6 − P1 in m; the result is positive if E6 arrives later.
 
-    The ionosphere is the slant delay on E1. The hardware bias is the receiver's delay of E6 minus E1.
+    The ionosphere is the slant delay on E1. The hardware bias is the receiver's delay of E6 minus its delay of E1.
     `vestige.crypto.recs.group_delay` explains the conventions.
     """
     group_s = inter_frequency_delay_s(bgd_e1_e6_s, convention)

@@ -1,4 +1,4 @@
-"""Vestigial searches in samples: the number of signals of a satellite, and the earliest of them.
+"""Search the samples for vestigial signals: count the signals of a satellite, and find the earliest signal.
 
 The searches are step 4 of [WFO, Sec. IV-B] and step 5 of [WFO, Sec. IV-C].
 
@@ -49,7 +49,7 @@ _OPEN_CODE = next(why for why in SEARCH_NOT_RUN if "open E6-C" in why)
 
 _SAME_S = 2e-6  # 2 chips of E1: the search on E1 omits this time around a found signal
 
-_Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, first and last time of arrival
+_Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, and their first and last time of arrival
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,14 +57,14 @@ class SatelliteSearch:
     """Result of a search for one satellite."""
 
     svid: int
-    signals: tuple[Acquisition, ...]  # signals on E1, the strongest first; none from the exhaustive search
+    signals: tuple[Acquisition, ...]  # signals on E1, the strongest signal first; empty for the exhaustive search
     # Peaks in E6, in order of time. The first peak is the true signal. The tuple is empty if the first peak may have
     # arrived after the disclosure of its key. E6 then proves nothing, but `count` still counts the found signals.
     peaks: tuple[Peak, ...]
     count: float  # number of signals; NaN if the search was not run
     carrying: int = 0  # number of signals that carry the encrypted chips
-    # If there are several signals: whether the first peak is known to be the true signal. False if a signal on E1 that
-    # was not found in E6 may be earlier, because the true signal may be too weak on E6.
+    # If there are several signals: whether the first peak is known to be the true signal. The value is False if an
+    # earlier signal on E1 was not found in E6, because the true signal may be too weak on E6.
     true_is_known: bool = False
     not_run: int = 0  # 0 if the search was run, else 1 + the index of the reason in `SEARCH_NOT_RUN`
     sent: GalileoTime | None = None  # time of transmission of the RECS of the peaks; None without peaks
@@ -74,12 +74,12 @@ class SatelliteSearch:
 class E1VestigialSearch:
     """Search for all signals on E1, with hand-over to E6."""
 
-    p_fa: float = 1e-3  # false-alarm probability of one snapshot, for E1 and for E6 each
+    p_fa: float = 1e-3  # false-alarm probability of the search on E1, and of the search on E6, for one snapshot
     # arguments of `search_e1`
     doppler_span_hz: float = 5000.0
     periods: int = 24
     taps: int = 5  # correlators of `search_handover`
-    # as in `AcasProcessor`
+    # settings with the same meaning as in `AcasProcessor`
     cipher_mode: CipherMode = CipherMode.CBC
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
 
@@ -89,7 +89,7 @@ class E1VestigialSearch:
     def search(
         self, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
     ) -> tuple[SatelliteSearch, ...]:
-        """Return the result for every satellite with a RECS; without E6 or a key E1 alone decides.
+        """Return the result for every satellite with a RECS; if E6 or a key is missing, E1 alone decides.
 
         Satellites with more than one signal on E1 are handed over. Before the first authentic fix all satellites are
         handed over, because a single signal may then be a replay.
@@ -124,7 +124,7 @@ class E1VestigialSearch:
                     peaks=_proven(decision),
                     count=float(max(len(own), len(decision.peaks))),
                     carrying=len(decision.peaks),
-                    true_is_known=len(own) < MAX_SIGNALS  # otherwise E1 may have more signals, and an earlier one
+                    true_is_known=len(own) < MAX_SIGNALS  # otherwise E1 may have more signals, even an earlier signal
                     and (
                         len(decision.peaks) > 1
                         or (len(decision.peaks) == 1 and not _preceded(decision.peaks[0], own, window, sent))
@@ -143,7 +143,10 @@ class E1VestigialSearch:
         assistance: Assistance,
         uncertainty: TimeUncertainty,
     ) -> tuple[VestigialDecision, GalileoTime | None]:
-        """Return the strongest decision on E6 at the times of all E1 signals, and the transmission time of its RECS."""
+        """Return the decision on E6 from the times of all E1 signals, and the transmission time of the RECS.
+
+        If there are several RECS, the decision with the highest rank (`_says`) is returned.
+        """
         decision, sent = decide_vestigial(svid, ()), None
         e6 = _samples(snapshot)
         if e6 is None or not signals:
@@ -176,11 +179,11 @@ class E6ExhaustiveSearch:
     """Search of every half chip and Doppler bin of E6."""
 
     p_fa: float = 1e-3  # false-alarm probability of one snapshot
-    # integration time, Doppler span, engine, workers
+    # integration time, Doppler span, engine and number of workers of the search
     how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
     # time to search before and after the time at which E1 predicts the RECS; None for the whole time uncertainty
     around_s: float | None = None
-    cipher_mode: CipherMode = CipherMode.CBC  # as in `AcasProcessor`
+    cipher_mode: CipherMode = CipherMode.CBC  # setting with the same meaning as in `AcasProcessor`
 
     def __post_init__(self) -> None:
         check_budget(self.p_fa)
@@ -234,7 +237,10 @@ class E6ExhaustiveSearch:
     def _stretches(
         self, source: SampleSource, codes: list[ChipSequence], uncertainty_s: float, expected: Mapping[int, GalileoTime]
     ) -> list[_Stretch]:
-        """Return the codes for each time range: all codes of one transmission together, or each around its own time."""
+        """Return the codes to search in each time range.
+
+        The codes of one transmission share a time range; if `around_s` is set, each code has its own time range.
+        """
         stretches = []
         for sent in sorted({code.transmit_time for code in codes}):
             group = [code for code in codes if code.transmit_time == sent]
@@ -294,7 +300,7 @@ def _of_decision(
 
 
 def _preceded(peak: Peak, signals: Sequence[Acquisition], e1: SampleBatch, sent: GalileoTime | None) -> bool:
-    """Return whether a signal on E1 comes before a peak in E6, by up to half a period of its secondary code.
+    """Return whether a signal on E1 comes before a peak in E6, by at most half a period of the secondary code.
 
     If the secondary code is unknown, half a period of the primary code (2 ms) is used. Signals on E1 that were handed
     over to the same peak do not come before the peak; their times may differ from the peak by `_SAME_S`.
@@ -310,7 +316,10 @@ def _preceded(peak: Peak, signals: Sequence[Acquisition], e1: SampleBatch, sent:
 
 
 def _sent_on_e1(signal: Acquisition, e1: SampleBatch, received: GalileoTime) -> tuple[float, float]:
-    """Return the transmission time of a signal on E1 for a reception time, modulo a period, and the period, in s."""
+    """Return the transmission time of a signal on E1 for a time of reception, and the period of the signal.
+
+    Both values are in s; the transmission time is modulo the period.
+    """
     measured = measure_e1(e1, signal)
     if measured is not None and measured.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB:
         since_s = (received - measured.time) * (1 + measured.doppler_hz / E1_CARRIER_HZ)
@@ -337,7 +346,8 @@ def _proof(
 ) -> ReceptionProof:
     """Return the `ReceptionProof` of a RECS in a snapshot: which arrivals are before the disclosure of its key.
 
-    The time tags of the samples follow E1, and so may follow a spoofer. `received_at` does not follow E1.
+    The time tags of the samples follow E1, and may therefore follow a spoofing signal. `received_at` does not follow
+    E1.
     """
     proof = reception_proof(assistance, code, uncertainty.at(snapshot.received_at))
     behind_s = 0.0 if snapshot.e6 is None else max(snapshot.received_at - snapshot.e6.received_until, 0.0)
@@ -360,7 +370,7 @@ def _codes(
 
 
 def _samples(snapshot: Snapshot) -> SampleSource | None:
-    """Return the E6 samples of a snapshot; None if it has no samples, or a model in place of samples."""
+    """Return the E6 samples of a snapshot; None if the snapshot has no samples, or a model in place of samples."""
     return None if snapshot.e6 is None else snapshot.e6.searched
 
 

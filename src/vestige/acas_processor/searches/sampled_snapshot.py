@@ -28,7 +28,7 @@ class SampledE6:
     def correlate(
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
-        """Return the requested banks; NaN where the samples do not contain them."""
+        """Return the requested banks of correlators; NaN where the samples do not contain the RECS."""
         taps = np.full((*asked.shape, offsets_m.size), np.nan + 0j)
         noise_power, integration_s = np.full((2, *asked.shape), np.nan)
         for epoch, satellite in zip(*(axis.tolist() for axis in np.nonzero(asked)), strict=True):
@@ -78,5 +78,5 @@ def block_of(
 
 
 def _row(observations: Sequence[E1Observation | None], name: str) -> Float[np.ndarray, "1 m"]:
-    """Return a quantity of the satellites; NaN for satellites that E1 does not show."""
+    """Return an observed quantity of each satellite; NaN for satellites that E1 does not show."""
     return np.array([[np.nan if one is None else getattr(one, name) for one in observations]])

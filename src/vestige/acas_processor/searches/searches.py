@@ -30,9 +30,9 @@ _ROUNDING_S = 1e-6  # rounding error of times that are sums of intervals
 def search_due(since_s: float | None, period_s: float, *, suspicious: bool, found_twice: bool) -> bool:
     """Return whether the exhaustive search is due with a RECS.
 
-    `since_s` is None if no search was made. `suspicious` is true if another check failed since the previous RECS, or
-    fails with this RECS. `found_twice` is true if the search with the previous RECS found more than one signal of a
-    satellite.
+    `since_s` is the time since the last search; None if no search was made. `suspicious` is true if another check
+    failed since the previous RECS, or fails with this RECS. `found_twice` is true if the search with the previous RECS
+    found more than one signal of a satellite.
     """
     return since_s is None or suspicious or found_twice or since_s >= period_s - _ROUNDING_S
 
@@ -41,7 +41,7 @@ def search_due(since_s: float | None, period_s: float, *, suspicious: bool, foun
 class SearchResults:
     """Results of one kind of search in a block of n epochs; NaN where the search was not made."""
 
-    # as in `SearchBlock`, for every epoch
+    # fields of `SearchBlock`, for every epoch
     signals: Float[np.ndarray, "n m"]
     carrying: Float[np.ndarray, "n m"]
     earliest_m: Float[np.ndarray, "n m"]
@@ -55,7 +55,7 @@ class SearchResults:
         return cls(signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run)
 
     def put(self, epoch: Int64[np.ndarray, " k"], found: SearchBlock) -> None:
-        """Insert the results of some epochs."""
+        """Insert the results of the given epochs."""
         for name in ("signals", "carrying", "earliest_m", "not_run"):
             getattr(self, name)[epoch] = getattr(found, name)
 
@@ -65,7 +65,7 @@ class SearchResults:
         return self.signals > 1
 
     def series(self, name: CheckName, p_fa: float, evidence: Evidence) -> CheckSeries:
-        """Return the search as a check."""
+        """Return the results of the search as the results of a check."""
 
         def explain(epoch: int, satellite: int) -> str:
             here = (epoch, satellite)

@@ -1,4 +1,4 @@
-"""Vestigial signal search of the processor: thresholds from the size of the search, and the decision.
+"""Search of the processor for vestigial signals: thresholds from the size of the search, and the decision.
 
 Theory of operation
 -------------------
@@ -7,9 +7,10 @@ receiver that finds the chips of one RECS twice is being spoofed. Nobody can sen
 the earliest signal is the true signal [WFO, Sec. III-D, III-E].
 
 `handover_peaks` hands over all signals of the satellite on E1 to E6. Each signal is measured on E1 and handed over as a
-line of candidate times (`CandidateEpochs`). E1 is measured again every `REMEASURE_S`. A Doppler error of 1 Hz shifts
-the line by a tap in a minute, and a Doppler change of 0.5 Hz/s in ten seconds. After the first authentic position the
-clock is known, and the smaller time uncertainty shortens both searches in proportion.
+line of candidate times (`CandidateEpochs`). E1 is measured again every `REMEASURE_S`, because errors of the Doppler
+shift the line. An error of 1 Hz shifts the line by a tap in a minute, and a change of 0.5 Hz/s by a tap in ten seconds.
+After the first authentic position the clock is known. The smaller time uncertainty then shortens both searches in
+proportion.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from vestige.time import GalileoTime
 
 REMEASURE_S = 2.0  # time between measurements of E1
 _CHIP_S = 1 / E6C.chip_rate_hz
-TRAVEL_TIME_S = (0.02, 0.16)  # travel time from any satellite to any receiver, with a margin of 50 ms on both sides
+TRAVEL_TIME_S = (0.02, 0.16)  # shortest and longest travel time of a signal, with a margin of 50 ms on both sides
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +54,7 @@ def decide_vestigial(
     open_code: bool = False,
     repeated_after_s: float | None = None,
 ) -> VestigialDecision:
-    """Return the decision on the peaks of a satellite: the earliest peak is the true signal, others are spoofing.
+    """Return the decision on the peaks of a satellite: the earliest peak is the true signal, other peaks are spoofing.
 
     `proof` is None if all samples are known to be from before the key's disclosure. For an open code, the decision
     names no true peak and reports no spoofing. If the chips repeat after `repeated_after_s`, peaks that are whole
@@ -83,7 +84,7 @@ def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: 
     """Return the `ReceptionProof` of a RECS: which arrivals are before anybody could know its chips.
 
     The assistance contains the segment of the chips and its key. `uncertainty_s` is the upper limit of the error of the
-    clock that measures the start, infinite if there is no limit.
+    clock that measures the arrival, infinite if there is no limit.
     """
     times = {
         one.key_time
@@ -123,8 +124,8 @@ def handover_line(
 ) -> CandidateEpochs:
     """Return the candidate times at which the chips may arrive in E6, from a signal on E1.
 
-    `delay_m` is P6 − P1 from `predicted_delay_m`. With `secondary` the phase of the secondary code is used if it is
-    clear. Candidates are then 100 ms apart instead of 4 ms.
+    `delay_m` is P6 − P1 from `predicted_delay_m`. With `secondary` the phase of the secondary code is used if its
+    margin is at least `MIN_SECONDARY_MARGIN_DB`. Candidates are then 100 ms apart instead of 4 ms.
     """
     known = secondary and snapshot.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB
     period_s = SECONDARY_PERIOD_S if known else E1_CODE_PERIOD_S
@@ -149,9 +150,10 @@ def line_stretches(
     delay_m: float = 0.0,
     secondary: bool = True,
 ) -> tuple[CandidateInterval, ...]:
-    """Return the lines of one signal on E1 over a time uncertainty; () if the signal cannot be measured in its batch.
+    """Return the lines of candidate times of a signal on E1; () if the signal cannot be measured in its batch.
 
-    The signal was found in a batch whose first sample is at `found_at`; other arguments as in `handover_line`.
+    The lines cover the starts from `first_start` to `last_start`. The signal was found in a batch whose first sample is
+    at `found_at`. The other arguments are those of `handover_line`.
     """
     first = _measured(e1, found, found_at)
     if first is None:
@@ -206,7 +208,7 @@ def handover_peaks(
 
 
 def _measured(e1: SampleSource, found: Acquisition, at: GalileoTime) -> E1Snapshot | None:
-    """Return the measurement of a signal in the window from a given time; None if the samples do not contain it."""
+    """Return the measurement of a signal in the window from a time on; None if the samples do not contain a window."""
     head = e1.read(e1.first_sample, 1)
     low = e1.first_sample + round((at - head.start) * head.sample_rate_hz)
     count = min(round(E1_WINDOW_S * head.sample_rate_hz), e1.end_sample - low)

@@ -31,12 +31,13 @@ ATTACK_COLUMNS = column_table(
 
 
 def attack_coords(simulation: Simulation) -> dict[str, Coord]:
-    """Return the coordinates of the attacks: number, kind, and whether E6 chips are invented; none without attack."""
+    """Return the coordinates of the attacks: number and kind, and whether the attacker invents the E6 chips."""
     attacks = simulation.spoofer.attacks
     if not attacks:
         return {}
     names = np.array([f"{number} {attack.kind}" for number, attack in enumerate(attacks)])
-    made = [attack.spoofing_signal(Band.E6, np.zeros(1)) for attack in attacks]  # equal for all satellites
+    # the signal is the same for all satellites
+    made = [attack.spoofing_signal(Band.E6, np.zeros(1)) for attack in attacks]
     forged = np.array([one is not None and one.forged_chips for one in made])
     return {
         "attack": Coord(dim="attack", values=names, long_name="attack"),

@@ -117,7 +117,7 @@ def measured_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str
     return {
         "e6_received_s": np.where(too_late, snapshots.received_at.since(start), np.nan),
         "recs": snapshots.recs,
-        "osnma_key": measured.recs.with_key[:, 0],  # the same key for all satellites
+        "osnma_key": measured.recs.with_key[:, 0],  # all satellites use the same key
         "availability": measured.availability,
         "taps": measured.banks.taps,
         "noise_power": measured.banks.noise_power,
@@ -130,7 +130,7 @@ def measured_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[str
 
 
 def e1_columns(snapshots: SnapshotBlock, finds: SearchFinds) -> dict[str, np.ndarray]:
-    """Return the values of `E1_COLUMNS`; `finds` are the results that searches with `SEARCH_P_FA` would have."""
+    """Return the values of `E1_COLUMNS`; `finds` are the results that searches with `SEARCH_P_FA` would give."""
     if snapshots.e1.taps is None:
         raise TypeError("E1 of this receiver is not tracked between RECS")
     return {
@@ -168,10 +168,10 @@ class Judged:
 
 
 def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns) -> MeasurementBlock:
-    """Return the receiver's measurements in some epochs.
+    """Return the receiver's measurements in the given epochs.
 
     `epoch` has the numbers of these epochs. The columns contain these epochs only, with the axes of the results. The
-    epochs are the first axis, or the second axis after `detector`.
+    axis of epochs is the first axis, or the second axis after `detector`.
     """
     scenario, processor = of.scenario, of.processor
     if scenario.processor.checks:
@@ -276,7 +276,7 @@ def _searches(scenario: CampaignScenario | StoredScenario, columns: Columns, rec
 
 
 def _of_sky(scenario: CampaignScenario | StoredScenario, time: GalileoTimes, columns: Columns) -> dict[str, Any]:
-    """Return the additional fields of a snapshot block of a sky; none for a single line of sight."""
+    """Return the additional fields of a snapshot block of a sky; empty for a single line of sight."""
     if "osnma_pages" not in columns:
         return {}
     start = scenario.start_time
@@ -305,7 +305,7 @@ def _of_sky(scenario: CampaignScenario | StoredScenario, time: GalileoTimes, col
 
 
 def _detected(of: Judged, columns: Columns) -> DetectedBlock:
-    """Return the result of the processor's detector."""
+    """Return the result of the processor's detector from the columns."""
     place = list(of.scenario.processor.detectors).index(of.scenario.processor.detector)
     return DetectedBlock(
         tap=columns["tap_index"][place].astype(np.int64),

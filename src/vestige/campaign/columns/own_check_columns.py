@@ -1,7 +1,7 @@
-"""Columns that only user's checks may need. With these columns, results contain all evidence for such a check.
+"""Columns that only a user's checks may need. With these columns, results contain all evidence for such a check.
 
 vestige's own checks do not use these quantities. Results contain these columns only if the scenario has user's checks.
-The columns are stored without rounding: a campaign and `vestige.simulate` give a user's check the same evidence.
+The columns are stored without rounding, so a campaign and `vestige.simulate` give a user's check the same evidence.
 """
 
 from __future__ import annotations

@@ -1,19 +1,20 @@
 """Additional result columns of a sky: directions of the satellites, position fixes and their errors.
 
 The processor makes two position fixes. The fix `all` uses all E1 pseudoranges at every epoch. At every epoch with RECS,
-the fix `authenticated` uses the ranges in use of satellites with navigation data that OSNMA authenticates.
-This fix is known when its OSNMA key is received: `available_at_s`. Both fixes assume correct broadcast orbits.
+the fix `authenticated` uses the ranges in use of satellites with navigation data that OSNMA authenticates. The time
+`available_at_s` of this fix is the time at which its OSNMA key is received. Both fixes assume correct broadcast orbits.
 
 E1 pseudoranges contain noise, multipath and a residual of the ionosphere. The residual is e/(γ − 1), where e is the
 residual of the delay difference E6 − E1. The residual is common to both bands, so it does not affect the range check.
 
 The receiver assumes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² for each pseudorange, with
-M and A of `receiver.elevation`. A part of the ionosphere's variance is assumed common to all satellites
+M and A of `receiver.elevation`. A part of the ionosphere's variance is assumed to be common to all satellites
 (`ionosphere_common` of `[position]`). The covariance P of the fix includes this common part. The weights do not include
 this part, and RAIM and solution separation take σ from the weights.
 
 The NEES, xᵀP⁻¹x, combines the errors of the three coordinates and the clock. For a consistent fix, the NEES is χ² with
-4 degrees of freedom. With multipath the NEES is smaller, because σ_multipath is an upper limit that covers the tails.
+4 degrees of freedom. With multipath the NEES is smaller, because σ_multipath is an upper limit that also covers rare
+large errors.
 """
 
 from __future__ import annotations

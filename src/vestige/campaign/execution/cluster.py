@@ -1,9 +1,9 @@
 """Executor of a dask cluster, to run a campaign on several machines: `run(plan, store, executor=connect("tcp://…"))`.
 
-If a worker is lost, the dask scheduler gives its chunks to another worker, including measured chunks that were not yet
-fetched. A chunk that is measured twice gives the same bits. All machines need the same source of vestige, and the same
-kind of CPU if the bits depend on the CPU. Source and kind of CPU are checked with every chunk. The machines
-need no shared disk and no data.
+If a worker is lost, the dask scheduler gives its chunks to another worker, including measured chunks whose results were
+not yet fetched. A chunk that is measured twice gives the same bits. All machines need the same source code of vestige,
+and the same kind of CPU if the bits depend on the CPU. Source code and kind of CPU are checked with every chunk. The
+machines need no shared disk and no data.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss)://(?P<host>\[[0-9a-fA-F:.%]+\]|[^\s:/\[\]]+):(?P<port>[0-9]{1,5})")
-CONNECT_S = 10.0  # a running scheduler answers in milliseconds
-NO_WORKERS_S = 10.0  # a worker that is started again connects sooner
+CONNECT_S = 10.0  # longest time to wait for the scheduler, which answers in milliseconds if it is running
+NO_WORKERS_S = 10.0  # time without workers until a warning; a worker that is started again connects sooner
 LOOK_EVERY_S = 2.0
 
 
@@ -141,5 +141,5 @@ def _check_answer(address: str) -> None:
         raise VestigeError(f"--scheduler: found {address!r}, expected an address such as tcp://host:8786")
     try:
         socket.create_connection((match["host"].strip("[]"), int(match["port"])), timeout=CONNECT_S).close()
-    except (OSError, UnicodeError) as error:  # UnicodeError: the name is not valid in any network
+    except (OSError, UnicodeError) as error:  # UnicodeError is raised if the host name is not valid
         raise VestigeError(f"{address}: no dask scheduler answers ({error})") from error

@@ -35,7 +35,7 @@ class RunAttributes(BaseModel):
     fidelity: Fidelity
     satellites_expected: Annotated[int, Field(ge=1, le=100)]
     cn0_e1_expected_dbhz: FiniteFloat
-    vestige_version: str = ""  # source of vestige that made the results; empty if the results were not stored
+    vestige_version: str = ""  # version of vestige that made the results; empty if the results were not stored
     processor: str | None = None  # kind of CPU; None if the bits do not depend on the CPU
     navigation: str | None = None  # RINEX text of the ephemerides of a sky; None for a single line of sight
     own_parts: str = ""  # user's parts, each as `module:Name@digest`, with spaces between the parts
@@ -50,9 +50,9 @@ class RunAttributes(BaseModel):
 class CheckColumns(NamedTuple):
     """Results of one check in a campaign."""
 
-    result: Int8[np.ndarray, "n m"]  # 1 if the check failed, after confirmation; 0 if it passed; −1 if it was not run
-    statistic: Float[np.ndarray, "n m"]  # in the unit of the check; NaN if the check was not run
-    threshold: Float[np.ndarray, "n m"]  # in the unit of the check; NaN if the check was not run
+    result: Int8[np.ndarray, "n m"]  # result after confirmation: 1 for failed, 0 for passed, −1 for not run
+    statistic: Float[np.ndarray, "n m"]  # statistic in the unit of the check; NaN if the check was not run
+    threshold: Float[np.ndarray, "n m"]  # threshold in the unit of the check; NaN if the check was not run
 
 
 def scenario_of(results: xarray.Dataset) -> StoredScenario:

@@ -1,4 +1,4 @@
-"""Identity of a build: source of vestige, user's parts and kind of CPU. All of these affect the bits of results.
+"""Identity of a build: source code of vestige, user's parts and kind of CPU, which affect the bits of results.
 
 The kind of CPU affects only sums of samples.
 """
@@ -13,7 +13,7 @@ from vestige.source_version import processor_name, vestige_version
 if TYPE_CHECKING:
     from vestige.campaign.plan import Plan
 
-PROCESSOR = "processor"  # attribute with the kind of CPU, of a plan with bits that depend on the CPU
+PROCESSOR = "processor"  # attribute with the kind of CPU; only a plan whose bits depend on the CPU has this attribute
 PARTS = "own_parts"  # attribute of a plan with user's parts, each as `module:Name@digest`
 
 

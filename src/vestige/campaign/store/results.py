@@ -180,7 +180,7 @@ def open_dataset(path: Path) -> xarray.Dataset:
     Raises `InputFileError` if the folder is no store, or its metadata are damaged.
     """
     check_files(path)
-    try:  # without dask; zarr v3 has no consolidated metadata; values with the unit `s` stay numbers
+    try:  # dask is not needed, zarr v3 has no consolidated metadata, and values with the unit `s` must stay numbers
         return xarray.open_dataset(
             path, engine="zarr", chunks=None, consolidated=False, decode_times=False, decode_timedelta=False
         )

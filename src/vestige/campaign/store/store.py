@@ -7,8 +7,8 @@ written after the values.
 
 A resumed run reads the values again and compares their hash. Chunks that do not agree with their hash are computed
 again. A run may therefore end in any way, such as by `kill -9` between two files or by a power failure that loses
-written data. A store may also be copied only in part. A new store is made in a temporary folder and then renamed, so a
-path never has an incomplete store.
+written data. A store may also be copied only in part. A new store is made in a temporary folder, which is then renamed.
+The path of a store therefore never has an incomplete store.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ from vestige.errors import InputFileError
 from vestige.scenario.limits import MAX_EPOCHS
 
 MENDS = "the same command repairs it"
-_DIGITS = 10  # a chunk number has fewer digits
+_DIGITS = 10  # upper limit, which no number of a chunk reaches in digits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +70,7 @@ class Store:
 
     @property
     def n_chunks(self) -> int:
-        """Number of chunks into which the epochs are cut."""
+        """Number of chunks into which the epochs are divided."""
         return -(-self.n_epochs // self.chunk_epochs)
 
     def epochs(self, chunk: int) -> range:
@@ -148,7 +148,7 @@ def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
 
     Missing parent folders are made. An existing store keeps its own `chunk_epochs`.
 
-    Raises `InputFileError` if `path` is no store, or the store of another scenario, seed or source of vestige.
+    Raises `InputFileError` if `path` is no store, or the store of another scenario, seed or source code of vestige.
     """
     path = Path(path)
     make_store(path, plan, chunk_epochs=chunk_epochs)
@@ -237,7 +237,7 @@ def _check_sizes(store: Store) -> None:
 def _check_identity(store: Store, plan: Plan) -> None:
     found = {name: value for name, value in store.attrs.items() if name not in (CHUNK, WORK)}
     expected = {**identity(plan), **store_schema(plan)}
-    # shortest attribute first: the seed is a clearer message than the text of the whole scenario
+    # The shortest attribute is compared first, because an error about the seed is clearer than the text of a scenario.
     for name in sorted(expected | found, key=lambda name: (len(str(expected.get(name))), name)):
         if found.get(name) != expected.get(name):
             advice = (

@@ -55,7 +55,7 @@ def _unreadable(error: OSError) -> None:
 
 
 def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
-    """Return the arrays in the root of a store by name, from metadata that are read here one by one.
+    """Return the arrays in the root of a store by name; this function reads the metadata of each array by itself.
 
     `group.arrays()` opens all arrays at once. If one array is damaged, Python prints warnings about the other arrays at
     its exit. `group[name]` takes three times as long.

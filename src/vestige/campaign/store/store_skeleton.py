@@ -25,7 +25,7 @@ from vestige.campaign.store.build_id import build_id
 from vestige.campaign.store.store_files import MAX_CHUNK_BYTES, METADATA
 from vestige.errors import VestigeError
 
-PROGRESS = "progress"  # a separate group: xarray shows only the arrays of the root, so the user does not see it
+PROGRESS = "progress"  # a separate group, which the user does not see, because xarray shows only arrays of the root
 DIGEST = "digest"
 CHUNK = "chunk_epochs"
 WORK = "work"  # digest of the attributes that identify the work
@@ -34,7 +34,7 @@ COLUMN, COORD = "column ", "coordinate "
 
 
 def identity(plan: Plan) -> dict[str, Any]:
-    """Return the attributes that must be equal in two runs with equal results, as JSON types."""
+    """Return, as JSON types, the attributes that must be equal in two runs with equal results."""
     return {**_json(plan.attrs), **build_id(plan)}
 
 
@@ -114,7 +114,7 @@ def write_skeleton(path: Path, plan: Plan, chunk_epochs: int) -> None:
 
 
 def mended(path: Path, plan: Plan) -> bool:
-    """Write the damaged metadata and coordinates of a store again, and return whether this was possible.
+    """Write the damaged metadata and coordinates of a store again, and return whether the repair was possible.
 
     The repair is possible if the attributes of the store, or their digest in the group `progress`, agree with the plan.
     """
@@ -147,7 +147,7 @@ def _chunk_lengths(path: Path, plan: Plan) -> Iterator[Any]:
 
 
 def _attributes(path: Path) -> dict[str, Any]:
-    """Return the attributes of a group; an empty dictionary if its metadata are damaged."""
+    """Return the attributes of a group; an empty dictionary if the metadata of the group are damaged."""
     try:
         found = json.loads((path / METADATA).read_bytes())["attributes"]
     except (OSError, ValueError, LookupError, TypeError, RecursionError):

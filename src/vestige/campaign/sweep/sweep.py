@@ -1,13 +1,14 @@
-"""Sweeps: one campaign for each value of a setting; a campaign ends when its count is accurate enough.
+"""Sweeps: one campaign for each value of a setting; a campaign ends when its estimate is accurate enough.
 
-A sweep is a folder. Each value has its own store, such as `receiver.cn0_dbhz=28.zarr`. `run` writes the same store for
-that scenario, so the store can be resumed, opened and plotted in the same way. The folder also has `sweep.csv` with a
-row for each value. Curves are drawn from this table, which is written again after each value. If the scenario has an
-attack, a level above 1 or user's checks, a row also has the outcome of the run (`run_outcome.py`).
+A sweep is a folder. Each value has its own store, such as `receiver.cn0_dbhz=28.zarr`. `run` would write the same store
+for a scenario with this value. The store can therefore be resumed, opened and plotted like any other store. The folder
+also has `sweep.csv` with a row for each value. Curves are drawn from this table, which is written again after each
+value. If the scenario has an attack, a level above 1 or user's checks, a row also has the outcome of the run
+(`run_outcome.py`).
 
-A value is finished when its scenario's epochs are measured, or earlier if the interval of its count is narrow enough.
-This rule is evaluated after each chunk in the order of the chunks. The epochs that count therefore depend neither on
-the number of workers nor on interruptions.
+The campaign of a value ends when all epochs of its scenario are measured. The campaign ends earlier if the confidence
+interval of the estimated probability is narrow enough. This rule is evaluated after each chunk in the order of the
+chunks. The epochs that count therefore depend neither on the number of workers nor on interruptions.
 
 All values share the scenario's seed. Neighbouring points therefore have the same noise, and similar errors. A sweep of
 `seed` shows the size of these errors.
@@ -45,16 +46,16 @@ if TYPE_CHECKING:
     import xarray
 
 SWEEP_TABLE = "sweep.csv"
-_MAX_FILE_BYTES = 1 << 24  # 1000 campaigns have 1 MB
+_MAX_FILE_BYTES = 1 << 24  # upper limit; the table of 1000 campaigns has 1 MB
 _FIRST_RESULT = "cn0_dbhz"  # first column of the table after the keys of the sweep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Width:
-    """Required width of the confidence interval of a count."""
+    """Required width of the confidence interval of a probability that is estimated from a count."""
 
-    # upper minus lower end of the interval of the probability; if `relative`, divided by the estimated probability of
-    # detection or miss, whichever is rarer
+    # upper minus lower end of the interval; if `relative`, this difference divided by the smaller of the estimated
+    # probabilities of a detection and of a miss
     width: float
     relative: bool = False
 
@@ -76,11 +77,12 @@ class Row:
     p_fa: float
     integration_s: float
     signal: bool
-    detector: str  # detector of the scenario; its count ends the campaign
+    detector: str  # detector of the scenario, whose detections decide when the campaign ends
     epochs: int
-    detections: Mapping[str, Proportion]  # proportion of detections by detector; without a signal, of false alarms
-    p_d_theory: float  # theory (Marcum Q) for a signal exactly on a correlator; NaN without signal
-    false_alarms: Proportion  # single correlators with noise only that exceed the threshold
+    # proportion of detections by name of the detector; without a signal, the detections are false alarms
+    detections: Mapping[str, Proportion]
+    p_d_theory: float  # P_d in theory (Marcum Q) for a signal exactly on a correlator; NaN without signal
+    false_alarms: Proportion  # proportion of single correlators with noise only that exceed the threshold
     level: int
     # outcome at `level` from the first start of an attack to the last stop; None for a campaign that ended early,
     # and at level 1 without an attack and without user's checks
@@ -97,14 +99,15 @@ def run_sweep(
     chunk_epochs: int = CHUNK_EPOCHS,
     progress: Callable[[str, RunProgress], None] | None = None,
 ) -> Iterator[Row]:
-    """Yield one row for each campaign as soon as it is finished, and keep `sweep.csv` with the rows so far.
+    """Yield the row of each campaign as soon as the campaign ends, and write the rows so far to `sweep.csv`.
 
     `campaigns` has the settings of each campaign, and the scenario with these settings. Stored epochs are not measured
-    again. A campaign stops when its interval has reached `width`; without `width`, all its epochs are measured.
+    again. A campaign stops when its confidence interval is as narrow as `width`; without `width`, all epochs are
+    measured.
     `progress` is called with the name of a campaign's store and the progress of the campaign.
 
-    Raises `InputFileError` if `folder` is the store of one campaign, or has a sweep of other keys. The table of that
-    sweep would be lost.
+    Raises `InputFileError` if `folder` is the store of one campaign, or has a sweep of other keys, whose table would be
+    lost.
     """
     _check_folder(folder, {key for settings, _ in campaigns for key in settings})
     rows: list[Row] = []
@@ -156,7 +159,7 @@ def _outcome(scenario: CampaignScenario, results: xarray.Dataset) -> RunOutcome 
 
 
 class _Counter:
-    """Counter of the detections of one detector; a call adds a chunk, and returns whether the count may end."""
+    """Counter of the detections of one detector; a call adds a chunk, and returns whether the campaign may end."""
 
     def __init__(self, processor: ProcessorTable, width: Width) -> None:
         self._detector, self._width = list(processor.detectors).index(processor.detector), width
@@ -221,7 +224,7 @@ def _cells(row: Row) -> dict[str, object]:
 
 
 def _outcome_cells(row: Row) -> dict[str, object]:
-    """Return the cells of the outcome with the column names of `threats.csv`; none without an outcome."""
+    """Return the cells of the outcome with the column names of `threats.csv`; empty without an outcome."""
     found = row.outcome
     if found is None:
         return {}

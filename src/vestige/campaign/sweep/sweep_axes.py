@@ -19,7 +19,7 @@ MAX_CAMPAIGNS = 1000
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*:\s*({_NUMBER})\s*:\s*({_NUMBER})\s*")
 _LARGEST_INTEGER = 2**63  # upper limit of the magnitude, from TOML v1.0.0
-_MAX_NAME = 200  # characters; file systems allow up to 255
+_MAX_NAME = 200  # largest number of characters; file systems allow up to 255 characters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +61,7 @@ def grid(axes: Sequence[Axis]) -> tuple[dict[str, Value], ...]:
 
 
 def store_name(settings: Mapping[str, Value]) -> str:
-    """Return the name of a campaign's store: its settings, with characters that a file name cannot have as `%XX`.
+    """Return the name of a campaign's store: the settings, with characters that a file name cannot have as `%XX`.
 
     Raises `VestigeError` if the name is too long for a file.
     """

@@ -115,7 +115,7 @@ def _detectors(rows: Sequence[Row]) -> list[str]:
 
 
 def _outcome_cells(rows: Sequence[Row]) -> list[list[str]]:
-    """Return the cells of a sweep with an attack, or with a level above 1: the outcome of the run."""
+    """Return the cells of a sweep with an attack, or with a level above 1: the outcome of each run."""
     keys = list(rows[0].settings)
     names = [
         "level",

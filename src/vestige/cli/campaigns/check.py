@@ -1,4 +1,4 @@
-"""`vestige check`: parse scenario files and print their content, without running them."""
+"""`vestige check`: parse scenario files and print their content, without running the scenarios."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from vestige.scenario.load import Scenario
 
 _UNSET: tuple[object, ...] = (None, [], "")  # values of keys that are not set, which are not printed
-_WIDTH = 120  # characters of a line
-_EQUALS = "\u00a0=\u00a0"  # no line break between a key and its value
+_WIDTH = 120  # largest number of characters in a line
+_EQUALS = "\u00a0=\u00a0"  # non-breaking spaces, so that a key and its value stay in the same line
 
 
 @click.command()
@@ -30,7 +30,8 @@ _EQUALS = "\u00a0=\u00a0"  # no line break between a key and its value
 def command(files: tuple[Path, ...], settings: tuple[str, ...], as_json: bool, as_schema: bool) -> None:
     """Parse scenario FILES, fill in the defaults, and print the content of each scenario.
 
-    Every file is checked. If files are bad, the exit code is 1, and their errors are printed after the good files.
+    Every file is checked. If some files are bad, the exit code is 1, and the errors are printed after the content of
+    the good files.
     """
     import json
 
@@ -52,7 +53,7 @@ def command(files: tuple[Path, ...], settings: tuple[str, ...], as_json: bool, a
             continue
         for warning in scenario_warnings(scenario):
             warn(f"{path}: {warning}")
-        resolved[str(path)] = json.loads(scenario.model_dump_json(by_alias=True))  # JSON has no infinity: null
+        resolved[str(path)] = json.loads(scenario.model_dump_json(by_alias=True))  # infinite values become null
         if not as_json:
             echo(*_lines(path, scenario))
     if as_json:
@@ -105,7 +106,7 @@ def _in_view(scenario: CampaignScenario) -> list[str]:
 def _table_lines(name: str, table: Any) -> list[str]:
     """Return a table of a scenario as text, with the names of its keys, in lines of at most `_WIDTH` characters.
 
-    A table inside the table begins a line of its own: `processor.budget`.
+    A table inside the table, such as `processor.budget`, begins a new line.
     """
     inner: dict[str, Any] = {}
     if isinstance(table, dict):
@@ -122,7 +123,7 @@ def _table_lines(name: str, table: Any) -> list[str]:
 
 
 def _text_of(value: Any) -> str:
-    """Return a value as text: the kind of a table first, then its keys that are set."""
+    """Return a value as text; the text of a table begins with its kind, and the keys that are set follow."""
     if isinstance(value, dict):
         keys = [f"{key} = {_inner(one)}" for key, one in value.items() if key != "kind" and one not in _UNSET]
         return ": ".join(filter(None, (value.get("kind"), ", ".join(keys))))

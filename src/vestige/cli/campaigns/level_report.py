@@ -38,7 +38,7 @@ def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any
 
 
 def level_lines(results: xarray.Dataset, found: LevelVerdicts) -> list[str]:
-    """Return the outcome as a few lines of text."""
+    """Return the outcome of a campaign at the level of the scenario as a few lines of text."""
     values = level_values(results, found)
     states = ", ".join(f"{count} {name}" for name, count in values["state"].items() if count)
     lines = [f"level {values['level']}: {values['alarms']} alarms; states at the RECS: {states}"]

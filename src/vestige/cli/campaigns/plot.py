@@ -1,4 +1,4 @@
-"""`vestige plot`: figures of the results of a campaign, each by its own command."""
+"""`vestige plot`: figures of the results of a campaign; the argument KIND chooses the figure."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class FigureKind:
     """A kind of figure: its content, and the options that apply to it."""
 
     help: str
-    of_sweep: bool = False  # figure of several campaigns, or of a table of counts
-    of_attack: bool = False  # figure of a campaign with an attack
-    of_threats: bool = False  # figure of the folder that `vestige threats` writes
-    of_sky: bool = False  # figure of all satellites of a campaign with a constellation
+    of_sweep: bool = False  # whether the figure shows several campaigns, or a table of counts
+    of_attack: bool = False  # whether the figure needs a campaign with an attack
+    of_threats: bool = False  # whether the figure shows the folder that `vestige threats` writes
+    of_sky: bool = False  # whether the figure shows all satellites of a campaign with a constellation
     with_detector: bool = True
-    compared: bool = False  # drawn for each detector if there is an attack
+    compared: bool = False  # whether the figure is drawn for each detector if there is an attack
     formats: tuple[str, ...] = FORMATS
 
 
@@ -308,7 +308,7 @@ def _read_sweep(
 
 
 def _table_of(path: Path) -> Path | None:
-    """Return the table of the sweep at a path, None if the path is no sweep."""
+    """Return the path of the table of a sweep; None if the given path is no sweep."""
     from vestige.campaign.sweep.sweep import SWEEP_TABLE
 
     if path.is_dir() and (path / SWEEP_TABLE).is_file():

@@ -77,7 +77,7 @@ def command(
     if scheduler is not None and (workers, threads) != (None, None):
         raise click.UsageError("--scheduler uses the workers of the cluster; leave out -j, --threads and --processes")
     check_output(output, (scenario,), folder=True)
-    os.environ.update(ONE_THREAD)  # set before numpy is loaded, because chunks run in parallel; the bits stay the same
+    os.environ.update(ONE_THREAD)  # these variables must be set before numpy is loaded; they change no bit of results
     own = (f'fidelity="{fidelity}"',) if fidelity else ()
     how = {} if chunk_epochs is None else {"chunk_epochs": chunk_epochs}
     if sweeps:
@@ -123,7 +123,7 @@ def _load(path: Path, settings: tuple[str, ...]) -> CampaignScenario:
 
 
 def _caution(path: Path, scenarios: list[CampaignScenario]) -> None:
-    """Print the warnings about scenarios that can run on stderr, each warning once."""
+    """Print the warnings about the scenarios of a run on stderr; each warning is printed once."""
     from vestige.scenario.warnings import scenario_warnings
 
     for line in dict.fromkeys(line for scenario in scenarios for line in scenario_warnings(scenario)):

@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from vestige.threats.matrix import Case, SceneCell
     from vestige.threats.scenes import Threat
 
-QUICK_SEEDS, SEEDS = 6, 100  # 6 of 6 runs prove a share above ½ (exact 95 % interval); fewer runs cannot
+QUICK_SEEDS, SEEDS = 6, 100  # 6 of 6 runs prove a share above ½ (exact 95 % interval); 5 of 5 runs do not
 FIGURE = "threats.png"
-# modules that every worker needs; without this list, most of them are loaded only when a run begins
+# modules that every worker needs; without this list, most of these modules are loaded only when a run begins
 _PRELOAD = ("vestige.threats.matrix", "dask.array", "numba.typed", "scipy.interpolate", "scipy.ndimage")
 
 
 def _begun_ids(_context: click.Context, _parameter: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Return the attacks of the table for completion with Tab, after a comma, too.
+    """Return the attacks of the table for completion with Tab; completion also works after a comma.
 
     The table is read as TOML only, because the modules that validate it load too slowly for a press of Tab.
     """
@@ -124,7 +124,7 @@ def command(
 
     from vestige.campaign.execution.executors import ONE_THREAD
 
-    os.environ.update(ONE_THREAD)  # set before numpy is loaded, because runs are parallel
+    os.environ.update(ONE_THREAD)  # these variables must be set before numpy is loaded, because runs are parallel
 
     if expected:
         _echo_expectations(ids, levels, as_json)
@@ -186,7 +186,7 @@ def _load(path: Path, quick: bool, settings: tuple[str, ...]) -> CampaignScenari
 def _measured(
     chosen: tuple[Case, ...], seeds: range, output: Path | None, executor: Executor, calls: int
 ) -> Iterator[SceneCell]:
-    """Yield the cells; each run is stored when it ends."""
+    """Yield the cells of the threat table; each run is stored when the run ends."""
     from vestige.cli.progress import progress
     from vestige.threats.matrix import measure_threats
 
@@ -203,7 +203,7 @@ def _measured(
 
 
 def _written(folder: Path, cells: list[SceneCell]) -> Iterator[Path]:
-    """Yield the files of the table and its figure as they are written."""
+    """Write the files of the table and its figure, and yield the name of each file after it is written."""
     from vestige import plots
     from vestige.threats.table import STORE, TABLE, threat_dataset, write_table
 

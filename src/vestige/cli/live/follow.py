@@ -131,7 +131,7 @@ def _run(
             step = corrected(processor.step(state, block, epoch.assistance), late_s)
             state = step.state
             text = lines(step)
-            if journal is not None:  # stored before printing, so that no line is printed twice
+            if journal is not None:  # the lines are stored before they are printed, so that no line is printed twice
                 progress = FollowProgress(
                     index=epoch.snapshot.index, sent=epoch.sent, state=state, time_tag_error_s=late_s
                 )
@@ -236,7 +236,7 @@ class _SignalClock:
         self._warn, self._said_s = warn, 0.0
 
     def __call__(self, step: Step, late_s: float) -> Step:
-        """Return a step with times on the clock of the signal; arguments as for `on_signal_clock`."""
+        """Return a step with times on the clock of the signal; the arguments are those of `on_signal_clock`."""
         if line := time_tag_warning(late_s, self._said_s):
             self._warn(line)
             self._said_s = late_s
@@ -311,7 +311,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
         )
     tracking = live_tracking(description, options, warn)
     observations = None if tracking else options["observations"] or description.observations
-    told = around_s <= TIME_TAG_TOLERANCE_S  # time known from E1 samples alone
+    told = around_s <= TIME_TAG_TOLERANCE_S  # whether the time is known from E1 samples alone
     if observations is None and tracking is None and not told:
         for wrong in unread_observations(description):
             raise wrong
@@ -362,7 +362,7 @@ def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> 
     kept = {f"--{name.replace('_', '-')}": value for name, value in options.items() if name not in _HOW}
     settings = {name: str(value) for name, value in kept.items() if value not in (None, (), False)}
     samples = ", ".join(f"{file.band.name} {file.form} at {file.sample_rate_hz!r} Hz" for file in bands)
-    if recording != STDIN:  # each run on standard input has another start
+    if recording != STDIN:  # on standard input, each run has another start time
         samples += f", from {exact_gst(live.start)}"
     if own := [kind for kind in (options["detector"], *options["checks"]) if is_own(kind)]:
         settings["own parts"] = " ".join(f"{kind}@{digest(kind)}" for kind in own)

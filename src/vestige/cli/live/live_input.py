@@ -231,7 +231,7 @@ def _stdin_files(options: dict[str, Any], band_name: str) -> dict[Band, BandFile
 
 
 def stdin_stream(file: BandFile, *, capacity_bytes: int) -> SampleStream:
-    """Return the samples of one band on standard input; samples of other channels are dropped."""
+    """Return the stream of samples of one band on standard input; samples of other channels are dropped."""
     return _split({file.band: file}, capacity_bytes=capacity_bytes, can_wait=True)[file.band]
 
 
@@ -250,7 +250,7 @@ def _split(files: dict[Band, BandFile], *, capacity_bytes: int, can_wait: bool) 
 
     def read(at_most: int) -> bytes:
         nonlocal opened
-        opened = opened or reading(source)  # opened in the reading thread, because a named pipe waits for its writer
+        opened = opened or reading(source)  # the reading thread opens a named pipe, because opening waits for a writer
         return opened(at_most)
 
     splitter = FrameSplitter(

@@ -102,7 +102,7 @@ class StateLine(TypedDict):
 
 
 class EndLine(TypedDict):
-    """The last line: number of snapshots, number with dropped E6 samples, and satellites never found on E1."""
+    """The last line of `vestige live --json`: counts of snapshots, and the satellites that E1 never showed."""
 
     kind: Literal["end"]
     snapshots: _Count

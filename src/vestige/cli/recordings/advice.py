@@ -1,4 +1,4 @@
-"""Advice to the user of a recording from which no satellite was authenticated: the likely causes and what to type."""
+"""Advice for a recording from which no satellite was authenticated: the likely causes, and the options to try."""
 
 from __future__ import annotations
 

@@ -34,13 +34,14 @@ if TYPE_CHECKING:
 )
 @json_option
 def command(path: Path, **options: Any) -> None:
-    """Say what PATH holds, what is wrong with it, and what is missing for ACAS.
+    """Print the content and the faults of PATH, and the data that are missing for ACAS.
 
     PATH is a folder, a recording.toml, a SigMF metadata or collection file, an ION metadata file (.sdrx, .xml), or a
     file of E1 observations.
 
-    The satellites of E1 and E6 are listed. If no satellite is found with the description, other descriptions are tried:
-    exchanged bands, another sampling rate, number format, sense of the spectrum or centre frequency.
+    The satellites of E1 and E6 are listed. If no satellite is found with the description, other descriptions are tried.
+    The other descriptions have exchanged bands, or another sampling rate, number format, sense of the spectrum or
+    centre frequency.
     """
     import json
 

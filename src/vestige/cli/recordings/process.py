@@ -85,10 +85,10 @@ class _Process(GroupedCommand):
 def command(recording_path: Path, **options: Any) -> None:
     """Authenticate RECORDING: one verdict for each satellite and RECS.
 
-    RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or such a file. For each RECS the
-    command tests whether the encrypted signal in E6 arrives when E1 predicts, and whether this signal was received
-    before anybody could know the key. If there are no observations, E1 is tracked in the samples. For a recording that
-    is still being written, use `vestige live`.
+    RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or a single file of these kinds. For
+    each RECS the command tests whether the encrypted signal in E6 arrives at the time that E1 predicts. The command
+    also tests whether this signal was received before anybody could know the key. If there are no observations, E1 is
+    tracked in the samples. For a recording that is still being written, use `vestige live`.
     """
     from contextlib import ExitStack
     from dataclasses import replace
@@ -149,7 +149,7 @@ def prepared(
     recording
         The opened recording.
     options
-        Options of `vestige process`, by the names of its parameters.
+        Values of the options of `vestige process`, by the names of its parameters.
     tracked
         Result of tracking E1; None if E1 was not tracked.
     channels
@@ -178,7 +178,7 @@ def prepared(
     detail(processor.limits)
     known = found.assistance
     missing = found.missing_for(_span(recording, told_s or 0.0))
-    if options["hardware_bias_m"] is not None or options["calibrate"]:  # the bias is then known
+    if options["hardware_bias_m"] is not None or options["calibrate"]:  # these options give the hardware bias
         missing = tuple(line for line in missing if not line.startswith(RECEIVER_NAME))
     warnings: list[str] = []
 
@@ -221,7 +221,7 @@ def _span(recording: Recording, late_s: float) -> tuple[GalileoTime, GalileoTime
 
 
 def _why_no_recs(warnings: Iterable[str]) -> str:
-    """Return why the assistance has no RECS for the recording; "" if it has RECS."""
+    """Return why the assistance has no RECS for the recording; "" if the assistance has RECS."""
     from vestige.recording.assistance.missing_data import NO_RECS
     from vestige.recording.assistance.other_times import OTHER_TIMES
 
@@ -306,7 +306,7 @@ def _tracked(recording: Recording, options: dict[str, Any], folder: Path) -> Tra
 
 
 def _message(recording: Recording, tracked: TrackedRecording | None) -> Message | None:
-    """Return the message that tracking decoded, or None."""
+    """Return the navigation message that tracking decoded; None without such a message."""
     from functools import partial
 
     from vestige.recording.assistance.assistance_files import contents_of_pages
@@ -318,7 +318,7 @@ def _message(recording: Recording, tracked: TrackedRecording | None) -> Message 
 
 
 def _channels(options: dict[str, Any]) -> OtherChannels:
-    """Return the data of the second OSNMA channel and of the accelerometer; `vestige live` reads them at each epoch."""
+    """Return the data of the second OSNMA channel and of the accelerometer, read at once for all epochs."""
     from vestige.recording.observations.accelerations import read_accelerations
     from vestige.recording.recorded_block import OtherChannels
 
@@ -330,7 +330,7 @@ def _channels(options: dict[str, Any]) -> OtherChannels:
 
 
 def _second_channel(options: dict[str, Any]) -> Assistance | None:
-    """Return the OSNMA data of the second channel, None without such a channel; warn of faults in the data."""
+    """Return the OSNMA data of the second channel, and warn of faults in the data; None without such a channel."""
     from vestige.recording.assistance.folder import read_assistance
 
     folder = options["second_channel"]

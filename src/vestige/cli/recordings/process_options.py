@@ -240,7 +240,7 @@ def check_processor_usage(options: dict[str, Any]) -> None:
     stated = click.get_current_context().get_parameter_source("kappa") is ParameterSource.COMMANDLINE
     if options["alarms_per_day"] is not None and stated:
         raise click.UsageError("--kappa: follows from --alarms-per-day; leave one of the two out")
-    approximate_position(options)  # checked before E1 is tracked, because tracking takes long
+    approximate_position(options)  # errors must be found before E1 is tracked, because tracking takes long
     pseudorange_errors(options)
 
 
@@ -250,7 +250,7 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
 
 
 def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
-    """Read the named keys, tree and certificates, and list folders, so that a wrong name is found before E1 is tracked.
+    """Read the named keys, tree and certificates, and list folders, to find a wrong name before E1 is tracked.
 
     Raises `InputFileError` or `AuthenticationError`, as `read_assistance` does.
     """
@@ -271,7 +271,7 @@ def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
 def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
     """Return the estimator of the C/N0 of E1.
 
-    The option without E1 that is `measured` in samples is a usage error.
+    Raises a usage error if the option is given, but E1 is not `measured` in samples.
     """
     if options["cn0_estimator"] is not None and not measured:
         raise click.UsageError("--cn0-estimator is for E1 measured in samples; here observations give the C/N0")

@@ -25,7 +25,7 @@ def processor_from_options(
     Parameters
     ----------
     options
-        Options of the command line, by the names of their parameters (`process_options`).
+        Values of the options of the command line, by the names of their parameters (`process_options`).
     tracked
         Result of tracking E1, whose orbits and correlators are used; None if E1 was not tracked.
     proven
@@ -96,7 +96,7 @@ def _monitoring(
     else:
         orbits, authenticated = authenticated_orbits(() if tracked is None else ephemerides_in(tracked.pages), proven)
     half = settings.power_distortion.hypotheses.half_spacing_chips
-    if tracked is not None and tracked.tap_chips:  # loop correlators nearest to the usual correlators
+    if tracked is not None and tracked.tap_chips:  # take the spacing of the loop that is nearest to the default spacing
         half = min((chips for chips in tracked.tap_chips if chips > 0), key=lambda chips: abs(chips - half))
     hypotheses = replace(settings.power_distortion.hypotheses, half_spacing_chips=half, pulse=BOC11)
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)

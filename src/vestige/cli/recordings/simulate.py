@@ -50,13 +50,14 @@ if TYPE_CHECKING:
 @number_option("--max-gb", (0, 1e6), default=10.0, help="Largest size of the recording in GB.")
 @parts_option
 def command(scenario: Path, **options: Any) -> None:
-    """Write E1 and E6 samples of SCENARIO as a SigMF collection, with all files that belong to them.
+    """Write E1 and E6 samples of SCENARIO as a SigMF collection, with all files that belong to the samples.
 
     If SCENARIO is a campaign, the command writes a test case: encrypted E6-C, E1 observations, RECS, group delays,
     OSNMA keys and truth. `vestige process` authenticates this test case. If SCENARIO is a recording, the command
     writes samples with open E6-C and an OSNMA key chain. `vestige recs make` makes RECS for such samples.
 
-    With `-o -` the I,Q samples of one band, or of both in turn, go to standard output, and no file is written.
+    With `-o -` the I,Q samples go to standard output, and no file is written. The samples belong to one band, or to
+    both bands in turn.
     """
     from vestige.cli.progress import progress
     from vestige.scenario.load import load_scenario
@@ -114,7 +115,7 @@ def command(scenario: Path, **options: Any) -> None:
 
 
 def _check_band(path: Path, scenario: CampaignScenario) -> None:
-    """Raise `InputFileError` if the samples of a sky cannot represent its signals."""
+    """Raise `InputFileError` if the samples of a sky cannot represent the signals of the sky."""
     from vestige.scenario.limits import check_recorded_band
     from vestige.scenario.toml.toml_file import InconsistentSettingsError
 
@@ -127,7 +128,7 @@ def _check_band(path: Path, scenario: CampaignScenario) -> None:
 
 
 def _check_pipe(to_pipe: bool, options: dict[str, Any]) -> None:
-    """Raise a usage error if options do not fit to files or to a pipe."""
+    """Raise a usage error if the options do not fit the kind of output, a folder of files or a pipe."""
     if to_pipe and options["band"] is None:
         raise click.UsageError("-o - writes samples to a pipe; say of which band: --band e1, --band e6 or --band both")
     if to_pipe and options["exports"]:
@@ -162,12 +163,12 @@ def _to_pipe(source: SimulatedRecording, options: dict[str, Any]) -> None:
             )
         output.flush()
     except BrokenPipeError:
-        # discards the buffered bytes; otherwise Python would write these bytes at its exit, and fail
+        # the next line discards the buffered bytes; otherwise Python would try to write these bytes at its exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), output.fileno())
 
 
 def _chosen(epochs: str | None, scenario: CampaignScenario) -> tuple[int, int]:
-    """Return the first epoch of `A:B` and the epoch after the last; without `A:B`, all epochs are chosen."""
+    """Return the first epoch of `A:B`, and the epoch after the last epoch; without `A:B`, all epochs are chosen."""
     match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", epochs or f"0:{scenario.epochs}", re.ASCII)
     if match is None:
         raise click.UsageError(f"--epochs: found {epochs}, expected A:B within 0:{scenario.epochs}")

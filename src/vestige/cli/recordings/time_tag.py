@@ -38,7 +38,7 @@ def by_the_message(error_s: float) -> str:
 
 
 def time_tag_warning(error_s: float, said_s: float = 0.0) -> str:
-    """Return the warning that the message gives another time than the time tag; "" within `TIME_TAG_TOLERANCE_S`.
+    """Return the warning that the message and the time tag differ; "" if within `TIME_TAG_TOLERANCE_S`.
 
     `said_s` is the error of which the user was already warned.
     """

@@ -37,8 +37,8 @@ def command(recording_path: Path, **options: Any) -> None:
     """Track E1 of RECORDING: observations, navigation message and correlators of every satellite.
 
     The command writes RINEX observations and navigation, I/NAV pages for `vestige osnma verify`, correlators, and the
-    power of each satellite. `-` stands for samples of E1 on standard input, or of both bands with `--band both`; only
-    E1 is tracked.
+    power of each satellite. With `-` as RECORDING, samples of E1 are read from standard input, or samples of both bands
+    with `--band both`. Only E1 is tracked.
     """
     from vestige.recording.tracked.tracked_folder import write_tracked
 
@@ -68,7 +68,7 @@ def _check_duration(path: Path, tracked: TrackedRecording, duration_s: float) ->
 
 
 def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedRecording, int, float]:
-    """Return the result of tracking a recording, the number of its samples of E1, and their rate in Hz."""
+    """Return the result of tracking a recording, the number of its samples of E1, and the sample rate in Hz."""
     from vestige.cli.progress import progress
     from vestige.recording.recording import open_recording
     from vestige.recording.tracked.track_recording import track_recording
@@ -93,7 +93,7 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
 
 
 def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, int, float]:
-    """Return the result of tracking samples on standard input, the number of samples of E1, and their rate in Hz."""
+    """Return the result of tracking samples on standard input, the number of samples of E1, and the rate in Hz."""
     from vestige.recording.tracked.track_recording import streamed_batches, track_batches
     from vestige.records import Band
 

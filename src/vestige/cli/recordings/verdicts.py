@@ -38,16 +38,16 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import Step
 
 VERDICT_COLUMNS = tuple(VerdictRow.__annotations__)
-FAILED = 3  # exit status with --fail-on
+FAILED = 3  # exit status if the verdicts match the value of --fail-on
 
 
 @dataclass(slots=True)
 class Tally:
-    """Tally of a recording: snapshots, verdicts by status, and the satellites with RECS that were never found on E1."""
+    """Counts of a recording: snapshots, verdicts by status, and the satellites with RECS that E1 never showed."""
 
     tracked: Set[int] = frozenset()  # satellites that tracking found on E1, at a RECS or at another time
-    too_early: str = ""  # warning that RECS came before E1 had ranges; "" if none did
-    no_recs: str = ""  # why the assistance folder has no RECS for this recording; "" if unknown
+    too_early: str = ""  # warning that RECS came before E1 had ranges; "" if no RECS came so early
+    no_recs: str = ""  # reason why the assistance folder has no RECS for this recording; "" if unknown
     has_orbits: bool = True  # whether the processor has the orbits of any satellite
     snapshots: int = 0
     positions: int = 0
@@ -58,7 +58,7 @@ class Tally:
     seen: set[int] = field(default_factory=set)
 
     def add(self, step: Step) -> None:
-        """Count the verdicts and changes of a snapshot."""
+        """Count the verdicts, positions and changes of state of a snapshot."""
         self.snapshots += 1
         self.positions += len(step.positions)
         self.counts.update(verdict.status.name for verdict in step.verdicts)
@@ -259,7 +259,7 @@ def print_changes(step: Step) -> None:
 
 
 def _print_not_run(verdicts: Iterable[Verdict]) -> None:
-    """Print the checks after the first two that were not run for at least one satellite, a line for each reason."""
+    """Print the checks that were not run for some satellite, without the first two checks; a line for each reason."""
     why = defaultdict(list)
     for name, reason in dict.fromkeys(
         (check.name, check.reason) for one in verdicts for check in one.checks[2:] if check.outcome is Outcome.NOT_RUN
@@ -270,7 +270,7 @@ def _print_not_run(verdicts: Iterable[Verdict]) -> None:
 
 
 def print_table(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float) -> None:
-    """Print each verdict as text when it comes, and count it in `tally`. Then print the tally."""
+    """Print each verdict as text when the verdict comes, and count the verdict in `tally`. Then print the counts."""
     for step in steps:
         print_snapshot(step)
         tally.add(step)
@@ -288,7 +288,7 @@ def print_not_seen(tally: Tally, put: Callable[[str], None] = echo) -> None:
 
 
 def print_json(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float, remarks: Mapping[str, Any]) -> None:
-    """Print all verdicts as one JSON object, each verdict when it comes, and count the verdicts in `tally`.
+    """Print all verdicts as a single JSON object, each verdict as soon as it is known, and count them in `tally`.
 
     Numbers have full precision.
     """
@@ -315,7 +315,8 @@ def exit_status(tally: Tally, limit: str | None) -> None:
 def csv_writer(path: Path) -> Iterator[Callable[[Step], None]]:
     """Yield a function that writes the verdicts of a snapshot to a table.
 
-    After Ctrl-C or damaged input the table has the verdicts so far, and the exception has a note about the table.
+    After Ctrl-C or damaged input the table contains the verdicts so far, and the exception has a note that names the
+    table.
     """
     stop: BaseException | None = None
     with replacement(path) as part, part.open("w", newline="", encoding="utf-8") as stream:

@@ -45,7 +45,7 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
     """Print header, times of transmission, required keys and signature of each file in FILES.
 
     The signature of a file is expected in the same folder, and is verified with the given certificates. Every file is
-    read. If files are bad, the exit code is 1, and their errors are printed after the good files.
+    read. If some files are bad, the exit code is 1, and the errors are printed after the content of the good files.
     """
     import json
 
@@ -90,8 +90,8 @@ def decrypt_command(
 ) -> None:  # fmt: skip
     """Decrypt the RECS in FILE with validated OSNMA keys.
 
-    The output contains the useful chips of every RECS that has a key, in sequence, each RECS padded to a whole byte.
-    The report lists these RECS. Without an output only the report is made.
+    The output contains the useful chips of every RECS that has a key, in sequence. The chips of each RECS are padded to
+    a whole byte. The report lists these RECS. Without an output only the report is printed.
     """
     import json
 

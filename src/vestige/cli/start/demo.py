@@ -1,11 +1,11 @@
 """`vestige demo`: show in a minute what vestige does.
 
-The demo authenticates a small recording three times: unchanged, with a wrong key, and with a delayed E6. The samples of
-a sky, statistics and an attack follow.
+The demo authenticates a small recording three times: unchanged, with a wrong key, and with a delayed E6. Then the demo
+tracks and authenticates four simulated satellites, makes statistics, and shows an attack.
 
-The demo makes all its data: the recording (`first_light.toml`), an OSNMA key chain, and the RECS. The demo also makes
-some seconds of a sky with its message, keys and RECS (`night.toml`). The statistics come from `quick.toml`, a short
-form of the paper's harsh conditions.
+The demo makes all its data: the recording (`first_light.toml`), an OSNMA key chain, and the RECS. The demo also
+simulates a few seconds of four satellites with message, keys and RECS (`night.toml`). The statistics come from
+`quick.toml`, a short campaign in the paper's harsh conditions.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vestige.cli.options import PATH
 from vestige.cli.terminal import echo
 from vestige.output import check_new_folder
 
-# four of the eight satellites of `night.toml`, half of its sampling rate, and the RECS that is sent in second 8
+# The demo uses four of the eight satellites of `night.toml`, half the sampling rate, and the RECS of second 8.
 SKY_EPOCHS = "5:9"
 SKY_SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7,8,13,14]", "recs.every=8")
 
@@ -41,7 +41,8 @@ def command(folder: Path) -> None:
     """Show in a minute what vestige does, with every command as you would type it.
 
     A recording is simulated and authenticated. The same recording is authenticated again, first with a wrong key and
-    then with a delayed E6. The samples of a sky, statistics, and an attack follow.
+    then with a delayed E6. Then the demo tracks and authenticates four simulated satellites, makes statistics, and
+    shows an attack.
     """
     check_new_folder(folder)
     scenarios, night, sky = folder / "scenarios", folder / "recording", folder / "sky"

@@ -1,4 +1,4 @@
-"""`vestige init`: write the scenario files that come with vestige into a folder, to run and to change."""
+"""`vestige init`: copy the scenario files that come with vestige into a folder, for the user to run and to change."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from vestige.errors import InputFileError
 @click.command()
 @click.argument("folder", default=".", type=PATH)
 def command(folder: Path) -> None:
-    """Write FOLDER/scenarios: the scenario files that come with vestige, to run and to change.
+    """Write FOLDER/scenarios with the scenario files that come with vestige, for you to run and to change.
 
-    FOLDER is the current folder by default, and is made if it does not exist.
+    FOLDER is the current folder by default, and is created if it does not exist.
     """
     written = write_scenarios(folder)
     echo(f"wrote {written[0].parent}:")

@@ -1,7 +1,7 @@
-"""Files with TESLA keys.
+"""Read and write files with TESLA keys.
 
-The key file of an assistance folder is a CSV file that contains its own proof. In addition to the keys, the file has
-the signed DSM-KROOTs to which they chain, so a reader needs only the public key::
+The key file of an assistance folder is a CSV file that contains the proof of its keys. In addition to the keys, the
+file has the signed DSM-KROOTs to which the keys chain, so a reader needs only the public key::
 
     # vestige OSNMA keys 2
     # public key,<DSM-PKR, hex>
@@ -11,17 +11,19 @@ the signed DSM-KROOTs to which they chain, so a reader needs only the public key
     1251,277200,3,be7801d2d4eb75a7e686054a18c58141,1251,277222,2023-08-16T05:00:00.000 GST
 
 A key's time is the start of the subframe in which the key is sent. A key is disclosed when its first bit is on air. The
-last column is for human readers. Reading validates every key: the root key's signature, the chain, the disclosure time.
+last column is for human readers. The reader verifies the signatures of the root keys, and the chain and the disclosure
+time of every key.
 
 If a root key is signed with a broadcast public key, the file has the DSM-PKR of this public key. Reading such a file
 needs the Merkle tree.
 
 For each root key and alert message the file states the subframe of reception. The file also has root keys with the
-status "don't use" or with a revocation; keys that such root keys withdraw are refused (`chain_register`). The writer of
-a file can leave out such root keys. So the file proves that the keys are genuine. It does not prove that no key was
-withdrawn.
+status "don't use" or with a revocation. Keys that such root keys withdraw are refused (`chain_register`). The writer of
+a file can leave out such root keys. So the file proves that the keys are genuine. The file does not prove that no key
+was withdrawn.
 
-Files of version 1 lack time and status. Files of version 1 are readable if none of their root keys withdraws a chain.
+Files of version 1 lack the time of reception and the status of root keys. Files of version 1 are readable if none of
+their root keys withdraws a chain.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ from vestige.validated_key import ValidatedKey
 KEY_FILE_FIRST_LINE = "# vestige OSNMA keys 2"
 FIRST_LINE_1 = "# vestige OSNMA keys 1"
 KEY_COLUMNS = ("gst_week", "gst_second", "chain_id", "key_hex", "disclosed_week", "disclosed_second", "gst")
-_MAX_FILE_BYTES = 100_000_000  # a year of keys
+_MAX_FILE_BYTES = 100_000_000  # enough for the keys of a year
 
 _KEY_PREFIX, _ROOT_PREFIX, _ALERT_PREFIX = "# public key,", "# root,", "# alert,"
 _ROOT_FIELDS = "week,second,status,NMA header,DSM-KROOT"
@@ -67,7 +69,9 @@ class KeyFile:
 def write_key_file(
     path: Path, keys: Sequence[ValidatedKey], roots: Sequence[RootKey], alerts: Sequence[GalileoTime] = ()
 ) -> None:
-    """Write keys with the signed root keys to which they chain; the file is replaced only when it is complete.
+    """Write keys with the signed root keys to which the keys chain.
+
+    An existing file is replaced only when the new file is complete.
 
     `roots` are all verified root keys: the root keys of the keys' chains, and root keys that withdraw chains.
     """
@@ -94,12 +98,12 @@ def write_key_file(
 def read_key_file(
     path: Path, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None
 ) -> tuple[ValidatedKey, ...]:
-    """Return the keys of a key file in time order; see `load_key_file`."""
+    """Return the keys of a key file in time order. See `load_key_file` for the errors."""
     return load_key_file(path, public_keys, tree).keys
 
 
 def load_key_file(path: Path, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> KeyFile:
-    """Return the content of a key file, each key validated down to a root key that a public key signed.
+    """Return the content of a key file, after validation of each key down to a signed root key.
 
     Public keys that were broadcast are verified against the root of `tree`.
 

@@ -1,11 +1,12 @@
 """The Merkle tree of OSNMA: 16 leaves, one for each public key, and a root that every receiver trusts.
 
-A leaf is SHA-256 of `type 4 | PKID 4 | point`; a parent is SHA-256 of its two children. Anybody can compute the root
-from a leaf and the siblings on the way up. Only the true key at its true leaf gives the true root [OSNMA-ICD, 6.2]. The
-user provides the root, from which OSNMA's trust starts.
+A leaf is SHA-256 of `type 4 | PKID 4 | point`, with lengths in bits. A parent is SHA-256 of its two children. Anybody
+can compute the root from a leaf and the siblings on the way up. Only the true key at its true leaf gives the true root
+[OSNMA-ICD, 6.2]. The user provides the root, and all trust in OSNMA keys is based on this root.
 
-A new public key is also broadcast, as a DSM-PKR with its four siblings: `NB 4 | leaf 4 | siblings 4 x 256 | type 4 |
-PKID 4 | point | padding`. The point has 264 bits (P-256) or 536 bits (P-521).
+A new public key is also broadcast in a DSM-PKR. The DSM-PKR contains the four siblings on the way from the leaf of the
+key to the root. The DSM-PKR is `NB 4 | leaf 4 | siblings 4 x 256 | type 4 | PKID 4 | point | padding`. The point has
+264 bits (P-256) or 536 bits (P-521).
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class MerkleTree:
 
     @property
     def root(self) -> bytes:
-        """The root x_4,0."""
+        """Hash at the root of the tree, x_4,0, 32 bytes."""
         return self.nodes[HEIGHT, 0]
 
 
@@ -56,7 +57,7 @@ def path_root(leaf: int, value: bytes, siblings: Sequence[bytes]) -> bytes:
 
 
 def siblings_in(message: bytes) -> list[bytes]:
-    """Return the siblings that a DSM-PKR sends, the lowest first."""
+    """Return the siblings that a DSM-PKR contains, from the lowest to the highest."""
     return [message[1 + NODE_BYTES * k : 1 + NODE_BYTES * (k + 1)] for k in range(HEIGHT)]
 
 
@@ -109,7 +110,7 @@ def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
 
 
 def verify_tree(tree: MerkleTree) -> tuple[PublicKey, ...]:
-    """Return all public keys of a published tree, each verified against its root.
+    """Verify all public keys of a published tree against the root of the tree, and return the keys.
 
     Raises `AuthenticationError` if a public key, or a published node above it, does not lead to the root.
     """
@@ -145,23 +146,23 @@ def _verified(
 
 
 def verify_broadcast_key(message: bytes, tree: MerkleTree, known: Sequence[PublicKey] = ()) -> PublicKey:
-    """Return the public key of a DSM-PKR for the verification of root keys, verified against the tree's root.
+    """Verify the public key of a DSM-PKR against the tree's root, and return the key.
 
     Public keys come into force in the order of their numbers. So an unknown key is refused if its number is not above
     the numbers of all known keys. Such a key may have been revoked, and an attacker who has the key can send its old
     DSM-PKR again [OSNMA-RG, 4.2].
 
     Raises `AuthenticationError` if the message is malformed or leads to another root, or if the key is older than a
-    known key. Raises `UnsupportedError` if the message contains no key (an alert message, a reserved value).
+    known key. Raises `UnsupportedError` if the message contains no key (an alert message or a reserved type).
 
     Parameters
     ----------
     message
         All blocks of the DSM-PKR.
     tree
-        The Merkle tree; only its root is used.
+        Merkle tree, of which only the root is used.
     known
-        The keys in use. A key in use may be broadcast again.
+        Keys in use. A key in use may be broadcast again.
     """
     blocks = pkr_blocks(message[0]) if message else 0
     if not blocks or len(message) != blocks * DSM_BLOCK_BYTES:

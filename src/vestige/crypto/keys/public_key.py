@@ -1,9 +1,9 @@
-"""Public keys that verify OSNMA's root keys, and the basis of the trust in them.
+"""Public keys that verify OSNMA's root keys, and the basis of the trust in these public keys.
 
-A key from a file or a signal is a `ClaimedPublicKey`, which has a number and a point but verifies nothing. A claimed
-key becomes a `PublicKey` in either of two ways. `merkle_tree.verify_public_key` shows that the key is a leaf of the
-Merkle tree whose root the user trusts. With `trusted_by_user`, a user without a Merkle tree takes the responsibility
-for the key.
+A key from a file or a signal is a `ClaimedPublicKey`, which has a number and a point but cannot verify signatures. A
+claimed key becomes a `PublicKey` in either of two ways. `merkle_tree.verify_public_key` shows that the key is a leaf of
+the Merkle tree whose root the user trusts. With `trusted_by_user`, a user without a Merkle tree takes the
+responsibility for the key.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Trust(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClaimedPublicKey:
-    """A public key as a file or the signal claims it."""
+    """A public key from a file or from the signal, not yet verified."""
 
     pkid: int | None  # number of the key, PKID 0 to 15; None if the source does not give it (PEM)
     leaf: int | None  # index 0 to 15 of the leaf in the Merkle tree; None if the source does not give it
@@ -37,12 +37,12 @@ class ClaimedPublicKey:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublicKey:
-    """A public key that may be used; made by `merkle_tree.verify_public_key` or `trusted_by_user`."""
+    """A public key that may be used, made by the functions of `merkle_tree` or by `trusted_by_user`."""
 
     pkid: int | None  # number of the key; None for a key from PEM, which may have any number
     point: bytes
     trust: Trust
-    message: bytes = field(default=b"", compare=False, repr=False)  # DSM-PKR that brought the key, if any
+    message: bytes = field(default=b"", compare=False, repr=False)  # DSM-PKR with the key; empty without a DSM-PKR
 
     def verify(self, message: bytes, signature: bytes) -> None:
         """Check a signature, given as r and s, in the scheme of this key.
@@ -67,7 +67,7 @@ class PublicKey:
 
 
 def load_point(point: bytes) -> ec.EllipticCurvePublicKey:
-    """Return the key of a compressed point; the length of the point determines the curve.
+    """Return the key of a compressed point, whose length determines the curve.
 
     Raises `AuthenticationError` if the bytes are not a point on P-256 or P-521.
     """

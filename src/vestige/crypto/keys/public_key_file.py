@@ -1,8 +1,8 @@
-"""Readers of files with OSNMA's public key and Merkle tree.
+"""Read files with OSNMA's public key and Merkle tree.
 
 The European GNSS Service Centre publishes key and tree as XML. Public keys also come as PEM, and as loose XML elements
-without a common root. A public key is therefore read element by element, without an XML parser. The readers return
-untrusted keys: see `public_key` and `merkle_tree`.
+without a common root. A public key is therefore read element by element, without an XML parser. The functions that read
+a single file return untrusted keys (see `public_key` and `merkle_tree`).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from vestige.crypto.keys.public_key import ClaimedPublicKey, PublicKey, compress
 from vestige.crypto.keys.signature_scheme import NAMES, P256, SCHEMES, scheme_of_curve
 from vestige.errors import InputFileError, UnsupportedError
 
-_MAX_FILE_BYTES = 1_000_000  # far more than the 2 kB of the published files
+_MAX_FILE_BYTES = 1_000_000  # upper limit of the file size; the published files have 2 kB
 _ELEMENT = re.compile(r"<(PKID|PKType|i|point|lengthInBits)>([^<]*)</\1>")
 
 
 def read_public_key(path: Path) -> ClaimedPublicKey:
-    """Return the public key of an XML file (elements PKID, PKType, i, point) or of a PEM file; not yet trusted.
+    """Return the untrusted public key of an XML file (elements PKID, PKType, i, point) or of a PEM file.
 
     Raises `InputFileError` if the file has neither form. Raises `UnsupportedError` if the key is not ECDSA P-256 or
     P-521.
@@ -48,10 +48,10 @@ def read_public_key(path: Path) -> ClaimedPublicKey:
 
 
 def read_merkle_tree(path: Path) -> MerkleTree:
-    """Return the Merkle tree of an XML file; not yet verified.
+    """Return the unverified Merkle tree of an XML file.
 
     Raises `InputFileError` if the file is not a complete Merkle tree publication. Raises `UnsupportedError` if the tree
-    has another shape, hash function or kind of key than OSNMA's.
+    has another shape, hash function or kind of key than the Merkle tree of OSNMA.
     """
     text = _read_text(path)
     try:
@@ -90,7 +90,7 @@ def load_public_keys(public_key: Path | None, merkle_tree: Path | None) -> tuple
         raise ValueError("needs a public key or a Merkle tree")
     claim = None if public_key is None else read_public_key(public_key)
     if merkle_tree is None:
-        assert claim is not None  # noqa: S101  (one of the two is there)
+        assert claim is not None  # noqa: S101  (at least one file is given)
         return (trusted_by_user(claim),)
     tree = read_merkle_tree(merkle_tree)
     own = verify_tree(tree)
@@ -151,7 +151,7 @@ def _node(path: Path, element: Element) -> tuple[tuple[int, int], bytes]:
 
 def _claim(path: Path, fields: dict[str, str]) -> ClaimedPublicKey:
     kind = fields.get("PKType", P256.name)
-    # Files say "ECDSA P-256/SHA-256" or "P-256/SHA-256".
+    # The type in a file is "ECDSA P-256/SHA-256" or "P-256/SHA-256".
     scheme = next((one for one in SCHEMES if one.curve_name in kind), None)
     if scheme is None:
         raise UnsupportedError(f"{path}: public key of type {kind!r}; supported are {NAMES}")

@@ -1,7 +1,7 @@
-"""Writers of files with OSNMA's public key and Merkle tree: PEM, and the XML of the service.
+"""Write files with OSNMA's public key and Merkle tree: PEM, and the XML of the service.
 
-The XML has the elements of the files that the European GNSS Service Centre publishes, in the same order. So programs
-that read the published files can read the written files, and so can `public_key_file`.
+The XML has the elements of the files that the European GNSS Service Centre publishes, in the same order. So the written
+files are readable by `public_key_file`, and by other programs that read the published files.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ def write_public_key_pem(path: Path, claim: ClaimedPublicKey) -> None:
 
 
 def write_public_key_xml(path: Path, claim: ClaimedPublicKey, applicable_from: GalileoTime = _NO_TIME) -> None:
-    """Write a public key as the service publishes it.
+    """Write a public key in the XML form in which the service publishes the key.
 
     Parameters
     ----------
     path
-        The file.
+        File to write.
     claim
-        The key, with its number and its leaf.
+        Public key with its number and its leaf.
     applicable_from
-        Start of the key's applicability in the file.
+        Time from which the key is applicable, as the file will state.
 
     Raises
     ------
@@ -58,16 +58,16 @@ def write_public_key_xml(path: Path, claim: ClaimedPublicKey, applicable_from: G
 
 
 def write_merkle_tree(path: Path, tree: MerkleTree, applicable_from: GalileoTime = _NO_TIME) -> None:
-    """Write a Merkle tree as the service publishes it, with all its nodes and public keys.
+    """Write a Merkle tree with all its nodes and public keys, in the XML form in which the service publishes the tree.
 
     Parameters
     ----------
     path
-        The file.
+        File to write.
     tree
-        The tree; receivers trust its root.
+        Merkle tree whose root the receivers trust.
     applicable_from
-        Start of the tree's applicability in the file.
+        Time from which the tree is applicable, as the file will state.
 
     Raises
     ------

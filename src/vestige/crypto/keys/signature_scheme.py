@@ -23,16 +23,16 @@ class SignatureScheme:
     curve_name: str  # name of the curve as the European GNSS Service Centre writes it
     curve: ec.EllipticCurve
     hash: hashes.HashAlgorithm
-    coordinate_bytes: int  # size of a coordinate of the curve
+    coordinate_bytes: int  # size of a coordinate of the curve in bytes
 
     @property
     def point_bytes(self) -> int:
-        """Length of a compressed point, which is the sign of y, and x."""
+        """Length of a compressed point in bytes: a byte for the sign of y, and the coordinate x."""
         return 1 + self.coordinate_bytes
 
     @property
     def signature_bytes(self) -> int:
-        """Length of a signature: r and s."""
+        """Length of a signature in bytes, which consists of r and s."""
         return 2 * self.coordinate_bytes
 
 
@@ -52,7 +52,7 @@ _ALERT_TYPE = 4  # NPKT of an OSNMA alert message [OSNMA-ICD, DSM-PKR]
 def scheme_of_type(key_type: int) -> SignatureScheme:
     """Return the scheme of a public key's type (NPKT).
 
-    Raises `UnsupportedError` if the type is reserved, or means an alert message instead of a key.
+    Raises `UnsupportedError` if the type is reserved, or is the type of an alert message.
     """
     for scheme in SCHEMES:
         if scheme.key_type == key_type:

@@ -1,1 +1,1 @@
-"""OSNMA: from pages to validated keys and verified tags."""
+"""OSNMA: validate the keys and verify the tags in the pages of the navigation message."""

@@ -6,17 +6,18 @@ signed together with each DSM-KROOT. So the status follows from verified root ke
 * A root key with the status "don't use" withdraws all chains.
 * A root key with "chain revoked" or "public key revoked" withdraws all chains except the chain that it names as in
   force. "Public key revoked" also revokes the public keys before the key that signed the root key.
-* A chain comes back only with its own root key that says "test" or "operational" and is certainly newer than the
-  withdrawal. A root key of a later time is newer, because nobody may know a key of the chain before its time. A root
-  key of the chain that the withdrawal announced as next chain is newer, because that chain was not in force before.
-* An alert message is final, because no message that could end it is trusted any more [OSNMA-RG, 4.2.3].
-* A key of a chain without any accepted root key is refused from the first withdrawal on, because a revoked public key
-  signed the root key of the chain.
+* A withdrawn chain becomes usable again only with its own root key. This root key must say "test" or "operational",
+  and must certainly be newer than the withdrawal. A root key of a later time is newer, because no key of the chain is
+  public before its time. A root key of the chain that the withdrawal announced as next chain is newer, because the next
+  chain was not in force before.
+* An alert message is final, because no message that could end the alert is trusted any more [OSNMA-RG, 4.2.3].
+* A key of a chain without any accepted root key is refused from the first withdrawal on. The root key of such a chain
+  was signed with a revoked public key.
 
 The time of reception of a root key is not signed, so an attacker may choose it. Therefore a withdrawal counts from the
 earliest of its times of reception. A root key that ends a withdrawal must be later than the latest reception of the
-withdrawal. The root key must also be later than the withdrawing root key and than the root keys of the chain that were
-known before. The times of root keys are signed.
+withdrawal and later than the withdrawing root key. The root key must also be later than the root keys of the chain that
+were known before. The times of root keys are signed.
 
 A genuine withdrawal that an attacker records and sends again counts as a new withdrawal. The receiver then has no keys
 until the root key of the next hour. In return, the receiver never misses a withdrawal.
@@ -41,14 +42,15 @@ class RevokedKeyError(AuthenticationError):
 
 @dataclass(slots=True, kw_only=True)
 class _Withdrawal:
-    """A withdrawal: from `since` on, only `in_force` and chains that came back may be used.
+    """A withdrawal of all chains from `since` on, except `in_force` and chains that became usable again.
 
-    A chain comes back with a root key that is later than `until` and later than the root key of the chain in `known`.
+    A chain becomes usable again with a root key that is later than `until` and than the root key of the chain in
+    `known`.
     """
 
     since: GalileoTime  # earliest time of reception, which is not signed
-    until: GalileoTime  # latest time of reception, or the signed time of the withdrawal itself if later
-    header: NmaHeader | None = None  # None for an alert message
+    until: GalileoTime  # latest time of reception, or the signed time of the withdrawal if the signed time is later
+    header: NmaHeader | None = None  # signed NMA header with the withdrawal; None for an alert message
     in_force: Chain | None = None
     successor: Chain | None = None  # next chain that the withdrawal announced
     final: bool = False
@@ -62,7 +64,7 @@ class _Withdrawal:
         return f"withdrawn by the signed root key of {self.since}: {self.header}"
 
     def received(self, time: GalileoTime) -> bool:
-        """Note another reception at `time`; return whether the withdrawal now counts from an earlier time."""
+        """Note another reception at `time`, and return whether the withdrawal now counts from an earlier time."""
         earlier = time < self.since
         self.since, self.until = min(self.since, time), max(self.until, time)
         return earlier
@@ -76,7 +78,7 @@ class ChainRegister:
     chains
         Chains in the order of reception of their first root keys.
     n_changes
-        Number of changes after which more keys are refused: new withdrawals, and earlier times of withdrawals.
+        Number of changes that cause the refusal of more keys: new withdrawals, and earlier times of withdrawals.
     """
 
     def __init__(self) -> None:
@@ -88,9 +90,10 @@ class ChainRegister:
         self._newest: dict[Chain, GalileoTime] = {}
 
     def add(self, root: RootKey) -> bool:
-        """Add a verified root key; return whether its chain was known.
+        """Add a verified root key, and return whether its chain was known.
 
-        Root keys are added in the order of reception. The same root key may come again with another time.
+        Root keys are added in the order of reception. The same root key may be added again with another time of
+        reception.
 
         Raises `RevokedKeyError` if an earlier root key revoked the public key that signed this root key.
         """
@@ -108,7 +111,7 @@ class ChainRegister:
         return known
 
     def add_alert(self, time: GalileoTime) -> None:
-        """Withdraw all chains for good, because an alert message was received in the subframe of `time`."""
+        """Withdraw all chains permanently, because an alert message was received in the subframe of `time`."""
         alert = next((withdrawal for withdrawal in self._withdrawals if withdrawal.header is None), None)
         if alert is None:
             self._withdrawals.append(_Withdrawal(since=time, until=time, final=True))
@@ -117,7 +120,7 @@ class ChainRegister:
             self.n_changes += alert.received(time)
 
     def refusal(self, chain: Chain, time: GalileoTime) -> str:
-        """Return why a chain's key of a subframe may not be used; "" if it may be used."""
+        """Return the reason why a chain's key of a subframe may not be used; "" if the key may be used."""
         for withdrawal in self._withdrawals:
             lifted = withdrawal.lifted.get(chain)
             if time >= withdrawal.since and chain is not withdrawal.in_force and (lifted is None or time < lifted):
@@ -125,10 +128,11 @@ class ChainRegister:
         return ""
 
     def refusal_of(self, key: ValidatedKey) -> str:
-        """Return why a key that was validated before may not be used; "" if it may be used.
+        """Return the reason why a key that was validated before may not be used; "" if the key may be used.
 
-        The key may come from another run of the program. It counts as a key of the first chain that contains it. If no
-        chain contains the key, its root key was refused, and the key is refused from the first withdrawal on.
+        The key may come from another run of the program. The key counts as a key of the first chain that contains the
+        key. If no chain contains the key, its root key was refused. The key is then refused from the first withdrawal
+        on.
         """
         if not self._withdrawals:
             return ""
@@ -152,7 +156,8 @@ class ChainRegister:
         in_force = chain if header.usable and own else None
         latest = self._withdrawals[-1] if self._withdrawals else None
         if in_force is not None and latest is not None and latest.in_force is in_force and not latest.lifted:
-            self._withdrawal_of[identity] = latest  # repeated every hour while the withdrawal lasts
+            # The operator repeats the withdrawing root key every hour while the withdrawal lasts.
+            self._withdrawal_of[identity] = latest
             self.n_changes += latest.received(root.received_at)
             return
         withdrawal = _Withdrawal(

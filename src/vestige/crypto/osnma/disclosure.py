@@ -1,8 +1,9 @@
 """Decide whether samples were provably received before the key of their RECS was on air [WFO, Sec. III-D].
 
-From the first bit of a key on, anybody can make the chips of its RECS. So a correlation is a proof only if the
-correlated samples end early enough. The time from their end to the disclosure must be longer than the possible error of
-the receiver's clock. Only `provably_before_disclosure` makes this decision, for one snapshot and for arrays.
+From the first bit of a key on, anybody can make the chips of the RECS of this key. So a correlation is a proof only if
+the correlated samples end early enough. The time from the last correlated sample to the disclosure must be longer than
+the possible error of the receiver's clock. Only `provably_before_disclosure` makes this decision, for one snapshot and
+for arrays.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def provably_before_disclosure(
 def provably_before_disclosure(
     lead_s: float | Float[np.ndarray, "*n"], time_uncertainty_s: float | Float[np.ndarray, "*#n"]
 ) -> bool | Bool[np.ndarray, "*n"]:
-    """Return whether samples were provably received before their key was on air.
+    """Return whether samples were provably received before the key of their RECS was on air.
 
     Raises `VestigeError` if `time_uncertainty_s` is negative or NaN.
 
@@ -35,8 +36,8 @@ def provably_before_disclosure(
     lead_s
         Time from the end of the correlated samples to the disclosure of the key, on the receiver's clock, in s.
     time_uncertainty_s
-        Upper limit of the error of the receiver's clock in s, 0 or more. Infinite if unknown; then no reception is
-        provable.
+        Upper limit of the error of the receiver's clock in s, 0 or more. If the limit is unknown, the value is infinite
+        and no reception is provable.
     """
     if isinstance(time_uncertainty_s, np.ndarray):
         require_time_uncertainty(float(np.min(time_uncertainty_s, initial=np.inf)))
@@ -56,6 +57,6 @@ class ReceptionProof:
     labels_behind_s: float = 0.0
 
     def holds(self, start: GalileoTime) -> bool:
-        """Return whether a RECS was received before the disclosure; `start` is the time tag of its first chip."""
+        """Return whether a RECS whose first chip has the time tag `start` was received before the disclosure."""
         end = start + (self.duration_s + self.labels_behind_s)
         return provably_before_disclosure(self.disclosed_at - end, self.time_uncertainty_s)

@@ -1,12 +1,12 @@
 """Collect digital signature messages from the blocks that the satellites send.
 
-Blocks are collected twice. The collection from all satellites together is fast. The collection from each satellite on
-its own ensures that a satellite with false blocks cannot prevent the completion of the message. A complete message is
-only a claim; the signature decides.
+Blocks are collected in two ways. The collection from all satellites together is fast. The separate collection from each
+satellite ensures that a satellite with false blocks cannot prevent the completion of a message. A complete message is
+not trusted before its signature is verified.
 
-A message is returned again when it comes with an earlier time than before. This time is not signed, so the first time
-may be false, and a withdrawal has to count from the earliest time. The verifier stores its results, so a repetition
-costs no signature check.
+A message is returned again when it comes with an earlier time of reception than before. The time of reception is not
+signed, so the first time may be false. A withdrawal has to count from the earliest time. The verifier stores its
+results, so a message that is returned again needs no second signature check.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
 from vestige.errors import UnsupportedError
 from vestige.time import GalileoTime
 
-MAX_AGE_S = 1800  # our choice: a DSM is repeated every few minutes, and its id is reused only after hours
+# Our choice of the largest time between two blocks of a DSM. A DSM is repeated every few minutes, and its id is reused
+# only after hours.
+MAX_AGE_S = 1800
 
 _ALL = 0  # key of the collection from all satellites together
 
@@ -27,9 +29,9 @@ _ALL = 0  # key of the collection from all satellites together
 class DsmMessage:
     """A complete DSM as received."""
 
-    header: NmaHeader  # header that came with every block
-    dsm_id: int  # 0 to 11: DSM-KROOT; 12 to 15: DSM-PKR
-    data: bytes  # all blocks
+    header: NmaHeader  # NMA header that was sent with every block
+    dsm_id: int  # number of the DSM, 0 to 11 for a DSM-KROOT and 12 to 15 for a DSM-PKR
+    data: bytes  # all blocks in the order of their numbers
 
     @property
     def is_root_key(self) -> bool:
@@ -43,7 +45,7 @@ class _Collection:
     last_s: int = 0
 
     def add(self, number: int, block: bytes, time_s: int) -> None:
-        # Different content under the same number: a new message replaced the old message.
+        # If the block with this number has changed, a new message replaced the old message.
         if time_s - self.last_s > MAX_AGE_S or self.blocks.get(number, block) != block:
             self.blocks.clear()
         self.blocks[number] = block
@@ -70,12 +72,15 @@ class _Collection:
 
 
 class DsmCollector:
-    """Collect blocks; `add` returns every different message once, and again with each earlier time."""
+    """Collect blocks to complete messages.
+
+    `add` returns every different message once, and again with each earlier time of reception.
+    """
 
     def __init__(self) -> None:
         self._collections: dict[tuple[int, int, int], _Collection] = {}
         self._handed_out: dict[DsmMessage, GalileoTime] = {}  # earliest time of each message
-        self._unsure: dict[bytes, GalileoTime] = {}  # HKROOT messages with a last page of zero: first reception
+        self._unsure: dict[bytes, GalileoTime] = {}  # first reception of HKROOT messages whose last page is zero
 
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
         """Return the messages that this subframe of one satellite completes.
@@ -84,7 +89,7 @@ class DsmCollector:
         """
         hkroot = subframe.hkroot
         if hkroot is None and subframe.hkroot_if_sent is not None:
-            # A transmitted zero at the end comes again with the same block; a zero that was not transmitted does not.
+            # A zero in the last page counts as transmitted if the same HKROOT message is received again.
             first = self._unsure.setdefault(subframe.hkroot_if_sent, subframe.time)
             hkroot = subframe.hkroot_if_sent if first != subframe.time else None
         return [] if hkroot is None else self._add(subframe, hkroot)

@@ -22,8 +22,9 @@ from vestige.time import GalileoTime
 class DsmVerifier:
     """Collect DSM blocks, and enter verified messages in the register of chains.
 
-    Broadcast public keys and alert messages are verified against `tree`, if given. A verified broadcast key is used
-    like the keys in `public_keys`, also for earlier root keys.
+    Broadcast public keys and alert messages are verified against `tree`. Without `tree`, the verifier ignores broadcast
+    public keys and alert messages. A verified broadcast key is used like the keys in `public_keys`, also for earlier
+    root keys.
     """
 
     def __init__(
@@ -35,7 +36,7 @@ class DsmVerifier:
         self._problems = problems
         self._collector = DsmCollector()
         self._place: dict[DsmMessage, int] = {}  # index of each message in `roots`
-        self._verified: dict[tuple[NmaHeader, bytes], RootKey] = {}  # each signature is verified once
+        self._verified: dict[tuple[NmaHeader, bytes], RootKey] = {}  # results of verified signatures
         self.roots: list[RootCheck] = []
         self.alerts: list[GalileoTime] = []
 
@@ -94,7 +95,7 @@ class DsmVerifier:
         self.roots.append(self._check_root(message, time))
 
     def _check_root(self, message: DsmMessage, time: GalileoTime) -> RootCheck:
-        """Verify a root key, and enter it in the register if it verifies."""
+        """Verify a root key, and enter the root key in the register if its signature is correct."""
         kroot, root, reason, kind, on_known_chain = None, None, "", ProblemKind.ROOT_KEY, False
         try:
             kroot = parse_kroot(message.data)
@@ -120,7 +121,7 @@ class DsmVerifier:
         )
 
     def _take_earlier(self, place: int, time: GalileoTime) -> None:
-        """Note that a message was already received at an earlier time; a refused message stays refused."""
+        """Note that a message was already received at an earlier time, unless the message was refused."""
         check = self.roots[place]
         if check.root is None:
             return

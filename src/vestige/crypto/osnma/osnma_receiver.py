@@ -1,4 +1,4 @@
-"""The OSNMA receiver, which turns I/NAV pages into validated TESLA keys and verified tags.
+"""The OSNMA receiver, which gets validated TESLA keys and verified tags from I/NAV pages.
 
 Pages are collected into subframes (`page_intake`), and subframes into DSM-KROOTs. A public key verifies the signature
 of a DSM-KROOT (`dsm_verifier`), which gives a chain (`tesla`). The key of every subframe is validated along the chain.
@@ -6,12 +6,12 @@ Keys verify the tags and MACSEQ fields that were sent before them (`tag_verifier
 of the MACK message, so subframes wait until a DSM-KROOT is received.
 
 The receiver takes pages as they come, and returns keys as soon as they are valid. Several satellites send the same key
-at the same time. A satellite with a different key is reported. The different key is accepted only if it chains, and two
-different keys of a subframe never both chain.
+at the same time. A satellite with a different key is reported. The different key is accepted only if it belongs to the
+chain. At most one key of a subframe can belong to the chain.
 
 Verified root keys alone decide which chain may be used (`chain_register`). The NMA header of a subframe is not
-authenticated, so it can only add restrictions. If a satellite's header says "don't use", the key of that subframe is
-withheld until the tags prove that the header is forged (`status_claim`).
+authenticated, so it can only add restrictions. If a satellite's header says "don't use", the key of the subframe is
+withheld. If the tags prove that the header is forged, the key is used (`status_claim`).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ from vestige.validated_key import ValidatedKey
 
 @dataclass(frozen=True, slots=True)
 class _Message:
-    """OSNMA of all satellites in one subframe, and the navigation words that were received before it.
+    """OSNMA of all satellites in one subframe, and the navigation words that were received before the subframe.
 
     Subframes with lost pages are included, because their key may be complete. `refusing` contains the subframes with
     the header "don't use".
@@ -80,12 +80,13 @@ class _Claim:
 class OsnmaReceiver:
     """Verify OSNMA, page by page.
 
-    Broadcast public keys that lead to the root of the tree are used; without a tree they are only reported.
+    Broadcast public keys that lead to the root of the tree are used. Without a tree, broadcast public keys are only
+    reported.
 
     Attributes
     ----------
     n_subframes
-        Number of subframes processed so far; new results appear only when this number grows.
+        Number of subframes processed so far. New results appear only when this number grows.
     """
 
     def __init__(self, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> None:
@@ -109,9 +110,9 @@ class OsnmaReceiver:
         return tuple(self._register.chains)
 
     def process(self, page: InavPage) -> tuple[ValidatedKey, ...]:
-        """Return the keys that become valid because this page closes the subframes before it.
+        """Process a page, and return the keys that become valid because the page closes earlier subframes.
 
-        Satellites may come in any order, and pages some seconds late.
+        Pages may come in any order of satellites, and some seconds late.
         """
         return self._take(self._intake.add(page))
 
@@ -128,11 +129,11 @@ class OsnmaReceiver:
         return tuple(self._follow_up([], n_chains, n_changes))
 
     def finish(self) -> tuple[ValidatedKey, ...]:
-        """Return the keys of the subframes that are still open at the end of the pages."""
+        """Return the keys of the subframes that are still open after the last page."""
         return self._take(self._intake.flush())
 
     def process_all(self, pages: Iterable[InavPage]) -> OsnmaReport:
-        """Return the report on a finite series of pages."""
+        """Process a finite series of pages, and return the report."""
         for page in pages:
             self.process(page)
         self.finish()
@@ -157,10 +158,10 @@ class OsnmaReceiver:
         return self._tags.navigation()
 
     def forget(self, before: GalileoTime) -> None:
-        """Drop received data from before a time, so that a receiver can run without limit; signed data is kept.
+        """Drop data that was received before a time, so that the memory use of a long run is limited.
 
-        Keys from before that time are not returned again, and subframes from before that time that still wait for a
-        root key are dropped.
+        Signed data is kept. Keys from before this time are not returned again. Subframes from before this time that
+        still wait for a root key are dropped.
         """
         limit = before.gst_seconds
         self._keys = {time: key for time, key in self._keys.items() if time >= limit}
@@ -172,11 +173,11 @@ class OsnmaReceiver:
         self._problems.forget(before)
 
     def received(self) -> tuple[ReceivedOsnma, ...]:
-        """Return the demodulated OSNMA in the order of time, including keys that do not validate."""
+        """Return the demodulated OSNMA in the order of time, including invalid keys."""
         return tuple(self._received[place] for place in sorted(self._received))
 
     def report(self) -> OsnmaReport:
-        """Return the report on all pages so far; call `finish` first at the end of the pages."""
+        """Return the report on all pages so far. After the last page, call `finish` before `report`."""
         keys = tuple(self._keys[time] for time in sorted(self._keys))
         intake = self._intake
         return OsnmaReport(
@@ -243,7 +244,7 @@ class OsnmaReceiver:
                 header = NmaHeader(subframe.nma_header)
                 chain_ids[header.chain_id] += 1
                 # A single satellite with "don't use" is enough, because a forger with a compromised chain would not
-                # send it.
+                # send "don't use".
                 if header.status == DONT_USE:
                     refusing.append(subframe)
         if not chain_ids:  # no header was received, so it is unknown whether the key may be used
@@ -251,7 +252,7 @@ class OsnmaReceiver:
         return _Message(epoch.time, chain_ids.most_common(1)[0][0], tuple(refusing), tuple(usable), before)
 
     def _use(self, message: _Message) -> list[ValidatedKey]:
-        """Validate the key of a subframe and process its tags; a subframe without a chain has to wait."""
+        """Validate the key of a subframe and process its tags, or store a subframe without a chain for later."""
         by_chain: dict[int, list[SatelliteSubframe]] = {}
         for subframe in message.satellites:
             by_chain.setdefault(self._chain_id(subframe, message.chain_id), []).append(subframe)
@@ -275,7 +276,10 @@ class OsnmaReceiver:
         return keys
 
     def _chain_id(self, subframe: SatelliteSubframe, named: int) -> int:
-        """Return the chain of a subframe's key; the header may be forged, so it only gives the first candidate."""
+        """Return the number of the chain of a subframe's key.
+
+        The header may be forged, so the chain in the header is only the first candidate.
+        """
         if subframe.nma_header is not None:
             named = NmaHeader(subframe.nma_header).chain_id
         for chain in sorted(self._register.chains, key=lambda chain: chain.chain_id != named):
@@ -292,7 +296,7 @@ class OsnmaReceiver:
         valid: ValidatedKey | None,
         proven: Mapping[int, int | None] | None = None,
     ) -> list[ValidatedKey]:
-        """Process the tags of a subframe and a new key; if the header is forged, the proven status is used."""
+        """Process the tags of a subframe and a new key. If the header is forged, the proven status is used."""
         for subframe in subframes:
             mack = parse_mack(subframe, chain.parameters)
             if mack is not None and subframe.content is Content.OSNMA:
@@ -339,7 +343,7 @@ class OsnmaReceiver:
     def _validate(
         self, message: _Message, subframes: Sequence[SatelliteSubframe], chains: Sequence[Chain]
     ) -> tuple[Chain, ValidatedKey | None]:
-        """Return the chain of a subframe's key, and the key; None for the key if no received key chains."""
+        """Return the chain of a subframe's key, and the key; the key is None if no received key is valid."""
         candidates: dict[Key, list[int]] = {}
         for subframe in subframes:
             key = _key_in(subframe, chains[0])
@@ -382,7 +386,7 @@ def _gaps(keys: Sequence[ValidatedKey]) -> tuple[KeyGap, ...]:
 
 
 def _key_in(subframe: SatelliteSubframe, chain: Chain) -> Key | None:
-    """Return the key at the bits that the chain's parameters give; None if any of its pages is missing."""
+    """Return the key of a subframe at the position that the chain gives; None if a page of the key is missing."""
     parameters = chain.parameters
     bits = subframe.mack_bits(parameters.key_start_bit, parameters.key_bits)
     return None if bits is None else Key(time=subframe.time, data=bits.to_bytes(parameters.key_bytes, "big"))

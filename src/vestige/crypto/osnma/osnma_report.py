@@ -26,7 +26,7 @@ class ProblemKind(Enum):
     DISAGREEMENT = "disagreement"  # satellites send different keys for one subframe
     PAGE = "page"
     TIME = "time"  # the time in a navigation word differs from the time of the recording
-    IGNORED = "ignored"  # valid, but not used, or not supported
+    IGNORED = "ignored"  # content that is valid but not used, or that is not supported
 
 
 FAILING = (ProblemKind.ROOT_KEY, ProblemKind.KEY)  # the root key or the chain does not verify
@@ -66,7 +66,7 @@ class ProblemLog:
         return tuple(self._problems)
 
     def forget(self, before: GalileoTime) -> None:
-        """Drop the problems of an earlier time; a dropped problem is not reported again."""
+        """Drop the problems from before a time. `report_once` does not report a dropped problem again."""
         self._problems = [one for one in self._problems if one.time >= before]
 
 
@@ -76,11 +76,11 @@ class RootCheck:
 
     dsm_id: int
     header: NmaHeader
-    kroot: DsmKroot | None  # None if its fields are invalid or not supported
+    kroot: DsmKroot | None  # fields of the DSM-KROOT; None if a field is invalid or not supported
     received_at: GalileoTime  # subframe that completed the DSM-KROOT
     root: RootKey | None  # the root key if signature and padding verify, else None
     on_known_chain: bool = False  # whether the root key belongs to the chain of an earlier root key
-    reason: str = ""  # why the verification failed; "" after a success
+    reason: str = ""  # reason why the verification failed; "" after a success
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,10 +126,12 @@ class TagCounts:
     # tags with a cut-off point other than 0, by kind of data
     by_adkd: Mapping[int, Count] = field(default_factory=dict)
     dummy: int = 0  # tags with cut-off point 0
-    no_data: int = 0  # not counted: the navigation data was not received, or may have changed during a gap
-    no_key: int = 0  # not counted: the later key was not received
-    unsupported: int = 0  # not counted: unknown kind of data
-    data_before: int = 0  # number of `by_adkd` that verify with the data before a change without a new IODnav
+    # unchecked tags whose navigation data was not received, or may have changed during a gap
+    no_data: int = 0
+    no_key: int = 0  # unchecked tags whose key was not received
+    unsupported: int = 0  # unchecked tags with an unknown kind of data
+    # tags of `by_adkd` that verify only with the old data after a change without a new IODnav
+    data_before: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,33 +139,33 @@ class AuthenticatedData:
     """Navigation data of one satellite, verified by tags."""
 
     svid: int
-    adkd: int  # 0 ephemeris, clock and status; 4 timing parameters
+    adkd: int  # kind of data: 0 for ephemeris, clock and status; 4 for timing parameters
     iod_nav: int | None  # issue of data; None for timing parameters
     first: GalileoTime  # first subframe with a verified tag for the data
     last: GalileoTime  # last subframe with a verified tag for the data
-    n_tags: int  # tags that verified
-    tag_bits: int  # total bits of these tags
+    n_tags: int  # number of tags that verified the data
+    tag_bits: int  # total length of the tags that verified the data, in bits
     authenticated: bool  # whether `tag_bits` is large enough
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaReport:
-    """The result of a series of OSNMA pages."""
+    """The result of the verification of a series of OSNMA pages."""
 
     first: GalileoTime | None  # start of the first used page; None without pages
     last: GalileoTime | None  # start of the last used page
     n_pages: int  # number of given pages
-    n_crc_failures: int  # pages with a wrong checksum
-    n_alert_pages: int  # pages without word and OSNMA
+    n_crc_failures: int  # number of pages with a wrong checksum
+    n_alert_pages: int  # number of alert pages, which have no navigation word and no OSNMA
     pages: Mapping[PageStatus, int]  # number of the other pages by status
-    n_missing_pages: int  # lost pages of subframes with at least one received page
+    n_missing_pages: int  # number of lost pages in subframes with at least one received page
     subframes: Mapping[Content, int]  # number of subframes of satellites by content
     satellites: tuple[int, ...]  # satellites with at least one page
     osnma_satellites: tuple[int, ...]  # satellites that send OSNMA
     time_stamps: Count  # navigation words with a time; a word verifies if its time is the time of the recording
     roots: tuple[RootCheck, ...]
     keys: tuple[ValidatedKey, ...]  # validated keys in time order
-    withheld: tuple[WithheldKey, ...]  # keys that chain but have the status "don't use", signed or unsigned
+    withheld: tuple[WithheldKey, ...]  # valid keys that must not be used because of a signed or unsigned status
     alerts: tuple[GalileoTime, ...]  # subframes in which an alert message was verified
     chain_steps: Count  # keys after the first key; a key verifies if it chains to earlier validated keys
     tags: TagCounts
@@ -175,7 +177,7 @@ class OsnmaReport:
 
     @property
     def broadcast_keys(self) -> tuple[PublicKey, ...]:
-        """Public keys from a DSM-PKR that the Merkle tree verifies and that verify root keys."""
+        """Public keys from DSM-PKRs that lead to the root of the Merkle tree and that verified root keys."""
         return tuple(dict.fromkeys(root.public_key for root in self.verified_roots if root.public_key.message))
 
     @property
@@ -199,7 +201,7 @@ class OsnmaReport:
     def raise_if_failed(self) -> None:
         """Check that the root key and the chain verify.
 
-        Raises `AuthenticationError` with the first reason if either does not verify.
+        Raises `AuthenticationError` with the first reason if the root key or the chain does not verify.
         """
         failures = self.failures
         if failures:

@@ -18,7 +18,7 @@ class PageIntake:
     def __init__(self, problems: ProblemLog) -> None:
         self._problems = problems
         self._assembler = SubframeAssembler()
-        self.counts: Counter[str] = Counter()  # "pages", "crc", "alert", "missing"
+        self.counts: Counter[str] = Counter()  # counts with the names "pages", "crc", "alert" and "missing"
         self.statuses: Counter[PageStatus] = Counter()
         self.contents: Counter[Content] = Counter()
         self.stamps = [0, 0]  # numbers of navigation words with the time of the recording, and with another time
@@ -28,7 +28,7 @@ class PageIntake:
         self.last: GalileoTime | None = None
 
     def add(self, page: InavPage) -> tuple[Epoch, ...]:
-        """Return the subframes that a page closes, oldest first."""
+        """Add a page, and return the subframes that the page closes, oldest first."""
         self.counts["pages"] += 1
         if not page.crc_ok:
             self.counts["crc"] += 1
@@ -48,7 +48,7 @@ class PageIntake:
         return self._counted(epochs)
 
     def flush(self) -> tuple[Epoch, ...]:
-        """Return the subframes that are still open at the end of the pages, oldest first."""
+        """Return the subframes that are still open after the last page, oldest first."""
         return self._counted(self._assembler.flush())
 
     def _counted(self, epochs: Iterable[Epoch]) -> tuple[Epoch, ...]:

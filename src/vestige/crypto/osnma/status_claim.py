@@ -1,8 +1,8 @@
 """Decide from the tags of the same subframe whether a satellite's unsigned "don't use" is true.
 
-If a forged header withheld a key for good, each forged header would cost the receiver a key. But every tag also covers
-the status in the header [OSNMA-ICD, 6.7], and the key of the next subframe verifies the tags. If a tag verifies with
-"test" or "operational", the satellite sent that status, and the header is forged. The key is then only 30 s late.
+Without this decision, the receiver would lose a key with each forged header. But every tag also covers the status in
+the header [OSNMA-ICD, 6.7], and the key of the next subframe verifies the tags. If a tag verifies with
+"test" or "operational", the satellite sent this status, and the header is forged. The key is then only 30 s late.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Verify tags and MACSEQ fields when their keys arrive, and record the navigation data that they prove."""
+"""Verify tags and MACSEQ fields when their keys arrive, and record the navigation data that the tags prove."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vestige.crypto.osnma.osnma_report import AuthenticatedData, Count, ProblemK
 from vestige.errors import UnsupportedError
 from vestige.time import GalileoTime
 
-MAX_RECOVERY_S = 86_400  # our limit: older lost keys are not computed to verify old tags
+MAX_RECOVERY_S = 86_400  # our limit for the age of a lost key that is computed from a later key to verify old tags
 
 
 @dataclass(slots=True)
@@ -37,7 +37,7 @@ class _Check:
 
 
 class TagVerifier:
-    """Verifier of tags, which wait for their keys."""
+    """Verifier that stores tags until their keys arrive, and then checks the tags."""
 
     def __init__(self, problems: ProblemLog) -> None:
         self._problems = problems
@@ -50,7 +50,7 @@ class TagVerifier:
         self._unsupported: set[str] = set()
 
     def add(self, mack: Mack, chain: Chain, navigation: Mapping[int, NavigationWords]) -> None:
-        """Add the tags of one satellite and subframe; `navigation` has the words received before the subframe."""
+        """Add the tags of one satellite and subframe. `navigation` has the words received before the subframe."""
         try:
             row = slots(chain.parameters, mack.time)
         except UnsupportedError as error:
@@ -72,7 +72,7 @@ class TagVerifier:
                 self._wait(chain, mack.time.gst_seconds + tag.key_delay_s, _Check(message, tag, data))
 
     def key_arrived(self, chain: Chain, time: GalileoTime) -> None:
-        """Do all checks whose key is now known; lost keys before `time` follow from the key of `time`."""
+        """Do all checks whose key is now known. Lost keys before `time` follow from the key of `time`."""
         pending = self._pending.get(chain, {})
         now = time.gst_seconds
         for due in sorted(key_time for key_time in pending if now - MAX_RECOVERY_S <= key_time <= now):
@@ -81,7 +81,7 @@ class TagVerifier:
                 self._do(check, key, chain)
 
     def counts(self) -> TagCounts:
-        """Return the counts; checks whose key has not arrived count as `no_key`."""
+        """Return the counts. Tags whose key has not arrived count as `no_key`."""
         waiting = [check for times in self._pending.values() for checks in times.values() for check in checks]
         return TagCounts(
             macseq=Count(*self._macseq),
@@ -98,7 +98,7 @@ class TagVerifier:
         return tuple(sorted(self._proven.values(), key=lambda data: (data.svid, data.adkd, data.first)))
 
     def forget(self, before: GalileoTime) -> None:
-        """Drop navigation data that was last verified before a time, and checks whose key should have come by then."""
+        """Drop navigation data that was last verified before a time, and checks whose key was due before this time."""
         limit = before.gst_seconds
         self._proven = {place: data for place, data in self._proven.items() if data.last >= before}
         for pending in self._pending.values():

@@ -1,1 +1,1 @@
-"""Files that the SAS service publishes: RECS, group delays, signatures."""
+"""Files that the service (ACAS or SAS) publishes: RECS, group delays, signatures."""

@@ -1,14 +1,15 @@
-"""Signatures of assistance files, which prove the origin of a RECS or BGD file.
+"""Verify the signatures of assistance files, which prove the origin of a RECS or BGD file.
 
-A server writes `<file>_KN.pXXX` beside each file: KN is the number of its certificate (01, 02 …) and pXXX the curve
-(p256, p384, p521) [SASLIB]. After a key's disclosure anybody can make a RECS that decrypts to chosen chips. So only the
-signature proves the origin of a RECS that was downloaded after the disclosure.
+A server writes a signature file `<file>_KN.pXXX` beside each file [SASLIB]. KN is the number of the server's
+certificate (01, 02 …), and pXXX is the curve (p256, p384, p521). After a key's disclosure anybody can make a RECS that
+decrypts to chosen chips. So only the signature proves the origin of a RECS that was downloaded after the disclosure.
 
-Assumptions, since neither the signed bytes nor the certificate chain are public:
+Neither the signed bytes nor the certificate chain are public. So vestige makes these assumptions:
 
-* ECDSA over the whole file, with the hash that FIPS 186-5 pairs with the curve (SHA-256, SHA-384, SHA-512).
-* The signature is the DER of X9.62, or r || s at the curve's length. vestige reads both.
-* The user has checked the certificates: vestige does not check their chain, purpose and period of validity.
+* The algorithm is ECDSA over the whole file, with the hash that FIPS 186-5 pairs with the curve (SHA-256, SHA-384,
+  SHA-512).
+* The signature is the DER of X9.62, or r || s at the curve's length. vestige reads both forms.
+* The user has checked the certificates. vestige does not check their chain, purpose and period of validity.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from vestige.errors import AuthenticationError, InputFileError
 
 _NAME = re.compile(r"(?P<signed>.+)_\d{2}\.(?:p256|p384|p521)", re.ASCII | re.DOTALL)
 
-# suffix -> hash [FIPS 186-5] and bytes of r and of s [SEC 2]
+# suffix -> hash [FIPS 186-5], and length of r and of s in bytes [SEC 2]
 _CURVES: dict[str, tuple[hashes.HashAlgorithm, int]] = {
     "p256": (hashes.SHA256(), 32),
     "p384": (hashes.SHA384(), 48),
@@ -65,12 +66,12 @@ def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
 def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
     """Return the public key in a PEM public key file or an X.509 certificate (PEM or DER).
 
-    Raises `InputFileError` if the file is neither, or its key is not on P-256, P-384 or P-521.
+    Raises `InputFileError` if the file has another form, or its key is not on P-256, P-384 or P-521.
     """
     data = read_bytes(path, at_most=_LONGEST_CERTIFICATE)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", CryptographyDeprecationWarning)  # concerns fields that are not used here
+            warnings.simplefilter("ignore", CryptographyDeprecationWarning)  # for fields that are not used here
             if b"-----BEGIN PUBLIC KEY-----" in data:
                 key = load_pem_public_key(data)
             elif b"-----BEGIN" in data:
@@ -91,10 +92,10 @@ def verify_data(
 ) -> SignatureStatus:
     """Return whether the signatures of a file prove the origin of its `data`.
 
-    A single signature that verifies with any key that the user trusts is enough. Messages name `path`.
+    A single signature that verifies with any key that the user trusts is enough. Error messages name `path`.
 
-    Raises `AuthenticationError` if there are signatures of a curve for which a key is given, and none of them verifies.
-    Raises `InputFileError` if a signature cannot be read.
+    Raises `AuthenticationError` if a key for the curve of a signature is given, but no signature verifies. Raises
+    `InputFileError` if a signature cannot be read.
     """
     if not signatures:
         return SignatureStatus.NOT_SIGNED
@@ -116,7 +117,7 @@ def verify_data(
 def _verifies(key: ec.EllipticCurvePublicKey, curve: str, signature: bytes, data: bytes) -> bool:
     algorithm, size = _CURVES[curve]
     forms = [signature]
-    if len(signature) == 2 * size:  # r || s has this length; a DER signature rarely has it too
+    if len(signature) == 2 * size:  # length of r || s; a DER signature rarely has this length
         r, s = (int.from_bytes(half, "big") for half in (signature[:size], signature[size:]))
         forms.append(encode_dss_signature(r, s))
     for form in forms:

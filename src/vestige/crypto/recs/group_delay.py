@@ -1,17 +1,18 @@
 """Broadcast group delays between E1 and E6: the BGD file, and the effect of a value on the range.
 
-Each satellite's payload delays its carriers differently. T_R is the group delay of a carrier; a larger T_R means a
+Each satellite's payload delays its carriers differently. T_R is the group delay of a carrier, and a larger T_R means a
 later carrier. The open service defines [OS-ICD, 5.1.5]::
 
     BGD(E1,E6)  = (T_R1 − T_R6) / (1 − γ),        γ = (f1/f6)² = (154/125)²
     T_R6 − T_R1 = (γ − 1) · BGD(E1,E6)                                            positive: E6 arrives later
 
-so that BGD and ionosphere scale alike: P6 − P1 = (γ − 1) · (I1 + c · BGD) + receiver hardware + multipath. The public
-reference receiver instead adds the value of the file without the factor, which is 1/0.518 times as much [SASLIB]. The
-convention of the service is not public. `GroupDelayConvention` selects the convention for simulator and processor.
+So BGD and ionosphere have the same factor: P6 − P1 = (γ − 1) · (I1 + c · BGD) + receiver hardware + multipath. The
+public reference receiver instead adds the value of the file without the factor (γ − 1), so the delay is 1/0.518 times
+as large [SASLIB]. The convention of the service is not public. `GroupDelayConvention` selects the convention for
+simulator and processor.
 
-The layout of the file is known only from a reading program that others derived from examples [SASLIB]. Only this module
-contains this layout::
+The layout of the file is known only from a public program that reads BGD files [SASLIB]. The authors of the program
+derived the layout from examples. Only this module contains this layout::
 
     byte  length  content
     0     4       provider, ASCII
@@ -54,14 +55,14 @@ BGD_INTERFACE_VERSION = 1  # the only known version [SASLIB]
 
 _HEADER = struct.Struct(">4s B H 3s 6s 20s 36s")
 _FILLING = b"\x12" * 36
-_SHORTEST_BYTES = 72 + 2 * 30  # known part of the file
+_SHORTEST_BYTES = 72 + 2 * 30  # length of the known part of the file
 _TYPICAL_BYTES = 191
-MAX_GROUP_DELAY_FILE_BYTES = 1 << 16  # far more than any file of this layout
+MAX_GROUP_DELAY_FILE_BYTES = 1 << 16  # upper limit, far above the size of any file of this layout
 _RAW = range(-512, 512)  # the field has 10 bits in the navigation message [OS-ICD, 5.1.5]
 
 
 class GroupDelayScale(Enum):
-    """Factor from a BGD value to the delay of E6 against E1: γ − 1 [OS-ICD, 5.1.5] or 1 [SASLIB]."""
+    """Delay of E6 after E1 divided by the BGD value: γ − 1 [OS-ICD, 5.1.5] or 1 [SASLIB]."""
 
     OS_ICD = "os-icd"
     FILE_VALUE = "file-value"
@@ -77,7 +78,7 @@ class GroupDelayConvention:
     Attributes
     ----------
     scale
-        Factor between BGD and the delay of E6 against E1.
+        Delay of E6 after E1 divided by the BGD value, without sign.
     sign
         +1 if a larger BGD makes E6 later, −1 if it makes E6 earlier.
     """
@@ -103,27 +104,27 @@ def inter_frequency_delay_s(bgd_s: float, convention: GroupDelayConvention = OS_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupDelayFile:
-    """A BGD file."""
+    """The content of a BGD file."""
 
-    provider: str  # four letters or digits
-    valid_from: GalileoTime  # time in the header, whole deciseconds
+    provider: str  # provider of the file, four letters or digits
+    valid_from: GalileoTime  # time in the header in whole deciseconds
     delays: tuple[GroupDelay, ...]  # values of the satellites in the mask, in ascending order of SVID
     validity: bytes = bytes(6)  # 6 bytes of unknown meaning, kept for writing
 
     @property
     def name(self) -> str:
-        """Name that vestige gives the file, after the pattern of a unitary RECS; the service's pattern is unknown."""
+        """Name of the file in the pattern of a unitary RECS, because the pattern of the service is unknown."""
         return f"{self.provider}{BGD_INTERFACE_VERSION:02d}_{format_time_code(self.valid_from)}.BGD"
 
 
 def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
-    """Return the BGD file from its content `data`; `path` is for error messages.
+    """Return the BGD file whose content is `data`. Error messages name `path`.
 
     `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without `reference` the week
     is 0 to 4095.
 
-    Raises `InputFileError` if the file does not have the layout above, or a value is beyond the range ± 119 ns of the
-    field. Raises `UnsupportedError` if the interface version is unknown.
+    Raises `InputFileError` if the file does not have the layout of this module, or a value is beyond the range ± 119 ns
+    of the field. Raises `UnsupportedError` if the interface version is unknown.
     """
     if len(data) < _SHORTEST_BYTES:
         raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_SHORTEST_BYTES} bytes")
@@ -152,7 +153,7 @@ def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | 
 
 
 def serialize_group_delay_file(file: GroupDelayFile) -> bytes:
-    """Return the bytes of a BGD file, values rounded to 2⁻³² s.
+    """Return the bytes of a BGD file with values rounded to 2⁻³² s.
 
     Raises `ValueError` if a field does not fit the format.
     """
@@ -183,7 +184,7 @@ def serialize_group_delay_file(file: GroupDelayFile) -> bytes:
 
 
 def write_group_delay_file(delays: Sequence[GroupDelay], folder: Path) -> Path:
-    """Write the values of one time as a BGD file into `folder` and return its path."""
+    """Write the values of one time as a BGD file into `folder`, and return the path of the file."""
     ordered = tuple(sorted(delays, key=lambda delay: delay.svid))
     if len({delay.valid_from for delay in ordered}) != 1:
         raise ValueError("a BGD file holds one or more values, all valid from one time")

@@ -1,11 +1,11 @@
 """Read and write RECS files bit for bit, as the assistance server publishes them.
 
-RECS files have two kinds. An *aggregated* file has the RECS of one satellite at equal intervals: a 25-byte header, then
-the bodies one after the other. A *unitary* file has a single RECS behind a 16-byte header. All numbers are big endian,
-and times count deciseconds. The kind of a file follows from its content, not from its name. A name in the form of
-`vestige.crypto.recs.recs_name` must agree with the header.
+There are two kinds of RECS files. An *aggregated* file has the RECS of one satellite at equal intervals. The file has a
+25-byte header, then the encrypted chips (the bodies) of all RECS. A *unitary* file has a single RECS behind a 16-byte
+header. All numbers are big endian, and times count deciseconds. The kind of a file follows from its content, not from
+its name. A name in the form of `vestige.crypto.recs.recs_name` must agree with the header.
 
-Assumptions, since the service's interface document is not public [SASLIB]:
+The service's interface document is not public, so vestige makes these assumptions [SASLIB]:
 
 * An aggregated body has a RECS at tSTART + i · RTBA for every i with i · RTBA < tDur.
 * WN is the full week in the aggregated header (16 bits) and the week modulo 4096 in the unitary header (12 bits).
@@ -39,11 +39,13 @@ from vestige.time import GalileoTime
 RECS_INTERFACE_VERSION = 1  # the only known version [SASLIB]
 MAX_PERIOD_DS = (1 << 16) - 1  # RTBA has 16 bits [SASLIB]
 MAX_DURATION_DS = (1 << 24) - 1  # tDur has 24 bits [SASLIB]
-MAX_RECS_FILE_BYTES = 25 + 86_400 * max(length.n_bytes for length in LENGTHS)  # a day of the longest RECS, one a second
+# size of a file with the longest RECS in every second of a day
+MAX_RECS_FILE_BYTES = 25 + 86_400 * max(length.n_bytes for length in LENGTHS)
 
 # The fields are Provider, IntV, reserved, WN, ATOW, tDur, SVID, KDI, RAND, NChip, RTBA and FileVersion [SASLIB].
 _AGGREGATED = struct.Struct(">8s B B H 3s 3s B B B B H B")
-# Provider, IntV, reserved (4 bits) with WN (12 bits), ATOW, SVID, KDI, RAND, FileVersion, HeaderLength [SASLIB].
+# The fields are Provider, IntV, reserved (4 bits) with WN (12 bits), ATOW, SVID, KDI, RAND, FileVersion and
+# HeaderLength [SASLIB].
 _UNITARY = struct.Struct(">4s B H 3s B B B B H")
 
 _PROVIDER = re.compile(rb"[A-Za-z0-9]+")  # the provider becomes part of a file name
@@ -63,11 +65,11 @@ class RecsFile:
     Attributes
     ----------
     provider
-        Letters and digits; four in a unitary file, up to eight in an aggregated file.
+        Four letters or digits in a unitary file, up to eight letters or digits in an aggregated file.
     start
         Time of transmission of the first RECS, with the full week.
     svid
-        Satellite, 1 to 36.
+        SVID of the satellite, 1 to 36.
     key_delay
         KDI, 0 or 1.
     random_offset
@@ -75,13 +77,14 @@ class RecsFile:
     n_chip_code
         Index into `vestige.crypto.recs.recs_segment.LENGTHS`.
     body
-        The bodies, one after the other.
+        Encrypted chips of all RECS, in the order of time.
     duration_ds
         tDur, the time that the file covers, in ds; 0 for a unitary file.
     period_ds
         RTBA, the time between two RECS, in ds; 0 for a unitary file.
     reserved
-        Reserved bits, 8 in an aggregated and 4 in a unitary header; kept so that a file is written unchanged.
+        Reserved bits, 8 bits in an aggregated header and 4 bits in a unitary header. The reserved bits are kept so that
+        a file is written unchanged.
     """
 
     kind: RecsFileKind
@@ -100,7 +103,7 @@ class RecsFile:
 
     @property
     def name(self) -> RecsName:
-        """The file's name; `str` gives the text. A fraction of a second of tDur does not fit and is dropped."""
+        """Name of the file, in which tDur is rounded down to whole seconds. `str` returns the text of the name."""
         aggregated = self.kind is RecsFileKind.AGGREGATED
         return RecsName(
             start=self.start,
@@ -122,7 +125,7 @@ class RecsFile:
 
     @property
     def segments(self) -> tuple[EncryptedSegment, ...]:
-        """The RECS in the order of time; times after the week's end are in the next week."""
+        """The RECS in the order of time. Times after the end of the week are in the next week."""
         length, first = LENGTHS[self.n_chip_code], deciseconds_of_week(self.start)
         times = (time_of_deciseconds(self.start.week, first + i * self.period_ds) for i in range(self.n_segments))
         return tuple(
@@ -148,7 +151,7 @@ def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsF
     Parameters
     ----------
     path
-        The file. If the file's name has the form of a RECS name, the name must agree with the header.
+        File to read. If the file's name has the form of a RECS name, the name must agree with the header.
     reference
         A time within ± 2048 weeks (39 years) of the RECS, which resolves the 12-bit week of a unitary file. If None,
         the file name resolves the week. Without a RECS name the week is taken as 0 to 4095, which is right until 2078.
@@ -175,7 +178,7 @@ def parse_recs_file(data: bytes, path: Path, *, reference: GalileoTime | None = 
 
 
 def has_recs_header(head: bytes) -> bool:
-    """Return whether a file that begins with `head` looks like a RECS file; 25 bytes are enough."""
+    """Return whether a file that begins with `head`, at least 25 bytes, looks like a RECS file."""
     if len(head) < _AGGREGATED.size:
         return False
     if head[4] == RECS_INTERFACE_VERSION:
@@ -213,7 +216,7 @@ def write_recs_file(file: RecsFile, folder: Path) -> Path:
 
 
 def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX") -> RecsFile:
-    """Return the file with `segments`: unitary for a single RECS, aggregated for several at equal intervals.
+    """Return the file with `segments`: unitary for a single RECS, aggregated for several RECS at equal intervals.
 
     Raises `ValueError` if the segments differ in satellite, length, KDI or RAND, or are not at equal intervals of whole
     deciseconds.
@@ -239,7 +242,7 @@ def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX
 
 
 def resolve_week(week: int, reference: GalileoTime | None) -> int:
-    """Return the full week of a 12-bit week, nearest to `reference`; without `reference`, return the 12-bit week."""
+    """Return the full week of a 12-bit week nearest to `reference`. Without `reference`, return the 12-bit week."""
     if reference is None:
         return week
     half = WEEK_MODULUS // 2

@@ -5,9 +5,9 @@
 | unitary | `XXXXII_YYDDDHHMMSSS_ss_K_R_VV.RCS` | `GSCX01_251551107160_14_0_0_01.RCS` |
 | aggregated | `II_YYDDDHHMMSSS_tdur_rtba_ss_K_R_N_VV.bin` | `01_253540000000_000600_00300_14_0_0_3_01.bin` |
 
-XXXX provider, II interface version, YYDDDHHMMSSS start (year, day of year, hour, minute, *deciseconds* of the minute;
-GST calendar), ss SVID, K KDI, R RAND, N NChip, VV file version, tdur in whole *seconds* and rtba in *deciseconds*. The
-header has both in deciseconds.
+XXXX is the provider, II the interface version, ss the SVID, K the KDI, R RAND, N NChip, and VV the file version.
+YYDDDHHMMSSS is the start in the GST calendar: year, day of year, hour, minute, *deciseconds* of the minute. A name has
+tdur in whole *seconds* and rtba in *deciseconds*. The header of a file has tdur and rtba in deciseconds.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ _TIME_CODE = re.compile(r"(\d{2})(\d{3})(\d{2})(\d{2})(\d{3})", re.ASCII)
 class RecsName:
     """Fields of the name of a RECS file."""
 
-    start: GalileoTime  # transmission of the first RECS, a whole number of deciseconds
+    start: GalileoTime  # time of transmission of the first RECS, a whole number of deciseconds
     svid: int
     key_delay: int
     random_offset: int
     provider: str = ""  # four characters in unitary names; empty for an aggregated file
-    duration_s: int = 0  # tDur; only in aggregated names
-    period_ds: int = 0  # RTBA; only in aggregated names
-    n_chip_code: int = 0  # NChip; only in aggregated names
+    duration_s: int = 0  # tDur in s, only in aggregated names
+    period_ds: int = 0  # RTBA in ds, only in aggregated names
+    n_chip_code: int = 0  # NChip, only in aggregated names
     interface_version: int = 1
     file_version: int = 1
 
@@ -66,7 +66,7 @@ class RecsName:
 def parse_name(name: str) -> RecsName | None:
     """Return the fields of the file name; None if the name does not have the form of a RECS name (a renamed file).
 
-    Raises `InputFileError` if the name has the form but its date does not exist.
+    Raises `InputFileError` if the name has the form of a RECS name, but its date does not exist.
     """
     match = _UNITARY.fullmatch(name) or _AGGREGATED.fullmatch(name)
     if match is None:
@@ -86,15 +86,15 @@ def format_time_code(time: GalileoTime) -> str:
     """Return `YYDDDHHMMSSS` of a time: year, day of year, hour, minute, deciseconds of the minute, in GST."""
     exact = time_of_deciseconds(
         time.week, deciseconds_of_week(time)
-    )  # a float fraction may lie just below its decisecond
+    )  # a float fraction may be slightly below a whole decisecond
     moment = exact.calendar
     return f"{moment:%y%j%H%M}{10 * moment.second + round(10 * exact.fraction):03d}"
 
 
 def parse_time_code(text: str) -> GalileoTime:
-    """Return the time of `YYDDDHHMMSSS`; year 99 is 1999, and years 00 to 98 are 2000 to 2098.
+    """Return the time of `YYDDDHHMMSSS`. Year 99 is 1999, and years 00 to 98 are 2000 to 2098.
 
-    Raises `ValueError` if there is no such date or time.
+    Raises `ValueError` if the date or the time does not exist.
     """
     match = _TIME_CODE.fullmatch(text)
     if match is None:
@@ -109,7 +109,9 @@ def parse_time_code(text: str) -> GalileoTime:
 
 
 def deciseconds_of_week(time: GalileoTime) -> int:
-    """Return the time of week in deciseconds, as RECS files count; 6,048,000 just before the end of a week.
+    """Return the time of week in deciseconds, the unit of RECS files, 0 to 6,048,000.
+
+    A time less than 1 ns before the end of a week gives 6,048,000.
 
     Raises `ValueError` if the time is not a whole number of deciseconds (to 1 ns).
     """

@@ -34,16 +34,16 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey, is_validated
 
-WEEK_MODULUS = 4096  # 12-bit week of GST_SF and of the unitary header [SASLIB]
-AES_BLOCK_BYTES = 16  # AES
+WEEK_MODULUS = 4096  # GST_SF and the unitary header have the week modulo this number [SASLIB]
+AES_BLOCK_BYTES = 16
 
 
 class CipherMode(Enum):
     """Mode of operation of AES-256.
 
-    The assumed mode is CBC. The two public sources disagree: the text names CTR, the code uses CBC. Two facts support
-    CBC. Bodies are padded to whole AES blocks, which CTR would not need, and the code is reported to have worked on the
-    signal in space. CTR would use the IV as its first counter block. The wrong mode gives noise, never a wrong
+    The assumed mode is CBC. The two public sources disagree: the text names CTR, but the code uses CBC. Two facts
+    support CBC. Bodies are padded to whole AES blocks, which CTR would not need. The code is reported to have worked on
+    the signal in space. CTR would use the IV as its first counter block. The wrong mode gives noise, never a wrong
     correlation peak [SASLIB].
     """
 
@@ -65,7 +65,7 @@ class SegmentLength:
         return self.duration_ms * E6C.code_length
 
 
-# [SASLIB]; the padding of the bodies to AES blocks is inferred, and exact for all five lengths.
+# The lengths are from [SASLIB]. The padding of the bodies to AES blocks is inferred, and is exact for all five lengths.
 LENGTHS = (
     SegmentLength(code=0, duration_ms=1, n_bytes=640),
     SegmentLength(code=1, duration_ms=2, n_bytes=1_280),
@@ -112,7 +112,7 @@ def initialization_vector(gst_sf: GalileoTime, random_offset: int) -> bytes:
 def encrypt_body(
     ecs: bytes, key_data: bytes, gst_sf: GalileoTime, random_offset: int = 0, mode: CipherMode = CipherMode.CBC
 ) -> bytes:
-    """Return the RECS body of the packed code sequence `ecs` of whole AES blocks; see `decrypt_body`."""
+    """Return the RECS body of the packed code sequence `ecs` of whole AES blocks. See `decrypt_body`."""
     return _through(_cipher(key_data, gst_sf, random_offset, mode).encryptor(), ecs)
 
 
@@ -139,7 +139,7 @@ def encrypt(
 ) -> EncryptedSegment:
     """Return the RECS that a server publishes for `chips`: the inverse of `decrypt`, with zero bits as padding.
 
-    `chips` are 1, 2, 4, 8 or 16 ms of E6-C. `key_data` is the key of the subframe that `key_time` gives; the server
+    `chips` are 1, 2, 4, 8 or 16 ms of E6-C. `key_data` is the key of the subframe that `key_time` gives. The server
     knows the key before its disclosure.
     """
     length = LENGTH_BY_CHIPS.get(chips.n_chips)
@@ -193,7 +193,7 @@ def _cipher(key_data: bytes, gst_sf: GalileoTime, random_offset: int, mode: Ciph
 
 
 def _through(context: CipherContext, data: bytes) -> bytes:
-    # CTR would accept any length; a RECS has whole blocks in either mode.
+    # CTR would accept any length, but a RECS has whole AES blocks in either mode.
     if len(data) % AES_BLOCK_BYTES:
         raise ValueError(f"{len(data)} bytes are not whole AES blocks")
     return context.update(data) + context.finalize()

@@ -1,7 +1,8 @@
 """Encode and decode the almanac: coarse orbits in words 7 to 10, three satellites in a set [OS-ICD, 5.1.10].
 
 The almanac shows a receiver which satellites are in view. The positions of the almanac have errors of some kilometres.
-Satellites whose orbit does not fit into the fields, such as the two in eccentric orbits, are not in the almanac.
+Satellites whose orbit does not fit into the fields are not in the almanac, such as the two satellites in eccentric
+orbits.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _WEEKS = 1 << WORD_LAYOUTS[7].by_name["almanac_week"].length
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlmanacEntry:
-    """Almanac of one satellite; SVID 0 is an empty entry.
+    """Almanac of one satellite. SVID 0 means an empty entry.
 
     Attributes
     ----------
@@ -36,15 +37,15 @@ class AlmanacEntry:
     eccentricity
         Eccentricity e.
     omega_rad, omega0_rad, m0_rad
-        Argument of perigee, longitude of the node at the start of the week of t0a, mean anomaly at t0a.
+        Argument of perigee, longitude of the node at the start of the week of t0a, and mean anomaly at t0a.
     delta_i_rad
         Inclination minus 56°.
     omega_dot_radps
-        Rate of the node.
+        Rate of the longitude of the node.
     af0_s, af1
         Clock offset and drift at t0a.
     e5b_health, e1b_health
-        Signal status, 0 is OK.
+        Status of the signals E5b and E1-B; 0 is OK.
     """
 
     svid: int = 0
@@ -132,7 +133,7 @@ class AlmanacSet:
     t0a
         Time to which the entries refer, a multiple of 600 s.
     entries
-        Entries of one to three satellites; the remaining entries of the words are sent empty.
+        Entries of one to three satellites. The remaining entries of the words are sent empty.
     gps_time
         Offset between Galileo and GPS time in word 10; None without an offset.
     """
@@ -179,7 +180,8 @@ class AlmanacSet:
         words
             Word type -> word of 128 bits.
         received
-            Time of reception, which resolves the week of t0a: two weeks before reception to one week after.
+            Time of reception, which resolves the week of t0a. The week is between two weeks before and one week after
+            the week of reception.
         """
         if any(kind not in words for kind in ALMANAC_WORDS):
             return None
@@ -202,7 +204,9 @@ class AlmanacSet:
 def almanac_sets(
     ephemerides: Sequence[Ephemeris], t0a: GalileoTime, *, issue: int = 0, gps_time: GpsTimeOffset | None = None
 ) -> tuple[AlmanacSet, ...]:
-    """Return the almanac of a constellation, three satellites a set; satellites that do not fit are left out.
+    """Return the almanac of a constellation, with three satellites in a set.
+
+    Satellites whose orbit does not fit into the fields are left out.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Bit fields of a message, the rows of the tables for encoder and decoder.
+"""Tables of the bit fields of a message, for encoder and decoder.
 
 A `BitLayout` lists the fields of a word or page in the order of transmission, as the tables of the interface document
 do. Bit 0 is the first bit sent, which is the most significant bit of the message as an integer.
@@ -24,7 +24,7 @@ class BitField:
     name
         Name of the field, unique in its layout.
     start
-        First bit, counted from 0.
+        Index of the first bit, counted from 0.
     length
         Number of bits.
     signed
@@ -34,7 +34,7 @@ class BitField:
     unit
         Unit of the physical value, empty for a plain number.
     fill
-        Default raw value of the field; satellites fill spare bits with a pattern.
+        Default raw value of the field, such as the pattern of spare bits; None without a default.
     """
 
     name: str
@@ -56,7 +56,7 @@ class BitField:
         return self.unit == "rad" and math.isclose(self.scale * (1 << self.length), _TURN_RAD, rel_tol=1e-12)
 
     def physical(self, raw: int) -> float:
-        """Return the physical value of a raw integer in `unit`; a plain number stays an integer.
+        """Return the physical value of a raw integer in `unit`. A plain number stays an integer.
 
         Parameters
         ----------
@@ -71,7 +71,7 @@ class BitField:
         Parameters
         ----------
         value
-            Physical value in `unit`; an angle of a cyclic field may be of any size.
+            Physical value in `unit`. An angle of a cyclic field may be of any size.
 
         Returns
         -------
@@ -109,7 +109,7 @@ class BitLayout:
     Parameters
     ----------
     total_bits
-        Length of the word or page; the lengths of the fields must add up to this length.
+        Length of the word or page. The lengths of the fields must add up to this length.
     fields
         Fields in the order of transmission.
     """
@@ -136,7 +136,7 @@ class BitLayout:
         bits
             The whole message, `total_bits` long.
         name
-            The field.
+            Name of the field.
         """
         one = self.by_name[name]
         raw = (bits >> (self.total_bits - one.start - one.length)) & ((1 << one.length) - 1)
@@ -153,17 +153,17 @@ class BitLayout:
         return {name: self.read(bits, name) for name in self.by_name}
 
     def pack(self, raw: Mapping[str, int]) -> int:
-        """Return the message with the given raw integers; the reverse of `unpack`.
+        """Return the message with the given raw integers. The function is the inverse of `unpack`.
 
         Parameters
         ----------
         raw
-            Field name -> raw integer. A missing field takes its fill.
+            Field name -> raw integer. A missing field gets its `fill`.
 
         Raises
         ------
         ValueError
-            If a field is unknown, has neither value nor fill, or its value does not fit.
+            If a field is unknown, a field has neither value nor `fill`, or a value does not fit.
         """
         unknown = set(raw) - set(self.by_name)
         if unknown:

@@ -1,4 +1,4 @@
-"""The checksum of Galileo pages: CRC-24Q [OS-ICD, 5.1.9.4]."""
+"""Compute CRC-24Q, the checksum of Galileo pages [OS-ICD, 5.1.9.4]."""
 
 from __future__ import annotations
 
@@ -21,12 +21,14 @@ _CRC_TABLE = _crc_table()
 
 
 def crc_24q(data: bytes) -> int:
-    """Return the CRC-24Q checksum of `data` [OS-ICD, 5.1.9.4]; zero bits in front do not change the checksum.
+    """Return the CRC-24Q checksum of `data` [OS-ICD, 5.1.9.4].
+
+    Zero bits before the data do not change the checksum.
 
     Parameters
     ----------
     data
-        Any number of bytes. If the bits are not whole bytes, they are right-aligned behind zeros.
+        Any number of bytes. If the bits are not whole bytes, zero bits come before the first bit.
 
     Examples
     --------

@@ -2,7 +2,7 @@
 
 A toe or toc in the message counts minutes of a week that the message does not name. The decoder uses the week that
 gives the time nearest to reception. Encoding a decoded ephemeris gives the same bits. Other ephemerides are rounded to
-the steps of the message: `as_broadcast` returns the ephemeris that a receiver then decodes.
+the steps of the message. `as_broadcast` returns the ephemeris that a receiver decodes after this rounding.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from vestige.time import GalileoTime
 
 STATUS_WORD = 5
 WEEKS = 1 << WORD_LAYOUTS[STATUS_WORD].by_name["week"].length  # the week is sent modulo this number
-_MINUTE_S = 60  # last bit of toe and toc
-# first index of each range of the SISA, its value in m, and the step [OS-ICD, SISA]
+_MINUTE_S = 60  # value of the last bit of toe and toc
+# first index of each range of the SISA, value at this index in m, and step in m [OS-ICD, SISA]
 _SISA_RANGES = ((0, 0.0, 0.01), (50, 0.5, 0.02), (75, 1.0, 0.04), (100, 2.0, 0.16))
 _SISA_END, _NO_ACCURACY_INDEX = 126, 255
 
@@ -36,12 +36,12 @@ _SAME: Mapping[str, int] = {
 
 
 def ephemeris_from_words(words: Mapping[int, int], received: GalileoTime) -> Ephemeris | None:
-    """Return the ephemeris in the words 1 to 5 of one satellite; None unless all words are of one issue.
+    """Return the ephemeris in the words 1 to 5 of one satellite; None if a word is missing or of another issue.
 
     Parameters
     ----------
     words
-        Word type -> word of 128 bits, its first bit the most significant.
+        Word type -> word of 128 bits, whose first bit is the most significant bit.
     received
         Time of reception, which resolves the week of toe and toc.
     """
@@ -68,7 +68,7 @@ def ephemeris_words(ephemeris: Ephemeris) -> dict[int, int]:
     Parameters
     ----------
     ephemeris
-        Ephemeris whose toe and toc are whole minutes, as `as_broadcast` returns it.
+        Ephemeris whose toe and toc are whole minutes, such as the result of `as_broadcast`.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def ephemeris_words(ephemeris: Ephemeris) -> dict[int, int]:
     Raises
     ------
     VestigeError
-        If toe or toc is not a whole minute, or a value does not fit into its field. The message names the satellite.
+        If toe or toc is not a whole minute, or a value does not fit into its field. The error names the satellite.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def status_word(
     ionosphere
         Coefficients of the ionosphere model.
     e5b_health, e5b_data_valid
-        Status of E5b; None for the status of E1-B.
+        Health and data validity of E5b; None for the value of E1-B.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def status_word(
     Raises
     ------
     VestigeError
-        If a value does not fit into its field; the message names the satellite.
+        If a value does not fit into its field. The error names the satellite.
     """
     valid = ephemeris.e1b_data_valid if e5b_data_valid is None else e5b_data_valid
     values = {
@@ -142,7 +142,7 @@ def status_word(
 def as_broadcast(ephemeris: Ephemeris) -> Ephemeris:
     """Return the ephemeris that a receiver decodes from the words of an ephemeris.
 
-    The times of ephemeris and clock are moved to the previous whole minute; then every field is rounded.
+    The times of ephemeris and clock are moved to the previous whole minute. Then every field is rounded.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def as_broadcast(ephemeris: Ephemeris) -> Ephemeris:
     Raises
     ------
     VestigeError
-        If a value does not fit into its field; the message names the satellite.
+        If a value does not fit into its field. The error names the satellite.
     """
     moved = referred_to(ephemeris, ephemeris.toe + -_past_minute_s(ephemeris.toe))
     clock = with_clock_moved(moved, -_past_minute_s(moved.toc))
@@ -180,7 +180,7 @@ def sisa_index(accuracy_m: float) -> int:
     Parameters
     ----------
     accuracy_m
-        Signal-in-space accuracy in m; beyond 6 m there is no index, and "no prediction" is returned.
+        Signal-in-space accuracy in m. Beyond 6 m there is no index, and the result is 255, "no prediction".
     """
     if math.isnan(accuracy_m):
         return _NO_ACCURACY_INDEX
@@ -191,7 +191,7 @@ def sisa_index(accuracy_m: float) -> int:
 
 
 def nearest_time(second: int, received: GalileoTime) -> GalileoTime:
-    """Return the time with a given second of the week that is nearest to another time.
+    """Return the time with a given second of the week that is nearest to the time of reception.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The ionosphere model in word 5, the input of NeQuick-G [OS-ICD, 5.1.6]."""
+"""The ionosphere model in word 5, which is the input of NeQuick-G [OS-ICD, 5.1.6]."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class BroadcastIonosphere:
     ----------
     ai0_sfu, ai1_sfu_per_deg, ai2_sfu_per_deg2
         Coefficients of the effective ionisation level in solar flux units, over the modified dip latitude in degrees.
-        All zero means that no coefficients are available, and NeQuick-G takes its default.
+        If all coefficients are zero, no coefficients are available, and NeQuick-G takes its default.
     disturbed_regions
-        Five flags, 0 to 31; the most significant bit belongs to region 1, the northernmost.
+        Five flags as a number, 0 to 31. The most significant bit belongs to region 1, the northernmost region.
 
     Examples
     --------

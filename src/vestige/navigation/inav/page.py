@@ -6,8 +6,8 @@ A page has two halves of 120 bits, one second each [OS-ICD, 4.3.2]::
     odd half:  even/odd 1 (= 1) | type 1 | data 16 | OSNMA 40 | SAR 22 | spare 2 | CRC 24 | SSP 8 | tail 6
 
 The 112 + 16 data bits are one navigation word of 128 bits. The 40 OSNMA bits of 15 pages make up one subframe's OSNMA
-message. The checksum covers all bits between the tails except the SSP. A good checksum means a correct decoding, but
-proves nothing about the page's origin, because anybody can compute the checksum.
+message. The checksum covers all bits before the checksum except the tail of the even half. A good checksum means a
+correct decoding, but proves nothing about the page's origin, because anybody can compute the checksum.
 """
 
 from __future__ import annotations
@@ -85,20 +85,20 @@ def encode_page(
     ssp: int = NO_SSP,
     alert: bool = False,
 ) -> bytes:
-    """Return the 30 bytes of a page with its checksum; both tails are zero [OS-ICD, 4.3.2].
+    """Return the 30 bytes of a page with its checksum, and with both tails zero [OS-ICD, 4.3.2].
 
     Parameters
     ----------
     word
         Navigation word, 128 bits.
     osnma
-        OSNMA field, 5 bytes; zero where the satellite sends no OSNMA.
+        OSNMA field, 5 bytes; zero if the satellite sends no OSNMA.
     sar
         Search-and-rescue return link, 22 bits; None for the pattern that satellites send without a message.
     spare
-        2 bits; None for the pattern that satellites send.
+        Spare field, 2 bits; None for the pattern that satellites send.
     ssp
-        Secondary synchronisation pattern, 8 bits: see `page_ssp`.
+        Secondary synchronisation pattern, 8 bits (see `page_ssp`).
     alert
         Whether the page is an alert page.
 
@@ -140,7 +140,7 @@ def page_ssp(start: GalileoTime) -> int:
     Raises
     ------
     ValueError
-        If no page starts at that time.
+        If no page starts at this time.
     """
     pattern = None if start.fraction else SSP_BY_SECOND.get(start.second % 6)
     if pattern is None:
@@ -152,9 +152,9 @@ def page_ssp(start: GalileoTime) -> int:
 class InavPage:
     """An I/NAV page of one satellite, as received on E1-B."""
 
-    svid: int  # satellite, 1 to 36
+    svid: int  # SVID of the satellite, 1 to 36
     time: GalileoTime  # start of the page in whole seconds, from the recording
-    data: bytes  # 30 bytes: 240 bits, the even half first; the tail may be zero
+    data: bytes  # 240 bits in 30 bytes, the even half first; the tail may be zero
 
     def __post_init__(self) -> None:
         if not 1 <= self.svid <= MAX_SVID or len(self.data) != PAGE_BYTES:

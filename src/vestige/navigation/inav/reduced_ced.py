@@ -1,7 +1,7 @@
 """Reduced clock and ephemeris data: a satellite's orbit and clock in word 16 [OS-ICD, reduced CED].
 
 A receiver that has just started computes a first fix from word 16 before words 1 to 4 are complete. The error of this
-fix is tens to hundreds of metres. The word contains six orbital elements about a nominal orbit, and a clock::
+fix is tens to hundreds of metres. The word contains six orbital elements relative to a nominal orbit, and a clock::
 
     A = 29 600 km + ΔA,   e = √(ex² + ey²),   ω = atan2(ey, ex),   M0 = λ0 − ω,   i0 = 56° + Δi0
 
@@ -31,9 +31,11 @@ REDUCED_CED_WORD = 16
 NOMINAL_AXIS_M = 29_600_000.0  # [OS-ICD, reduced CED]
 NOMINAL_INCLINATION_RAD = math.radians(56.0)  # [OS-ICD, reduced CED]
 
-_FIT_S = np.linspace(0.0, 600.0, 7)  # s after the reference time; a receiver has the next word long before the end
-_STEPS = 4  # steps of Gauss–Newton; the elements start within 1e-5 of the solution
-_DIFFERENCE = 1e-6  # rad or plain number, for derivatives of the position: 30 m
+# times of the fit in s after the reference time; a receiver has the next word long before the last time
+_FIT_S = np.linspace(0.0, 600.0, 7)
+_STEPS = 4  # number of Gauss–Newton steps; the elements start within 1e-5 of the solution
+# change of an element for the derivatives, in rad or as a plain number; the position changes by 30 m
+_DIFFERENCE = 1e-6
 
 
 def reference_time(time: GalileoTime) -> GalileoTime:
@@ -56,7 +58,7 @@ class ReducedCed:
     delta_a_m
         Semi-major axis minus the nominal axis, in m.
     ex, ey
-        e cos ω and e sin ω.
+        Eccentricity vector: e cos ω and e sin ω.
     delta_i0_rad
         Inclination minus the nominal inclination, in rad.
     omega0_rad
@@ -91,14 +93,14 @@ class ReducedCed:
         Parameters
         ----------
         ephemeris
-            The satellite's orbit and clock.
+            Orbit and clock of the satellite.
         time
             Any time in the subframe that will carry the word.
 
         Returns
         -------
         ReducedCed or None
-            The elements; None if the orbit or clock does not fit into the word.
+            Elements of the orbit; None if the orbit or clock does not fit into the word.
         """
         start = reference_time(time)
         orbit = referred_to(ephemeris, start)
@@ -121,7 +123,7 @@ class ReducedCed:
 
     @property
     def word(self) -> int:
-        """Word 16 with each field rounded to its step; a value that does not fit raises `VestigeError`."""
+        """Word 16 with each field rounded to its step. A value that does not fit raises `VestigeError`."""
         return InavWord.from_values(
             REDUCED_CED_WORD, dict(zip((field.name for field in fields(self)), astuple(self), strict=True))
         ).encode()
@@ -132,7 +134,7 @@ class ReducedCed:
         Parameters
         ----------
         svid
-            Satellite, 1 to 36; the word does not name the satellite.
+            SVID of the satellite, 1 to 36. The word does not name the satellite.
         time
             Any time in the subframe that carried the word.
         """

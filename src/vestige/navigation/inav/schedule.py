@@ -2,7 +2,7 @@
 
 The nominal sequence of E1-B takes 30 s, one subframe. Some pages alternate between the two halves of a minute [OS-ICD,
 I/NAV sub-frame layout]. Satellites without FEC2 send word 0 in place of the words 16 to 20. A satellite whose orbit
-does not fit into word 16 sends word 5 instead. All three rules agree with signals recorded in 2023 and 2025.
+does not fit into word 16 sends word 5 instead. These three rules agree with signals recorded in 2023 and 2025.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from vestige.navigation.inav.word_table import PARITY_WORDS
 from vestige.time import GalileoTime
 
 _MINUTE_S = 60
-# Words of each page of a subframe: in the first half of a minute, and in the second half
+# word type in each page of a subframe, in the first half and in the second half of a minute
 _SEQUENCE: tuple[tuple[int, int], ...] = (
     (2, 2),
     (4, 4),
@@ -49,7 +49,7 @@ def scheduled_word(start: GalileoTime, *, fec2: bool = True, reduced_ced: bool =
     Raises
     ------
     ValueError
-        If no page starts at that time.
+        If no page starts at this time.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Time in the I/NAV message: word 0, UTC in word 6, and Galileo against GPS time in word 10 [OS-ICD, 5.1.7, 5.1.8]."""
+"""Encode and decode time in I/NAV: word 0, UTC in word 6, GPS time offset in word 10 [OS-ICD, 5.1.7, 5.1.8]."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class UtcModel:
     Attributes
     ----------
     a0_s, a1
-        Offset in s and drift of the fraction of a second.
+        Offset in s without the leap seconds, and drift of the offset.
     reference
         Time to which offset and drift refer, a whole hour.
     leap_seconds, leap_seconds_after
@@ -61,7 +61,7 @@ class UtcModel:
         Parameters
         ----------
         time
-            Any time; the model refers to the start of its day.
+            Any time. The model refers to the start of the day of this time.
         """
         now = time.utc
         before = [leap for day, leap in LEAP_SECONDS if day <= now]
@@ -108,9 +108,9 @@ class UtcModel:
         Parameters
         ----------
         word
-            The word.
+            Word 6.
         received
-            Time of reception, which resolves the weeks modulo 256 to the nearest.
+            Time of reception. The weeks modulo 256 become the weeks that are nearest to the reception.
         """
         decoded = InavWord.decode(word)
         day_s = (decoded.raw["leap_day"] - 1) * DAY_S
@@ -147,7 +147,7 @@ class GpsTimeOffset:
         Parameters
         ----------
         word
-            The word.
+            Word 10.
         received
             Time of reception, which resolves the week.
         """
@@ -172,7 +172,7 @@ class GpsTimeOffset:
         }
 
 
-# Raw fields of word 10 when there is no offset: all bits one [OS-ICD, 5.1.8]
+# raw fields of a word 10 without an offset, in which all bits are one [OS-ICD, 5.1.8]
 NO_GPS_TIME = {"a0g_s": -1, "a1g": -1, "t0g_s": 255, "ggto_week": 63}
 
 

@@ -1,8 +1,8 @@
 """The fields of every I/NAV word, as the interface document lists them [OS-ICD, 4.3.5].
 
 Only this table contains the positions of the fields. Every word has 128 bits and begins with six bits of type. Names
-and units are those of `Ephemeris`, with angles in rad instead of semicircles. Spare and reserved bits carry the pattern
-that satellites send.
+and units are the same as in `Ephemeris`, with angles in rad instead of semicircles. Spare and reserved bits carry the
+pattern that satellites send.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from vestige.navigation.inav.bit_fields import BitField, BitLayout
 WORD_BITS = 128  # [OS-ICD, 4.3.2.3]
 TYPE_BITS = 6
 EPHEMERIS_WORDS = (1, 2, 3, 4)  # words with IODnav [OS-ICD, 4.3.5]
-PARITY_WORDS = (17, 18, 19, 20)  # FEC2 [OS-ICD, 4.3.5]
+PARITY_WORDS = (17, 18, 19, 20)  # words of FEC2 [OS-ICD, 4.3.5]
 DUMMY_WORD = 63  # word type of a dummy page [OS-ICD, 4.3.5]
 
 _PI = math.pi
 
 
 def _spare(name: str, length: int) -> dict[str, Any]:
-    """Return a row of alternating bits, from 0 on."""
+    """Return a row of alternating bits that begin with 0."""
     pattern = int("".join(str(k % 2) for k in range(length)), 2)
     return {"name": name, "length": length, "fill": pattern}
 
@@ -93,7 +93,7 @@ def _parity(kind: int) -> BitLayout:
 WORD_LAYOUTS: Mapping[int, BitLayout] = {
     0: _layout(
         0,
-        {"name": "time_set", "length": 2, "fill": 0b10},  # 10: the time fields contain the time
+        {"name": "time_set", "length": 2, "fill": 0b10},  # the time fields contain the time
         _spare("spare", 88),
         _WEEK,
         _TOW,
@@ -144,7 +144,7 @@ WORD_LAYOUTS: Mapping[int, BitLayout] = {
         _unsigned("ai0_sfu", 11, 2.0**-2, "sfu"),
         _signed("ai1_sfu_per_deg", 11, 2.0**-8, "sfu/deg"),
         _signed("ai2_sfu_per_deg2", 14, 2.0**-15, "sfu/deg²"),
-        _unsigned("ionosphere_disturbance", 5),  # one bit a region, region 1 first
+        _unsigned("ionosphere_disturbance", 5),  # one bit for each region, region 1 first
         _signed("bgd_e1_e5a_s", 10, 2.0**-32, "s"),
         _signed("bgd_e1_e5b_s", 10, 2.0**-32, "s"),
         _unsigned("e5b_health", 2),
@@ -220,7 +220,7 @@ WORD_LAYOUTS: Mapping[int, BitLayout] = {
 
 
 def word_layout(kind: int) -> BitLayout:
-    """Return the fields of a word type; an unknown type has the fields type and 122 bits of data.
+    """Return the fields of a word type. An unknown type has a field for the type, and a field of 122 bits of data.
 
     Parameters
     ----------

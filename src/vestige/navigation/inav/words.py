@@ -55,7 +55,7 @@ class InavWord:
         Parameters
         ----------
         bits
-            The word; the first bit is the most significant.
+            Word of 128 bits, whose first bit is the most significant bit.
 
         Raises
         ------
@@ -92,7 +92,7 @@ class InavWord:
         return cls(kind, layout.unpack(layout.pack(raw)))
 
     def encode(self) -> int:
-        """Return the 128 bits of the word, its first bit the most significant."""
+        """Return the 128 bits of the word, whose first bit is the most significant bit."""
         return word_layout(self.kind).pack(self.raw)
 
     def value(self, name: str) -> float:
@@ -101,7 +101,7 @@ class InavWord:
         Parameters
         ----------
         name
-            The field.
+            Name of the field.
         """
         return word_layout(self.kind).by_name[name].physical(self.raw[name])
 

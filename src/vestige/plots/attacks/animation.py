@@ -1,4 +1,4 @@
-"""The correlation function of each epoch as an animation, with the signal that each detector found."""
+"""Animation of the correlation function of each epoch, with the signal that each detector found."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FRAMES = 120  # largest number of frames; if a run has more epochs, every k-th e
 FRAMES_A_S = 10
 ANIMATION_DPI = 150
 _LINES = {"true signal": GREEN, "spoofer": ORANGE}
-_MARKERS = (("v", BLUE), ("^", RED), ("<", GREY), (">", BLACK))  # marker of each detector; no marker hides another
+_MARKERS = (("v", BLUE), ("^", RED), ("<", GREY), (">", BLACK))  # marker and colour of each detector
 
 
 def write_animation(

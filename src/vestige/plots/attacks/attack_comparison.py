@@ -1,4 +1,4 @@
-"""Figure of all detectors under attack, one below the other, with the attacker's actions [WFO, Sec. VI-B]."""
+"""Figure of the range offsets of all detectors under attack, with the attacker's actions [WFO, Sec. VI-B]."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from vestige.plots.figure import (
     time_label,
 )
 
-_AXES_CM, _REST_CM = 4.0, 3.5  # height of the axes of a detector, and height of all other parts
+_AXES_CM, _REST_CM = 4.0, 3.5  # height in cm of the axes of a detector, and of all other parts
 _POWER_SHARE = 0.45  # height of the power axes as a share of the height of range-offset axes
 _MARGIN_M = 12.0
 _LINE: dict[str, Any] = {"linewidth": 0.5, "rasterized": True}
 
 
 def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Axes:
-    """Draw the power of the spoofing signals and, below, the range offset of each detector; return the uppermost axes.
+    """Draw the power of the spoofing signals above the range offset of each detector, and return the uppermost axes.
 
-    Lines over the range offsets mark the truth: the true signal and each spoofing signal. A spoofing signal without
+    Lines in the range-offset axes mark the truth: the true signal and each spoofing signal. A spoofing signal without
     power has no line. A dashed line marks the edge of the bank of correlators if measured offsets come near this edge.
 
     Raises `VestigeError` if the campaign has no attack, or lacks the satellite.
@@ -80,7 +80,7 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
 def spoofing_power_and_offset(
     selected: xarray.Dataset,
 ) -> tuple[Float[np.ndarray, "n_epochs n_attacks"], Float[np.ndarray, "n_epochs n_attacks"]]:
-    """Return power in dB and range offset in m of the spoofing signals; NaN while they are off."""
+    """Return power in dB and range offset in m of the spoofing signals; NaN while a signal is off."""
     power_db = selected["truth_spoofer_power_db"].transpose("epoch", "attack").values.astype(np.float64)
     later_m = selected["truth_spoofer_offset_m"].transpose("epoch", "attack").values.astype(np.float64)
     on = np.isfinite(power_db)

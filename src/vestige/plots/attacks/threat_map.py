@@ -1,6 +1,6 @@
 """Coloured map of the outcome of each attack at each mitigation level: [WFO, Fig. 4] with measured numbers.
 
-Green marks a defence that works, red a defence that fails. Words say whether the outcome was expected.
+Green marks a defence that works, and red marks a defence that fails. Words say whether the outcome was expected.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vestige.plots.figure import BLACK, GREY, LETTERS_PT, ORANGE, SMALL_LETTERS_
 
 MAP_WIDTH_CM = 29.0
 _ROW_CM, _ROUND_CM = 0.5, 3.2
-_TITLE_PT = 9.0  # larger than in a column of a paper: the map is 29 cm wide
+_TITLE_PT = 9.0  # larger than in a column of a paper, because the map is 29 cm wide
 _WHOLE = 10.0  # numbers from this value on have no decimals
 _LIGHT = 0.5  # opacity of the colours, so that black letters are readable on them
 _WHITE, _RED = "#FFFFFF", "#CC3311"
@@ -46,8 +46,8 @@ def threat_map(table: xarray.Dataset) -> Axes:
     """Return the axes of the map: a line for each attack and scene, and a column for each level.
 
     A cell has a word, and the shares of runs that are detected, mitigated, and have a wrong range in use. If the
-    outcome was not expected, the cell also has the expected outcome. The table is `threats.zarr` of `vestige threats`:
-    variables over `scene` and `level`.
+    outcome was not expected, the cell also has the expected outcome. The table is `threats.zarr` of `vestige threats`,
+    with variables over `scene` and `level`.
     """
     levels = table["level"].values.tolist()
     lines = _lines(table)
@@ -83,7 +83,7 @@ def threat_map(table: xarray.Dataset) -> Axes:
 
 
 def _lines(table: xarray.Dataset) -> list[tuple[str, int | None]]:
-    """Return the label of each line of the map, and the row of the table; the row is None for the name of an attack."""
+    """Return label and table row of each line of the map; the row is None for a line with the name of an attack."""
     lines: list[tuple[str, int | None]] = []
     rows = zip(table["threat"].values, table["attack"].values, table["scene"].values, strict=True)
     for (threat, attack), scenes in groupby(enumerate(rows), key=lambda one: (one[1][0], one[1][1])):

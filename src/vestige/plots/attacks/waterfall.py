@@ -1,4 +1,4 @@
-"""The correlation function against time, as a landscape and as a map [WFO, Sec. VI-A, second figure]."""
+"""Figures of the correlation function against time: a surface and a colour map [WFO, Sec. VI-A, second figure]."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from vestige.plots.epochs import column, magnitudes_sigma, select, thinned, titl
 from vestige.plots.figure import COLOUR_MAP, LETTERS_PT, dress, figure_of, new_axes, time_label
 
 LABELLED_TAPS = 8  # largest number of labels along the bank that do not overlap
-SLICES = 90  # largest number of epochs in a landscape that remain distinguishable at this width
-MAP_COLUMNS = 1600  # largest number of epochs in a map: about two for each pixel
+SLICES = 90  # largest number of epochs that remain distinguishable in a surface of this width
+MAP_COLUMNS = 1600  # largest number of epochs in a map, about two epochs for each pixel
 _BOX = (4.0, 4.6, 2.6)  # proportions of tap offset, time and magnitude
-_VIEW = {"elev": 44.0, "azim": -66.0}  # from the front, a little from the left; time increases away from the reader
+_VIEW = {"elev": 44.0, "azim": -66.0}  # view in degrees, in which time increases away from the viewer
 
 
 def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
-    """Return axes with the magnitude of every tap as a landscape over tap offset and time; the run begins at the front.
+    """Return axes with the magnitude of every tap as a surface over tap offset and time.
 
-    Only epochs with RECS are drawn. A long run is thinned: every k-th of these epochs is drawn, without averaging. An
-    epoch with RECS but without a correlation is a gap.
+    The run begins at the front. Only epochs with RECS are drawn. In a long run only every k-th of these epochs is
+    drawn, without averaging. An epoch with RECS but without a correlation is a gap.
 
     `ax` must have the projection `3d`.
 
@@ -47,7 +47,7 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
         rstride=1, cstride=1, cmap=COLOUR_MAP, linewidth=0.15, edgecolor="#00000060", antialiased=True,
     )  # fmt: skip
     space.view_init(**_VIEW)
-    space.set_box_aspect(_BOX, zoom=0.9)  # room for the labels, which the layout ignores
+    space.set_box_aspect(_BOX, zoom=0.9)  # space for the labels, which the layout ignores
     title, time = title_of("Correlators", shown, with_detector=False), time_label(space.yaxis, time_s)
     dress(space, title=title, x="offset (m)", y=time)
     space.set_zlabel("magnitude (σ)", fontsize=LETTERS_PT)
@@ -63,8 +63,8 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
 def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
     """Return axes with the magnitude of every tap as colours over time and tap offset.
 
-    Only epochs with RECS are drawn; each colour reaches halfway to the neighbouring RECS. A long run is thinned: every
-    k-th of these epochs is drawn, without averaging. An epoch with RECS but without a correlation is white.
+    Only epochs with RECS are drawn. Each colour reaches halfway to the neighbouring RECS. In a long run only every k-th
+    of these epochs is drawn, without averaging. An epoch with RECS but without a correlation is white.
 
     Raises `VestigeError` if the results lack the satellite.
     """
@@ -93,7 +93,7 @@ def _ticks_at_taps(axis: Axis, offsets_m: Float[np.ndarray, " n"]) -> None:
 
 
 def _thin(shown: xarray.Dataset, limit: int) -> xarray.Dataset:
-    """Return the epochs with RECS, or every k-th of them if there are more than `limit`."""
+    """Return the epochs with RECS, or every k-th epoch with RECS if there are more than `limit` epochs."""
     if "recs" in shown.variables and (with_recs := np.flatnonzero(shown["recs"].values)).size:
         shown = shown.isel(epoch=with_recs)
     return shown.isel(epoch=thinned(shown.sizes["epoch"], limit))

@@ -1,4 +1,4 @@
-"""Detection, miss and false-alarm rates against C/N0, beside theory [WFO, Sec. III]."""
+"""Figure of detection, miss and false-alarm rates against C/N0, with the curve of theory [WFO, Sec. III]."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vestige.plots.figure import BLACK, PD_TEXT, PFA_TEXT, dress, legend, new_ax
 from vestige.theory.thresholds import miss_probability, probability_of_detection
 
 _CURVE_POINTS = 300
-_MARGIN_DB = 1.0  # extension of the theory beyond the outermost points
+_MARGIN_DB = 1.0  # extension of the curve of theory beyond the outermost points
 
 
 class _Kind(NamedTuple):

@@ -1,4 +1,4 @@
-"""The range offset against time [WFO, Sec. VI-A, fifth figure; Sec. VI-B, last two]."""
+"""Figure of the range offset against time [WFO, Sec. VI-A, fifth figure; Sec. VI-B, last two figures]."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def range_offset(
     limit_m: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Return axes with the range offset (measured minus predicted E6 range) against time, a dot for each epoch.
+    """Return axes with the range offset (measured minus predicted E6 range) against time, with a dot for each epoch.
 
     An offset is positive if the signal arrives later than predicted. Epochs in which nothing is detected have no offset
     and are drawn as ticks in a strip below the offsets. A dashed line marks the edge of the bank of correlators if
-    offsets come near this edge, because a signal beyond the edge has an offset at the edge.
+    offsets come near this edge. The offset of a signal beyond the edge is measured at the edge.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Counts of detections against C/N0: from several campaigns, or from a table."""
+"""Read counts of detections against C/N0 from several campaigns, or from a table."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _COUNTS = ("trials", "detections", "false_alarm_trials", "false_alarms")
 def sweep_of(
     campaigns: Sequence[xarray.Dataset], *, detector: str = "early", svid: int | None = None
 ) -> xarray.Dataset:
-    """Return trials and detections of several campaigns, a row for each campaign.
+    """Return trials and detections of several campaigns, with a row for each campaign.
 
     The campaigns differ in C/N0, which is their attribute `cn0_dbhz`.
 
@@ -50,12 +50,13 @@ def sweep_of(
 def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     """Return a sweep from a CSV table with a header, for example from `vestige run --sweep`.
 
-    The table has the column `cn0_dbhz`, and the columns `trials` and `detections`, or `false_alarm_trials` and
-    `false_alarms`, or all four. Theory needs `integration_s` and `p_fa`, equal in all rows. In place of `detections`
-    there may be a column for each detector, such as `detections_early`. Columns before `cn0_dbhz` are the keys of a
-    sweep. Their values are kept as text in the variables `key NAME`. Other columns are ignored.
+    The table has the column `cn0_dbhz`. The table also has the columns `trials` and `detections`, or
+    `false_alarm_trials` and `false_alarms`, or all these columns. Theory needs the columns `integration_s` and `p_fa`,
+    each with the same value in all rows. In place of `detections` there may be a column for each detector, such as
+    `detections_early`. Columns before `cn0_dbhz` are the keys of a sweep. The values of the keys are kept as text in
+    the variables `key NAME`. Other columns are ignored.
 
-    Raises `InputFileError` if the file is no such table.
+    Raises `InputFileError` if the file is not such a table.
     """
     path = Path(path)
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")

@@ -28,7 +28,7 @@ class SweepCurve:
 def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
     """Return label and values of the abscissa of a sweep: C/N0, or if C/N0 does not vary, the first key that varies.
 
-    A key whose values are not numbers separates curves, see `curves`.
+    A key whose values are not numbers separates curves (see `curves`).
     """
     cn0_dbhz = np.atleast_1d(sweep["cn0_dbhz"].values).astype(np.float64)
     if np.unique(cn0_dbhz).size == 1:
@@ -43,7 +43,7 @@ def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
 
 
 def curves(sweep: xarray.Dataset) -> tuple[SweepCurve, ...]:
-    """Return the curves of a sweep, one for each combination of the keys that are not the abscissa.
+    """Return the curves of a sweep, one curve for each combination of the keys that are not the abscissa.
 
     Raises `VestigeError` if there are more curves than colours.
     """

@@ -1,23 +1,23 @@
 """The `correlators` fidelity: banks of correlators drawn from their exact distribution, without samples.
 
-For known chips, a correlator output is the sum of the paths' correlation functions and of Gaussian noise. The
-covariance of the noise over the taps is that of the replicas. N_c is the number of chips, T the integration time and
-d_k the offset of tap k. Path r has the amplitude a_r, the delay τ_r after the hand-over's prediction and the residual
-Doppler f_r:
+For known chips, a correlator output is the sum of the paths' correlation functions and of Gaussian noise. The noise of
+the taps has the covariance of the replicas. N_c is the number of chips, T the integration time and d_k the offset of
+tap k. Path r has the amplitude a_r, the delay τ_r after the hand-over's prediction and the residual Doppler f_r:
 
     c_k = Σ_r a_r e^{jπ f_r T} sinc(f_r T) R_e(τ_r − d_k) + (L z)_k,     z ~ CN(0, 1)
     L L^H = σ² [R(d_i − d_k)]_ik,   σ² = 1/(C/N0 · T)
     R_e(x) = (1 − f) A_d + f A_{d+1},   d = ⌊|x|⌋, f = |x| − d chips,   A_0 = 1,  A_d ~ N(0, 1/N_c), drawn per epoch
 
 A_d is the self-noise of a random code. Linear interpolation between whole chips is exact for rectangular chips. The
-outputs are normalised: the line of sight alone gives 1 in a tap at its delay. The model is the limit of continuous time
+outputs are normalised: the line of sight alone gives 1 in a tap at its delay. The model is exact for continuous time
 without a front end. A sampled correlation at an incommensurate rate has the same distribution, as the tests show.
 Behind a filter or a quantiser R_n of `front_end_correlation` replaces R, and R_e(x) = Σ_d A_|d| R_h(x − d).
 
-Under a sky all other signals are white noise (`other_signals`). Under attack, spoofing signals are further paths.
-Noise, jamming, and paths that are farther from a tap than A_d reaches come from `disturbance`.
+With several satellites, the other signals on air are white noise (`other_signals`). Under attack, spoofing signals are
+further paths. `disturbance` adds noise, jamming, and the self-noise of paths that are far from a tap.
 
-The noise floor is measured with N_c chips, so it scatters by 1/√N_c. The floor includes the signal's own share.
+The noise floor is measured with N_c chips, so its relative standard deviation is 1/√N_c. The measured floor includes a
+part of the signal's own power.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 
 _SELF_NOISE_LAGS = 16  # largest distance of a path from a tap, in chips
-_STEPS_PER_CHIP = 64  # steps of the table of R_h; linear interpolation has an error of 3e-4 of the peak at 20 MHz
+# steps of the table of R_h; linear interpolation has an error of 3e-4 of the peak for a bandwidth of 20 MHz
+_STEPS_PER_CHIP = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +51,8 @@ class Draws:
 class CorrelatorModel:
     """Model that draws banks of correlators."""
 
-    offsets_m: tuple[float, ...]  # offsets of the taps from the hand-over's prediction
-    n_chips: int  # chips of a RECS
+    offsets_m: tuple[float, ...]  # offsets of the taps from the hand-over's prediction in m
+    n_chips: int  # number of chips of a RECS
     # front end of the samples; None is equivalent to a front end without filter and quantiser
     front_end: FrontEnd | None = None
 
@@ -66,7 +67,7 @@ class CorrelatorModel:
         return None if self.front_end is None or self.front_end.transparent else self.front_end
 
     def noise_factor(self) -> Float[np.ndarray, "n_taps n_taps"]:
-        """Return L, a root of the covariance of the noise over the taps, for σ = 1.
+        """Return L, a matrix root of the covariance of the noise in the taps, for σ = 1.
 
         Raises `ValueError` if two taps coincide.
         """
@@ -104,10 +105,10 @@ class CorrelatorModel:
     ) -> tuple[Complex128[np.ndarray, "n_epochs n_taps"], Float[np.ndarray, " n_epochs"]]:
         """Return taps and measured noise power of a block of epochs.
 
-        `cn0_dbhz` is the C/N0 of the line of sight on E6-C; −∞ means no signal, and noise of variance 1. The first path
-        is the line of sight. Delays of paths are counted from the hand-over's prediction. Amplitudes are relative to
-        the line of sight, and Dopplers are residual. `other_signals` is the density over N0 of all other signals on air
-        (module `other_signals`).
+        `cn0_dbhz` is the C/N0 of the line of sight on E6-C. A C/N0 of −∞ means noise of variance 1 without a signal.
+        The first path is the line of sight. Delays and Dopplers of paths are counted from the hand-over's prediction.
+        Amplitudes are relative to the line of sight. `other_signals` is the power density over N0 of all other signals
+        on air (module `other_signals`).
         """
         absent = np.isneginf(cn0_dbhz)
         variance = 1.0 if absent else 1.0 / (10 ** (cn0_dbhz / 10) * self.integration_s)

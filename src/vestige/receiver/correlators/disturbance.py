@@ -2,16 +2,16 @@
 
 Theory of operation
 -------------------
-**Chips that do not match.** An attacker made up the chips of such a signal, or the chips lie far away in the replica's
-keystream. The correlator at distance x then gives
+**Chips that do not match.** An attacker made up the chips of a signal, or the delay of a signal is more than 16 chips
+away from a tap. The correlator at the distance x from such a signal gives
 
     R_u(x) = (1 − f) B_d + f B_{d+1}       d = ⌊x⌋, f = x − d chips       B_d ~ N(0, 1/N_c), independent
 
-R_u is the self-noise of the code without its peak. Each signal has its own B.
+R_u is the self-noise of the code without its peak. Each signal has independent values B_d.
 
 **White noise** of density w N0, from a meaconer's repeater or a wideband jammer, scales the noise by √(1 + w).
 
-**Waveforms** are Gaussian with the covariance of `vestige.spoofer.jammers`.
+**Jamming waveforms** in the taps are Gaussian, with the covariance from `vestige.spoofer.jammers`.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class Disturbance:
     white: Float[np.ndarray, " n"]  # density of white noise over N0
     # jamming waveforms in the taps, in units of σ (see `correlator_model`)
     waveforms: Complex128[np.ndarray, "n n_taps"]
-    rise: Float[np.ndarray, " n"]  # rise of the noise power by these waveforms, in units of σ²
+    rise: Float[np.ndarray, " n"]  # rise of the noise power by the jamming waveforms, in units of σ²
     unrelated: Float[np.ndarray, "n n_rays n_lags"]  # B of every path, scaled to variance 1
-    forged_chips: Bool[np.ndarray, " n_rays"]  # paths whose chips never match
+    forged_chips: Bool[np.ndarray, " n_rays"]  # whether the chips of a path never match the replica
 
 
 def drawn_disturbance(
@@ -52,9 +52,10 @@ def drawn_disturbance(
     first: int,
     labels: tuple[int, ...] = (),
 ) -> Disturbance:
-    """Return the disturbance of the epochs from `first` on, the same for any cut into blocks.
+    """Return the disturbance of the epochs from `first` on.
 
-    Each block has its own stream of draws. `labels` are further parts of the stream's name, such as an SVID.
+    The disturbance does not depend on the division of the epochs into blocks, because each block has its own stream of
+    draws. `labels` are further parts of the stream's name, such as an SVID.
     """
     n, chips = effects.white.size, offsets_m * CHIPS_A_METRE
     n_lags = int(np.ceil(np.ptp(chips))) + 2
@@ -79,7 +80,7 @@ def drawn_disturbance(
 def unrelated_correlation(
     noise: Float[np.ndarray, "n n_lags"], distance_chips: Float[np.ndarray, "n n_taps"]
 ) -> Float[np.ndarray, "n n_taps"]:
-    """Return R_u at each tap; B is counted from the tap with the smallest distance."""
+    """Return R_u at each tap. The index of B is counted from the tap with the smallest distance."""
     lag = np.floor(distance_chips).astype(np.int64)
     part = distance_chips - lag
     lag -= lag.min(axis=1, keepdims=True)

@@ -2,44 +2,48 @@
 
 Theory of operation
 -------------------
-R is the autocorrelation. Signal i has the complex amplitude a_i, the delay τ_i and the Doppler f_i. The first signal is
-the true signal (a = 1, τ = 0). The correlator at x has the mean power
+R is the autocorrelation of BOC(1,1). Signal i has the complex amplitude a_i, the delay τ_i and the Doppler f_i. The
+first signal is the true signal (a = 1, τ = 0). The correlator at x has the mean power
 
     P(x) = Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)         H_ij = 1/(1 + j 2π(f_i − f_j)/4B)
 
-H is the part of a beat that passes a loop of noise bandwidth B, which has its pole at 4B rad/s. If the phase between
-two signals changes slowly, their amplitudes add. If this phase changes fast, their powers add. The loop settles at a
-stable zero of P(x − d/2) − P(x + d/2). When the signals change, the loop moves to the nearest zero in the direction of
-its discriminator. So the loop has a memory: it stays on one of two peaks. Steps of 0.1 s are small enough for all
+H_ij is the part of the beat between signals i and j that passes the loop. The loop has the noise bandwidth B and its
+pole at 4B rad/s. If the phase between two signals changes slowly, their amplitudes add. If this phase changes fast, the
+powers of the signals add. The loop settles at a stable zero of P(x − d/2) − P(x + d/2). When the signals change, the
+loop moves to the nearest zero in the direction of its discriminator. So the position of the loop depends on its past: a
+loop stays on the peak that the loop already tracks. The model computes steps of 0.1 s, which are short enough for
 pull-off rates up to 100 m/s.
 
 **Capture.** A spoofing signal may start aligned with the true signal and then move away. If the spoofing signal has
 more power than the true signal, the loop follows it at any phase. With equal or less power the spoofing signal never
 captures the loop [JWCN18, Eq. 4-6]. A spoofing signal that starts more than a chip away never captures a locked loop.
 
-**Lock.** A receiver acquires the strongest signal if its prompt correlator falls below 20 dBHz, or if an attack
-restarts it (`acquired`). Acquisition takes `reacquisition_s`, during which a signal above 20 dBHz must be present. E1
-has no measurements until the end of the acquisition. When a spoofing signal ends, the receiver acquires the true signal
-again. Before its first epoch the receiver has acquired the strongest signal on air.
+**Lock.** A receiver acquires the strongest signal if the prompt correlator falls below 20 dBHz, or if an attack
+restarts the receiver (`acquired`). Acquisition takes `reacquisition_s`, during which a signal above 20 dBHz must be
+present. E1 has no measurements until the end of the acquisition. When a spoofing signal ends, the receiver acquires the
+true signal again. Before its first epoch the receiver has acquired the strongest signal on air.
 
 `REACQUISITION_S` is the reacquisition time of the tracking receiver on samples (`sample_processor.tracking`). The
-tracking receiver looks for a lost satellite every second. The search takes 0.1 s of samples and the pull-in of the
-carrier 0.2 s. C/N0 and phase lock are good after 0.2 s more. So the first observations come 0.5 to 1.5 s after the
-signal (`test_reacquisition.py`).
+tracking receiver looks for a lost satellite every second. The search takes 0.1 s of samples, and the pull-in of the
+carrier takes 0.2 s. The receiver needs 0.2 s more to confirm C/N0 and phase lock. So the first observations come 0.5 to
+1.5 s after the signal returns (`test_reacquisition.py`).
 
-**Side peaks.** R² of BOC(1,1) has peaks half a chip from the main peak, 6 dB lower. A loop stays on the nearest peak.
-For example, the true signal vanishes, and a signal that is 170 m later stays. The loop then moves 16 m later, not 170
-m. The tracking loops on samples also stay on the nearest peak, because these loops do not look for side peaks. Both
-kinds of loops settle a quarter of their early-late spacing before the side peak. The loop of the model has d = 0.1 chip
-and settles 16 m later. On samples of 12.3 MHz d is 0.166 chip, and the loop settles 11 m later.
+**Side peaks.** R² has side peaks half a chip from the main peak. The side peaks are 6 dB lower. A loop stays on the
+nearest peak. For example, the true signal vanishes, and a spoofing signal that is 170 m later stays on air. The loop
+then moves to a side peak of the spoofing signal, 16 m later, and not to the main peak. The tracking loops on samples
+also stay on the nearest peak, because these loops do not look for side peaks. Both kinds of loops settle a quarter of
+their early-late spacing before the side peak. The loop of the model has d = 0.1 chip and settles 16 m later. On samples
+of 12.3 MHz d is 0.166 chip, and the loop settles 11 m later.
 
-The model leaves out the carrier loop, the loop's own dynamics, and reflections. The model takes the Doppler of the
-strongest signal in the prompt correlator. The error of reflections is added separately (`e1_multipath`). The tracking
-loops on samples (`sample_processor.tracking`) follow the same signal as the model if the spoofing signal has the
-carrier frequency of the true signal. The results differ if the spoofing signal's Doppler fits its pull-off and steps by
-more than the carrier loop's bandwidth. The loops on samples then stay with the true signal (a step of 210 Hz). With a
-step of 26 Hz the loops lose both signals in the beat and acquire the stronger signal. In this case the model favours
-the attacker.
+The model leaves out the carrier loop, the dynamics of the delay loop, and reflections. The tracked Doppler of the model
+is the Doppler of the strongest signal in the prompt correlator. The error that reflections cause is added separately
+(`e1_multipath`).
+
+If both signals have the same carrier frequency, the tracking loops on samples follow the same signal as the model. The
+results differ if the spoofing signal's Doppler agrees with its pull-off rate and jumps by more than the carrier loop's
+bandwidth. After a jump of 210 Hz the loops on samples stay with the true signal. After a jump of 26 Hz the two signals
+beat, so the loops lose both signals and then acquire the stronger signal. If the results differ, the model favours the
+attacker.
 """
 
 from __future__ import annotations
@@ -60,24 +64,24 @@ from vestige.spoofer.spoofer import Spoofer
 
 LOCK_DBHZ = 20.0  # C/N0 below which E1-C is no longer tracked
 REACQUISITION_S = 1.0  # time from when a signal can be acquired to the first measurement
-_LOCK_RANGE_DB = 6.0  # a weak signal stays locked down to this much below its undisturbed C/N0
+_LOCK_RANGE_DB = 6.0  # largest drop below the undisturbed C/N0 at which a weak signal stays locked
 _SPACING_CHIPS = 0.1  # d, the early-late spacing
 _STEP_S = 0.1
-_MAX_STEPS = 300  # steps per epoch
-_PIECE_STEPS = 60_000  # steps computed at a time, which limits the memory
+_MAX_STEPS = 300  # largest number of steps per epoch
+_PIECE_STEPS = 60_000  # number of steps computed at a time, which limits the memory
 _METRES_A_CHIP = SPEED_OF_LIGHT_MPS / E1C.chip_rate_hz
 _NO_POWER = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Tracking:
-    """Effect of spoofing signals and added noise on E1 tracking, over epochs.
+    """Effect of spoofing signals and added noise on E1 tracking, for each epoch.
 
     Without an attack the errors are 0 and the gain is 1. The receiver tracks the true signal.
     """
 
     error_m: Float[np.ndarray, " n"]  # error of the pseudorange
-    worst_error_m: Float[np.ndarray, " n"]  # error of largest magnitude since the previous epoch
+    worst_error_m: Float[np.ndarray, " n"]  # pseudorange error of largest magnitude since the previous epoch
     rate_error_mps: Float[np.ndarray, " n"]  # error of the range rate, from the Doppler of the tracked signal
     gain: Float[np.ndarray, " n"]  # C/N0 of the tracked signal over the C/N0 of the undisturbed true signal
     # whether the receiver acquires and has no measurements; error and gain then belong to the signal that the receiver
@@ -160,7 +164,7 @@ class E1Loop:
             self._place, self._wait = float(place[-1]), int(wait[-1])
         epoch = slice(self._steps - 1, None, self._steps)
         error_m = place.reshape(count, self._steps) * _METRES_A_CHIP
-        # an epoch without a measurement has no error
+        # an epoch without a measurement counts as an epoch without error
         measured_m = np.where(wait.reshape(error_m.shape) > 0, 0.0, error_m)
         worst = np.argmax(np.abs(measured_m), axis=1) if count else np.zeros(0, np.int64)
         acquiring = wait[epoch] > 0

@@ -1,6 +1,6 @@
 """The compiled E1 loop, which follows the stable zero of early minus late power.
 
-Positions and delays are in chips after the true signal.
+Positions and delays are in chips, relative to the true signal and positive if later.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -14,13 +14,16 @@ from vestige.kernel_cache import njit
 _STEPS_PER_SPACING = 8
 _REACH_CHIPS = 1.0  # without a zero within this distance, the loop stays at its position
 _HALVINGS = 40
-_NEAR = 1e-6  # chips; distance from a zero at which its stability is tested
-_TIE = 1e-9  # share of the power below which early and late count as equal
+_NEAR = 1e-6  # distance in chips from a zero at which the stability of the zero is tested
+_TIE = 1e-9  # relative difference below which early and late power count as equal
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def correlation(levels, x):
-    """Return R(x), interpolated linearly between `levels`, its values at equal steps from −1 to 1 chip; 0 beyond."""
+    """Return R(x), interpolated linearly between `levels`.
+
+    `levels` are the values of R at equal steps from −1 to 1 chip. R is 0 outside this range.
+    """
     half = (levels.size - 1) // 2
     at = abs(x) * half
     k = int(at)
@@ -31,7 +34,7 @@ def correlation(levels, x):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def power(levels, x, delay, product):
-    """Return Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)."""
+    """Return P(x) = Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j), the mean power of the correlator at x."""
     total = 0.0
     for i in range(delay.size):
         r = correlation(levels, x - delay[i])
@@ -44,7 +47,7 @@ def power(levels, x, delay, product):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _early_side(levels, x, delay, product, half_spacing):
-    """Return whether the loop at x moves earlier; the loop also moves earlier if both powers are equal."""
+    """Return whether the loop at x moves earlier; this happens if the early power is at least the late power."""
     early = power(levels, x - half_spacing, delay, product)
     late = power(levels, x + half_spacing, delay, product)
     return early - late > -_TIE * (early + late)
@@ -52,7 +55,10 @@ def _early_side(levels, x, delay, product, half_spacing):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _next(n_levels, x, delay, half_spacing, direction):
-    """Return the next x to test: the next kink of a correlation function, because D is quadratic between kinks."""
+    """Return the next x to test: the next kink of a correlation function, at most a step of d/8 away.
+
+    D is quadratic between kinks.
+    """
     half = (n_levels - 1) // 2
     best = 2.0 * half_spacing / _STEPS_PER_SPACING
     for tau in delay:
@@ -66,9 +72,9 @@ def _next(n_levels, x, delay, half_spacing, direction):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def settle(levels, x, delay, product, half_spacing):
-    """Return the stable zero of D = early − late that a loop at x reaches; x if there is none within reach.
+    """Return the stable zero of D = early − late power that a loop at x reaches; x if no zero is within reach.
 
-    D > 0 moves the loop earlier. With D = 0 the loop also moves earlier, so the loop keeps the first of two equal
+    D > 0 moves the loop earlier. With D = 0 the loop also moves earlier, so the loop keeps the earlier of two equal
     signals.
     """
     after = _early_side(levels, x + _NEAR, delay, product, half_spacing)
@@ -93,7 +99,7 @@ def settle(levels, x, delay, product, half_spacing):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def strongest(levels, delay, product):
-    """Return the delay of the signal at which the power is largest, the first if several powers are equal."""
+    """Return the delay of the signal at which the power is largest; the first signal if several powers are equal."""
     best, at = -1.0, 0.0
     for i in range(delay.size):
         here = power(levels, delay[i], delay, product)
@@ -104,7 +110,7 @@ def strongest(levels, delay, product):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def follow_peak(levels, x, wait, delay, amplitude, doppler_hz, anew, lock_power, acquisition, half_spacing, pole_hz):
-    """Return the loop's delay, the power of its prompt correlator, the strongest signal in it, and the wait.
+    """Return the loop's delay, the power and the strongest signal of its prompt correlator, and the wait.
 
     The wait is the number of steps until a receiver that acquires tracks again; 0 while it tracks.
 
@@ -115,7 +121,7 @@ def follow_peak(levels, x, wait, delay, amplitude, doppler_hz, anew, lock_power,
     x
         Position of the loop before the first step, in chips after the true signal.
     wait
-        Wait before the first step.
+        Wait before the first step, in steps.
     delay, amplitude, doppler_hz
         Delays in chips, complex amplitudes, and Dopplers in Hz, each [n_steps, n_signals]; the true signal is the
         first.

@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-R is the autocorrelation. Reflections have the complex amplitudes a_i and excess delays τ_i. A correlator x later than
-the line of sight then gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where early and late have the same
-power:
+R is the autocorrelation of the pulse. Reflections have the complex amplitudes a_i and excess delays τ_i. A correlator x
+later than the line of sight then gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where the early and the late
+correlator have the same power:
 
     D(x) = |S(x − d/2)|² − |S(x + d/2)|² = 0,    D rising through 0
 
@@ -30,10 +30,10 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, Pulse, autocorrelation
 
-LOOP_REACH_CHIPS = 0.5  # beyond this distance a loop would have lost the peak
+LOOP_REACH_CHIPS = 0.5  # largest distance from the line of sight at which a loop still tracks the peak
 _STEPS_PER_SPACING = 8
 _FALSE_POSITIONS = 40
-_TOLERANCE_CHIPS = 1e-10  # 30 nm
+_TOLERANCE_CHIPS = 1e-10  # 30 nm of delay
 _KEPT_EPOCHS = 1000  # largest number of epochs whose result is cached
 
 
@@ -59,7 +59,10 @@ def e1_multipath_error_m(
 def _kept_m(
     delay_m: bytes, amplitude: bytes, shape: tuple[int, ...], spacing_chips: float, pulse: Pulse
 ) -> Float[np.ndarray, " n"]:
-    """Return the error, cached because scenes with the same seed have the same reflections; arrays are bytes."""
+    """Return the error in m from a cache, because simulations with the same seed have the same reflections.
+
+    The arrays are passed as bytes, which the cache can hash.
+    """
     delays_m, amplitudes = np.frombuffer(delay_m).reshape(shape), np.frombuffer(amplitude, complex).reshape(shape)
     return _settled_m(delays_m, amplitudes, spacing_chips, pulse)
 
@@ -70,7 +73,7 @@ def _settled_m(
     spacing_chips: float,
     pulse: Pulse,
 ) -> Float[np.ndarray, " n"]:
-    """Return the delay at which the loop settles in m."""
+    """Return the delay in m at which the loop settles."""
     rays = _Rays(delay_m.T * (E1C.chip_rate_hz / SPEED_OF_LIGHT_MPS), amplitude.T, spacing_chips / 2, pulse)
     error = np.zeros(delay_m.shape[0])
     at_zero = rays.discriminator(error)
@@ -97,7 +100,7 @@ class _Rays:
         return self._power(x - self.half_spacing) - self._power(x + self.half_spacing)
 
     def _power(self, x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return |S(x)|²; R is evaluated at |x|, so that both sides agree to the last bit."""
+        """Return |S(x)|²; R is evaluated at |x|, so that early and late agree to the last bit."""
         total = autocorrelation(self.pulse, np.abs(x)) + 0j
         for delay, amplitude in zip(self.delay, self.amplitude, strict=True):
             total += amplitude * autocorrelation(self.pulse, np.abs(x - delay))
@@ -105,7 +108,7 @@ class _Rays:
 
 
 def _settle(rays: _Rays, at_zero: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the delay at which the loop settles in chips, for epochs with D(0) ≠ 0."""
+    """Return the delay in chips at which the loop settles, for epochs with D(0) ≠ 0."""
     direction = -np.sign(at_zero)
     step = 2 * rays.half_spacing / _STEPS_PER_SPACING
     settled = direction * LOOP_REACH_CHIPS
@@ -128,7 +131,7 @@ _Point = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
 def _false_position(rays: _Rays, before: _Point, after: _Point) -> Float[np.ndarray, " n"]:
     """Return the roots of D between two points (x, D) of opposite sign, by the Illinois method.
 
-    The iteration of an epoch stops when the estimate of this epoch no longer changes, so a root does not depend on
+    The iteration of an epoch stops when the estimate of this epoch no longer changes. So a root does not depend on
     other epochs.
     """
     (a, value_a), (b, value_b) = before, after

@@ -9,19 +9,19 @@ relative to the true signal, the delay τ_i, and the Doppler f_i relative to the
     ξ(d) = g [ s Σ_i a_i e^{jπ f_i T} sinc(f_i T) R(x₀ + d − τ_i) + √(1 + ρ) (L z)_d ]
     z ~ CN(0, 2),   L Lᵀ = [R(dᵢ − dₖ)]ᵢₖ
 
-Without interference the noise has σ = 1 per dimension. ρ is the noise that an attack adds behind the correlator. g is
-the gain control, which keeps the power within the bandwidth W constant:
+Without interference the noise has σ = 1 per dimension. ρ is the noise power that an attack adds behind the correlator,
+relative to the receiver's noise. g is the gain control, which keeps the power within the bandwidth W constant:
 
     g^{−2} = (1 + Σ r_i η_i + w + J/N) / (1 + Σ r_i),    r_i = C/N0_i / W
     η_i = Σ_jk a_j a_k* e^{jπ Δf T_P} sinc(Δf T_P) R(τ_j − τ_k)
 
-A spoofing signal and the true signal beat with each other while both overlap. The power is averaged over T_P and has
-the scatter of noise, 4.343 dB/√(W T_P). The model has no drift of the front end.
+A spoofing signal and the true signal beat with each other while both overlap. The power is averaged over T_P, and its
+noise has the standard deviation 4.343 dB/√(W T_P). The model has no drift of the front end.
 
-The model is the limit of continuous time without a front end. On a single line of sight the signal is BOC(1,1), as it
-is in `e1_samples`. Under a sky the signal is CBOC(6,1,1/11), as on air. The correlation of CBOC with BOC(1,1) then
-replaces R in ξ; its peak is 0.4 dB lower. All other signals add noise and power (`sky_e1_model`), as in
-`snapshots.sky_e1`.
+The model assumes continuous time and has no front end. In a scenario with a single satellite the signal is BOC(1,1), as
+in `e1_samples`. In a scenario with a sky the signal is CBOC(6,1,1/11), as on air. The correlation of CBOC with BOC(1,1)
+then replaces R in ξ. The peak of this correlation is 0.4 dB lower. All other signals add noise and power
+(`sky_e1_model`), as in `snapshots.sky_e1`.
 """
 
 from __future__ import annotations
@@ -42,9 +42,10 @@ from vestige.signals.pulse import BOC11, Pulse, autocorrelation, cross_correlati
 from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
 
-TAP_CHIPS = (-0.15, -0.05, 0.0, 0.05, 0.15)  # outer pair: power–distortion; inner pair: the loop; 0: prompt
+# outer pair for power–distortion, inner pair for the loop, 0 for the prompt correlator
+TAP_CHIPS = (-0.15, -0.05, 0.0, 0.05, 0.15)
 INTEGRATION_S = 0.1
-POWER_BANDWIDTH_HZ = 2e6  # W
+POWER_BANDWIDTH_HZ = 2e6  # W, two-sided
 POWER_AVERAGING_S = 0.01
 _DB_PER_NEPER = 10 / np.log(10)
 _CHIPS_A_METRE = E1C.chip_rate_hz / SPEED_OF_LIGHT_MPS
@@ -62,7 +63,7 @@ class Arriving(NamedTuple):
 
 
 def arriving(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, with_rays: bool) -> Arriving:
-    """Return line of sight, reflections and spoofing signals; parameters are those of `e1_taps`."""
+    """Return line of sight, reflections and spoofing signals; the parameters are the same as for `e1_taps`."""
     one, attack, rays = np.ones((truth.time_s.size, 1)), truth.e1_attack, truth.rays
     return Arriving(
         amplitude=np.concatenate([one + 0j, rays.amplitude_e1 * with_rays, attack.amplitude], axis=1),
@@ -86,7 +87,7 @@ def e1_signals(
     with_rays: bool,
     pulse: Pulse,
 ) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return ξ without noise for a signal of the given pulse; the other parameters are those of `e1_taps`."""
+    """Return ξ without noise for a signal of the given pulse; the other parameters are the same as for `e1_taps`."""
     arrived = arriving(truth, multipath_m, with_rays=with_rays)
     turns = (arrived.doppler_hz - arrived.followed_hz[:, None]) * INTEGRATION_S
     strength = arrived.amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
@@ -109,8 +110,8 @@ def e1_taps(
 ) -> Complex128[np.ndarray, "n n_taps"]:
     """Return ξ of one satellite alone, in BOC(1,1), before the gain control.
 
-    `cn0_dbhz` is the C/N0 of the true signal without interference. `multipath_m` is the error of the pseudorange by
-    reflections.
+    `cn0_dbhz` is the C/N0 of the true signal without interference. `multipath_m` is the pseudorange error that
+    reflections cause.
     """
     signals = e1_signals(truth, cn0_dbhz, multipath_m, with_rays=with_rays, pulse=BOC11)
     return signals + receiver_noise(truth, seed=seed, svid=svid, first=first)
@@ -125,7 +126,7 @@ def receiver_noise(truth: TruthBlock, *, seed: int, svid: int, first: int) -> Co
 def power_with_rays(
     truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, averaging_s: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the mean power of the prompt correlator with reflections over the power without them, both without noise.
+    """Return the mean C/N0 in the prompt correlator with reflections over the C/N0 of the undisturbed true signal.
 
     The line of sight and its reflections beat with each other. Beats that are fast against `averaging_s` are averaged
     out. Only the true signal has reflections. When the loop follows a spoofing signal, these reflections lie outside
@@ -136,7 +137,7 @@ def power_with_rays(
     truth
         Truth of the satellite's signals.
     multipath_m
-        Error of the pseudorange by reflections.
+        Pseudorange error that reflections cause.
     averaging_s
         Time over which the receiver averages the power.
     """
@@ -174,7 +175,7 @@ def band_power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, 
 def e6_power_rise_db(
     truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"], *, bandwidth_hz: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the rise of the power of E6 in dB, without beats: signals that overlap on E6 are far below the noise."""
+    """Return the rise of the power of E6 in dB; beats are left out, because E6 signals are far below the noise."""
     relative_power = np.stack([1 + np.sum(10 ** (one.e6.power_db / 10), axis=1) for one in truth], axis=1)
     return rise_over_nominal_db(truth[0].e6, cn0_dbhz, relative_power, bandwidth_hz)
 
@@ -185,7 +186,7 @@ def rise_over_nominal_db(
     relative_power: Float[np.ndarray, "n m"],
     bandwidth_hz: float,
 ) -> Float[np.ndarray, " n"]:
-    """Return the rise of a band's power in dB.
+    """Return the rise of a band's power over the power without attack, in dB.
 
     Parameters
     ----------
@@ -242,7 +243,7 @@ def power_noise_db(
     bandwidth_hz: float = POWER_BANDWIDTH_HZ,
     averaging_s: float = POWER_AVERAGING_S,
 ) -> Float[np.ndarray, " n"]:
-    """Return the scatter of the power reading of n epochs in dB."""
+    """Return the noise of the power measurements of n epochs, in dB."""
     sigma_db = _DB_PER_NEPER / np.sqrt(bandwidth_hz * averaging_s)
     return sigma_db * drawn_rows(
         first, n, lambda block: stream(seed, f"{band.value} power", block).standard_normal(DRAW_BLOCK)
@@ -255,7 +256,7 @@ def _noise(seed: int, svid: int, first: int, n: int) -> Complex128[np.ndarray, "
 
     def draw(block: int) -> Complex128[np.ndarray, "n n_taps"]:
         real, imaginary = stream(seed, "E1 taps", block, svid).standard_normal((2, DRAW_BLOCK, len(TAP_CHIPS)))
-        # whole blocks, because the last bits of a product depend on the number of rows
+        # Blocks are multiplied whole, because the last bits of a matrix product depend on the number of rows.
         return (real + 1j * imaginary) @ factor.T
 
     return drawn_rows(first, n, draw)

@@ -1,14 +1,14 @@
-"""Noise of all other signals of a sky behind an E6-C correlator, for banks that are drawn.
+"""Noise that all other signals of a sky cause behind an E6-C correlator, for simulated banks of correlators.
 
 Satellite j sends E6-B and E6-C as BPSK(5), each with the C/N0 c_j. A replica matches only the E6-C of its own
-satellite. Any other code of power C is noise behind the correlator, of the density κ C over N0 (`code_noise_density_s`:
-0.13 µs in continuous time). A satellite's own E6-B is aligned with its E6-C chip by chip, so its noise density is
-1/R_c, 3/2 times as much. For satellite i
+satellite. Any other code acts as noise behind the correlator. A code with the C/N0 c adds noise of the density κ c over
+N0. κ is `code_noise_density_s`, 0.13 µs in continuous time. The chips of a satellite's E6-B are aligned with the chips
+of its E6-C, so E6-B of the same satellite adds c/R_c, 3/2 times as much. Satellite i has the noise density
 
     w_i = 2 κ Σ_{j≠i} c_j p_j + c_i p_i / R_c,    p = 1 + power of multipath and spoofing signals over the line of sight
 
-Eight satellites of 45 dBHz raise the noise by 7 %. The taps get white noise of this density. The model neglects that
-code noise is more correlated between taps less than a chip apart.
+Eight satellites of 45 dBHz raise the noise by 7 %. The model adds white noise of the density w_i to the taps. The model
+neglects the higher correlation of code noise between taps that are less than a chip apart.
 """
 
 from __future__ import annotations

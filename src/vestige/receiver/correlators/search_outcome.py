@@ -3,37 +3,38 @@
 Theory of operation
 -------------------
 The true signal and all spoofing signals are on air, with amplitudes a_i, delays τ_i and Dopplers f_i. At the delay and
-Doppler of signal i, a correlator over T receives the sum of all signals,
+Doppler of signal i, a correlator with the integration time T receives the sum of all signals,
 
     h_i = Σ_j a_j R(τ_i − τ_j) sinc((f_j − f_i) T),      s_i² = 2 (C/N0) T |h_i|² L_i / (1 + ρ)
 
-So only the remainder of a nulled signal counts. ρ is the noise that an attack adds. L_i is the loss by the distance
-from the nearest cell of the grid. This distance is drawn for every signal, uniform over a step of code and of Doppler.
-The strongest cell is tested,
+So only the remainder of a nulled signal counts. ρ is the noise power that an attack adds, relative to the receiver's
+noise. L_i is the loss due to the distance from the nearest cell of the grid. This distance is drawn for every signal,
+uniformly over a step of code and of Doppler. The statistic of the strongest cell is compared with the threshold of all
+cells at `p_fa`. The statistics are
 
     E1          K = 48 squared magnitudes (24 periods, two components), χ²(2K) about the mean Σ s² + 2K
     hand-over   |s + z|,  z ~ CN(0, 2), at the nearest tap; only at the delays of signals found on E1
     exhaustive  |s + z|,  the same samples, so the same z; at any delay
 
-against the threshold of all cells at `p_fa`. The model leaves out that a neighbouring cell may be the strongest, so P_d
-is too low by about 0.02 near P_d = ½ (docs/vestigial_search.md).
+In a real search a neighbouring cell may be stronger. The model leaves out this effect, so P_d is too low by about 0.02
+near P_d = ½ (docs/vestigial_search.md).
 
-Two signals that are closer than the separation rule count as one signal, the stronger. On E1 the rule is two chips
-modulo 4 ms. In E6 the rule is one chip, or 2¼ − s/s' chips if this is larger, with the amplitudes s of the weaker and
-s' of the stronger signal. The reason is that the fine search of the weaker signal can end on the flank of the stronger
-signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a signal that is 16 dB below the strongest does
-not count; every other signal that is found counts. In E6 only a signal with the chips of the RECS counts. A false alarm
-has probability p_fa and lies anywhere in the window.
+If two signals are closer than the separation rule allows, only the stronger signal counts. On E1 the rule is two chips
+modulo 4 ms. In E6 the rule is the larger of one chip and 2¼ − s/s' chips. The weaker signal has the amplitude s, and
+the stronger signal has the amplitude s'. The reason is that the fine search of the weaker signal can end on the flank
+of the stronger signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a signal that is 16 dB below
+the strongest signal does not count. Every other signal that is found counts. In E6 only a signal with the chips of the
+RECS counts. A false alarm has probability p_fa and lies anywhere in the window.
 
 The earliest signal in E6 is taken as the true signal. A receiver uses the delay of this signal minus the predicted E6 −
-E1 delay as a range. The errors of this range are the delay of the signal, ionosphere and group delay as in every
-hand-over, and the noise of one snapshot. After a hand-over search the range is used if every signal of E1 was found in
-E6. The range is also used if none of these signals could have been missed: P_d ≥ 0.9999 at E1's C/N0, a quarter chip
-off. After an exhaustive search the range is used if there are two signals. A single signal may be the spoofing signal,
-with the true signal lost in noise.
+E1 delay as a range. This range has three errors: the delay of the signal, ionosphere and group delay as in every
+hand-over, and the noise of a single snapshot. After a hand-over search the range is used if every signal of E1 was
+found in E6. The range is also used if the search is sure not to miss any of these signals. The search is sure if P_d ≥
+0.9999 at the C/N0 of E1 and a code error of a quarter chip. After an exhaustive search the range is used if there are
+two signals. A single signal may be the spoofing signal, with the true signal lost in noise.
 
-In this model multipath components do not count as signals of their own. A satellite that is 16 dB weaker than the
-strongest other satellite is not left out.
+In this model multipath components do not count as signals of their own. The model also searches for a satellite that is
+more than 16 dB weaker than the strongest other satellite.
 """
 
 from __future__ import annotations
@@ -58,39 +59,42 @@ from vestige.theory.search_budget import SEARCH_P_FA
 from vestige.theory.thermal_noise import MBOC, snapshot_noise_bound_m
 from vestige.theory.thresholds import correlator_amplitude, probability_of_detection, threshold
 
-SURE_PD = 0.9999  # a hand-over that misses a signal of lower P_d proves nothing
-_WORST_CODE_LOSS_DB = 2.5  # a quarter chip off
+SURE_PD = 0.9999  # smallest P_d at which a hand-over search counts as sure to find a signal
+_WORST_CODE_LOSS_DB = 2.5  # loss at a code error of a quarter chip
 WINDOW_S = 15.0  # half width of the search window; a receiver that searches does not rely on its clock
-HANDOVER_TAPS = 5  # correlators of the hand-over search, at half-chip intervals
-FINE_REACH_CHIPS = 1.25  # reach of `peak_at` about a cell
+HANDOVER_TAPS = 5  # number of correlators of the hand-over search, at half-chip intervals
+FINE_REACH_CHIPS = 1.25  # reach of the fine search `peak_at` on each side of a cell
 _E1_BAND_HZ = 4.096e6  # bandwidth of the E1 search, which passes 86 % of the power of BOC(1,1)
-_E1_PHASES = 16384  # code phases of a period in that band, ¼ chip apart
+_E1_PHASES = 16384  # number of code phases of a period in the band of the E1 search, ¼ chip apart
 _E1_BINS, _E1_BIN_HZ = 81, 125.0
-_E6_BINS = 321  # ±5 kHz, 1/(2 T) apart at 16 ms
-_MEASURE_SIGMA_M = 3.0  # error of a code phase out of 100 ms of E1
+_E6_BINS = 321  # number of Dopplers within ±5 kHz, 1/(2 T) apart for T = 16 ms
+_MEASURE_SIGMA_M = 3.0  # standard deviation of a code phase that is measured in 100 ms of E1
 _E6_BANDWIDTH_HZ = 2 * E6C.chip_rate_hz
-_range_noise_m = cache(snapshot_noise_bound_m)  # at 0 dBHz; the result is divided by the root of C/N0
+# called with 0 dBHz; the caller divides the result by the square root of C/N0
+_range_noise_m = cache(snapshot_noise_bound_m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchOutcome:
-    """Outcome of the searches for one satellite, over epochs."""
+    """Outcome of the searches for one satellite, for each epoch."""
 
-    e1_signals: Float[np.ndarray, " n"]  # number of signals on E1; 0 means none, and no hand-over
+    e1_signals: Float[np.ndarray, " n"]  # number of signals on E1; 0 means no signal and no hand-over
     # number of these signals with the encrypted chips in E6; 0 if the hand-over was not run
     handover_carrying: Float[np.ndarray, " n"]
     # error of the E1 range that follows from the earliest signal in E6; NaN if no search was run, no signal was found,
     # or a signal could have been missed
     handover_error_m: Float[np.ndarray, " n"]
     exhaustive_signals: Float[np.ndarray, " n"]  # number of signals in the exhaustive search
-    exhaustive_error_m: Float[np.ndarray, " n"]  # the same error from the exhaustive search; NaN below two signals
+    # error of the E1 range from the exhaustive search; NaN if there are fewer than two signals
+    exhaustive_error_m: Float[np.ndarray, " n"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandSignals:
-    """The signals of one satellite in one band over epochs; the true signal is the first."""
+    """The signals of one satellite in one band at each epoch; the true signal is the first."""
 
-    amplitude: Complex128[np.ndarray, "n k"]  # relative to the true signal, as are delay and Doppler; 0 means no signal
+    # amplitude, delay and Doppler are relative to the true signal; amplitude 0 means no signal
+    amplitude: Complex128[np.ndarray, "n k"]
     delay_m: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
     cn0_dbhz: Float[np.ndarray, " n"]  # C/N0 of the true signal, over all noise that is present
@@ -123,8 +127,8 @@ class SearchDraws:
     e6_z: Complex128[np.ndarray, "n k"]
     e1_rest: Float[np.ndarray, "n k"]  # the other K − 1 squared magnitudes of E1, χ²(2K − 2)
     measured: Float[np.ndarray, "n k 2"]  # errors of E1's code phase and of the range in E6, σ = 1
-    # uniform draws: three give a false signal if below `p_fa` (on E1, at the hand-over, in the exhaustive search), the
-    # last gives its delay
+    # Uniform draws: each of the first three gives a false signal if the draw is below `p_fa` (on E1, at the hand-over,
+    # in the exhaustive search). The last draw gives the delay of the false signal.
     alarm: Float[np.ndarray, "n 4"]
 
 
@@ -155,7 +159,7 @@ def search_outcome(
     p_fa: float = SEARCH_P_FA,
     clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
-    """Return the results of the searches in the epochs from `first` on, the same for any cut into blocks.
+    """Return the results of the searches in the epochs from `first` on; the results are the same for any block length.
 
     `cn0_e1_dbhz` and `cn0_e6_dbhz` are the C/N0 of the undisturbed pilots, before the effect of elevation. `p_fa` is
     the false-alarm probability of each search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
@@ -271,7 +275,7 @@ def _found_on_e1(air: BandSignals, draws: SearchDraws, p_fa: float, periods: int
     added = 2 * periods
     mean = 2 * added * 10 ** (air.cn0_dbhz[:, None] / 10) * E1_CODE_PERIOD_S * correlator_power * loss
     statistic = np.abs(np.sqrt(mean) + draws.e1_z) ** 2 + draws.e1_rest
-    snr = np.maximum(statistic / (2 * added) - 1, 1e-3)  # as in `CellPowers.acquisition`
+    snr = np.maximum(statistic / (2 * added) - 1, 1e-3)  # the same estimate as in `CellPowers.acquisition`
     loud = snr > np.max(np.where(correlator_power > 0, snr, 0), axis=1, keepdims=True) * 10 ** (
         -CROSS_CORRELATION_DB / 10
     )
@@ -304,9 +308,9 @@ def _separate(
 ) -> Bool[np.ndarray, "n k"]:
     """Return the signals that are separate from every stronger signal that is kept.
 
-    Separate signals are more than `blind_m` apart. If `fine_m` is given, they are also more than `fine_m` + `blind_m`
-    (1 − s/s') apart, with the amplitudes s of the weaker and s' of the stronger signal. Distances count modulo
-    `period_m`.
+    Separate signals are more than `blind_m` apart. If `fine_m` is given, separate signals are also more than `fine_m` +
+    `blind_m` (1 − s/s') apart. The weaker signal has the amplitude s, and the stronger signal has the amplitude s'.
+    Distances count modulo `period_m`.
     """
     order = np.argsort(np.where(found, -strength, np.inf), axis=1)
     rows = np.arange(found.shape[0])
@@ -331,7 +335,7 @@ def _metres_a_chip(band: Band) -> float:
 
 @cache
 def _e1_shape() -> tuple[tuple[np.ndarray, np.ndarray], float]:
-    """Return R over chips behind the search's filter, with R(0) = 1, and the share of CBOC's power that passes."""
+    """Return R behind the filter of the search, with R(0) = 1, and the share of CBOC's power that passes the filter."""
     chips = np.linspace(0.0, 0.5, 51)
     shape = band_limited_autocorrelation(BOC11, chips, chip_rate_hz=E1C.chip_rate_hz, bandwidth_hz=_E1_BAND_HZ)
     return (chips, shape / shape[0]), float(shape[0]) * MBOC[BOC11]

@@ -1,36 +1,37 @@
-"""Effect of a whole sky on drawn E1 correlators and power: noise of all codes, power of all signals.
+"""Effect of a whole sky on simulated E1 correlators and power: noise of all codes, power of all signals.
 
 Theory of operation
 -------------------
-Satellite j sends E1-B and E1-C, each with the C/N0 c_j, as CBOC(6,1,1/11) with the signs + and −. A correlator takes
-E1-C as BOC(1,1).
+Satellite j sends E1-B and E1-C, each with the C/N0 c_j, as CBOC(6,1,1/11) with the signs + and −. The replica of E1-C
+in a correlator is BOC(1,1).
 
-**Strangers** are all signals that are not aligned with the replica: signals of other satellites, and the satellite's
-own signals a chip or more away. u = Σ c_j p_j is the power of one component of all strangers over N0, in Hz. p_j is the
-power of all signals of satellite j over the power of its line of sight. The signals are sampled at f_s. In two
-correlators δ apart, the noise of the strangers has the covariance u A(δ) in each dimension. The receiver's own noise
-has the covariance of the replicas instead.
+**Unaligned signals** are signals of other satellites, and signals of the same satellite that are a chip or more away
+from the replica. u = Σ c_j p_j is the power of one component of all unaligned signals over N0, in Hz. p_j is the power
+of all signals of satellite j over the power of its line of sight. The signals are sampled at f_s. In two correlators δ
+apart, the noise of the unaligned signals has the covariance u A(δ) in each dimension. The covariance of the receiver's
+own noise is the correlation of the two replicas.
 
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 
 R_B and R_C are the autocorrelations of the two components, and R is the autocorrelation of BOC(1,1). In continuous time
-A(0) is 0.59 µs; at 6.2 MHz A(0) is 18 % more, because sampling folds BOC(6,1) into the band. Seven other satellites of
-45 dBHz raise the noise by 13 %.
+A(0) is 0.59 µs. At a sampling rate of 6.2 MHz A(0) is 18 % larger, because sampling folds BOC(6,1) into the band. Seven
+other satellites of 45 dBHz raise the noise by 13 %.
 
 **The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips E1-B gives the output of
 E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are random.
-So over T E1-B is noise with the shape and the phase of the signals. The variance of this noise is X²/(N T R_c) times
-the power of the signals.
+So over the integration time T, E1-B acts as noise with the shape and the phase of the signals. The variance of this
+noise is X²/(N T R_c) times the power of the signals.
 
-**Power** is the power within W about the carrier. The common power of two signals with the delay difference τ is, over
-both components,
+**Power** means the power within the bandwidth W around the carrier. Two signals with the delay difference τ have the
+common power P(τ), summed over both components:
 
     P(τ) = W/f_s Σ_m [R_B(m/f_s − τ) + R_C(m/f_s − τ)] sinc(W m/f_s)
 
 A satellite thus adds P(0) c η/W to the noise. η is computed as in `e1_taps`, with the overlap P(τ)/P(0) and with
 reflections.
 
-The model leaves out the filter of the front end: filtered samples (`front_end.bandwidth_hz`) have rounder correlators.
+The model leaves out the filter of the front end. On filtered samples (`front_end.bandwidth_hz`) the correlation peaks
+are rounder than in the model.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ _GRID_CHIPS = np.linspace(-4.0, 4.0, 801)  # filtered signals that are farther a
 
 
 def sky_power(truth: TruthBlock, *, with_rays: bool, sample_rate_hz: float) -> Float[np.ndarray, " n"]:
-    """Return η, the power of all signals of a satellite within W over that of its line of sight."""
+    """Return η, the power of all signals of a satellite over that of its line of sight, within the bandwidth W."""
     table = _overlaps(sample_rate_hz)
     return power_with_beat(
         truth, lambda chips: np.interp(chips, _GRID_CHIPS, table, left=0.0, right=0.0), with_rays=with_rays
@@ -83,9 +84,9 @@ def sky_power_rise_db(
     truth
         Truth of each satellite.
     cn0_dbhz
-        C/N0 of a component of the lines of sight without interference; NaN out of view.
+        C/N0 of a component of the lines of sight without interference; NaN if the satellite is out of view.
     relative_power
-        `sky_power` of each satellite.
+        Result of `sky_power` for each satellite.
     """
     passed = passed_components(np.zeros(1), bandwidth_hz=POWER_BANDWIDTH_HZ, sample_rate_hz=sample_rate_hz)
     passed_dbhz = cn0_dbhz + 10 * np.log10(passed)
@@ -105,9 +106,9 @@ def strangers_hz(
     Parameters
     ----------
     truth, multipath_m
-        The same as for `e1_taps`, for each satellite.
+        Parameters of `e1_taps`, given for each satellite.
     cn0_dbhz, relative_power
-        The same as for `sky_power_rise_db`.
+        Parameters with the same meaning as for `sky_power_rise_db`.
     """
     strength_hz = np.nan_to_num(10 ** (cn0_dbhz / 10))
     of_all_hz = strength_hz * relative_power
@@ -134,13 +135,13 @@ def code_noise(
     signals
         ξ of E1-C without noise.
     of_strangers_hz
-        `strangers_hz` of the satellite.
+        Result of `strangers_hz` for the satellite.
     """
     factor = np.linalg.cholesky(strangers_covariance_s(sample_rate_hz))
 
     def draw(block: int) -> Complex128[np.ndarray, "n n_taps_and_1"]:
         real, imaginary = stream(seed, "E1 codes", block, svid).standard_normal((2, DRAW_BLOCK, len(TAP_CHIPS) + 1))
-        # whole blocks, because the last bits of a product depend on the number of rows
+        # Blocks are multiplied whole, because the last bits of a matrix product depend on the number of rows.
         strangers = (real[:, :-1] + 1j * imaginary[:, :-1]) @ factor.T
         return np.concatenate([strangers, real[:, -1:] + 0j], axis=1)
 
@@ -181,16 +182,16 @@ def folding_rate_hz(front_end: FrontEnd) -> float:
 def passed_components(
     delay_chips: Float[np.ndarray, " n"], *, bandwidth_hz: float, sample_rate_hz: float
 ) -> Float[np.ndarray, " n"]:
-    """Return P, the common power of two signals of a satellite within a bandwidth about the carrier.
+    """Return P, the common power of two signals of a satellite within a bandwidth around the carrier.
 
     Parameters
     ----------
     delay_chips
-        τ in chips.
+        τ, delay difference of the two signals in chips.
     bandwidth_hz
-        W, two-sided.
+        W, two-sided bandwidth in Hz.
     sample_rate_hz
-        f_s.
+        f_s, sampling rate in Hz.
 
     Examples
     --------
@@ -209,6 +210,6 @@ def passed_components(
 
 @lru_cache(maxsize=4)
 def _overlaps(sample_rate_hz: float) -> Float[np.ndarray, " n"]:
-    """Return P(τ)/P(0) on the grid."""
+    """Return P(τ)/P(0) on the grid `_GRID_CHIPS`."""
     found = passed_components(_GRID_CHIPS, bandwidth_hz=POWER_BANDWIDTH_HZ, sample_rate_hz=sample_rate_hz)
     return found / found[_GRID_CHIPS.size // 2]

@@ -1,1 +1,1 @@
-"""The error models of the receiver, one file each."""
+"""The error models of the receiver, with one file for each model."""

@@ -1,9 +1,9 @@
 """Accelerometers of a receiver: the gain of velocity between two epochs as the sensors measure it.
 
-    Δv̂ = Δv + b Δt + N √Δt z,    z ~ N(0, 1) of each axis and interval
+    Δv̂ = Δv + b Δt + N √Δt z,    z ~ N(0, 1) for each axis and interval
 
-The axes are local, and gravity is removed. b is drawn once for each axis. The axes have the bias b after an alignment.
-A tilt of b/g, which turns gravity into the horizontal, has the same effect.
+The axes point east, north and up, and gravity is removed. b is the bias of an axis that remains after the alignment. b
+is drawn once for each axis. A tilt of b/g, which turns gravity into the horizontal, has the same effect.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from vestige.streams import stream
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accelerometers:
-    """Three accelerometers with a constant bias and white noise; the default is a consumer's sensor.
+    """Three accelerometers with a constant bias and white noise; the default is a consumer-grade sensor.
 
     Attributes
     ----------
     sigma_bias_mps2
         Standard deviation of the bias of an axis; the default is 1 mg.
     walk_mps_per_sqrt_s
-        N, velocity random walk.
+        N, the velocity random walk in m/s per √s.
     """
 
     sigma_bias_mps2: float = 0.01

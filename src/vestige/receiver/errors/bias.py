@@ -2,9 +2,9 @@
 
     b(t) = b_BGD + b_HW + r_HW t
 
-b_BGD belongs to the satellite: the residual of the broadcast group delay times γ − 1, constant over the run. b_HW
-belongs to the receiver and is common to all satellites. The temperature of the front ends causes the drift r_HW of
-b_HW. b_BGD, b_HW and r_HW are drawn once and are Gaussian.
+b_BGD belongs to the satellite: b_BGD is the residual of the broadcast group delay times γ − 1, and is constant over the
+run. b_HW belongs to the receiver and is common to all satellites. The temperature of the front ends causes the drift
+r_HW of b_HW. b_BGD, b_HW and r_HW are drawn once and are Gaussian.
 """
 
 from __future__ import annotations

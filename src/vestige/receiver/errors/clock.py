@@ -33,9 +33,9 @@ from vestige.receiver.errors.error_process import Streams, steps_s
 class TwoStateClock:
     """A clock with white and random-walk frequency noise, without error at the scenario's start.
 
-    The default is the clock of [WFO, Sec. V], a good TCXO: 5 cm of range in 1 s, 8.3 m in 30 s. `ClockProcess.advance`
-    returns the receiver clock's error times c, which every pseudorange contains. A clock that is ahead makes ranges
-    longer.
+    The default is the clock of [WFO, Sec. V], a good TCXO. The range error of this clock grows to 5 cm (1σ) in 1 s and
+    to 8.3 m in 30 s. `ClockProcess.advance` returns the receiver clock's error times c, which every pseudorange
+    contains. A clock that is ahead makes ranges longer.
 
     Attributes
     ----------

@@ -17,22 +17,23 @@ from vestige.receiver.errors.error_process import Streams
 from vestige.receiver.errors.ionosphere import PASS_TAU_S, Correlation, IonosphereProcess
 
 IONOSPHERE_COLUMN = "e6_minus_e1_m"  # header of the CSV file
-LARGEST_FILE = 1 << 28  # bytes, about 10 million samples
-LARGEST_RESIDUAL_M = 1000.0  # largest value; the worst ionosphere is 0.1 km
+LARGEST_FILE = 1 << 28  # largest size in bytes, about 10 million samples
+LARGEST_RESIDUAL_M = 1000.0  # largest plausible residual; the worst ionosphere causes 0.1 km
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EmpiricalIonosphere:
-    """The distribution of given samples, with the memory of a `HeavyTailedIonosphere`.
+    """The distribution of given samples, with the correlation in time of a `HeavyTailedIonosphere`.
 
-    F is linear between the sorted samples; sample k of n has F = (k − ½)/n. No draw lies beyond the extremes.
+    The distribution function F is linear between the sorted samples. Sample number k of n has F = (k − ½)/n. No draw
+    lies below the smallest or above the largest sample.
 
     Attributes
     ----------
     samples_m
         Differential residuals E6 − E1 in m, in any order.
     correlation, tau_s, code_only
-        The same as for a `HeavyTailedIonosphere`.
+        Parameters with the same meaning as for a `HeavyTailedIonosphere`.
     """
 
     samples_m: Float[np.ndarray, " n"]

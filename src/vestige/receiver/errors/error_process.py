@@ -1,9 +1,9 @@
 """Common base of the receiver's error models: named streams of random numbers, and times that only increase.
 
-A model is a frozen record of parameters. `model.process(streams)` starts a realisation of the model. `advance(times_s)`
-continues that realisation to later times, with one value per epoch. The values of every model are the same to the last
-bit, however the epochs are divided among calls. So a model asks for one stream per variable and draws the same number
-of values for every epoch.
+A model is an immutable record of parameters. `model.process(streams)` starts a realisation of the model.
+`advance(times_s)` continues that realisation to later times, with one value per epoch. The values of every model are
+the same to the last bit, however the epochs are divided among calls. So a model asks for one stream per variable and
+draws the same number of values for every epoch.
 
 The streams of clock and front ends belong to the receiver. All other streams belong to a satellite,
 `named_streams(seed, svid)`.
@@ -54,7 +54,7 @@ class RayProcess(Protocol):
 
 @runtime_checkable
 class ClockModel(Protocol):
-    """A receiver clock."""
+    """Model of a receiver clock."""
 
     def process(self, streams: Streams) -> SeveralProcess:
         """Return a realisation from the receiver's streams: bias times c in m, and its rate in m/s."""
@@ -76,7 +76,7 @@ class IonosphereModel(Protocol):
 
 @runtime_checkable
 class MultipathModel(Protocol):
-    """The reflections of a satellite, on E6 and E1."""
+    """Model of the reflections of a satellite on E6 and E1."""
 
     @property
     def n_rays(self) -> int:

@@ -1,6 +1,6 @@
-"""Gauss-Markov noise of unit variance: the memory of the ionosphere and of tracking loops.
+"""Gauss-Markov noise of unit variance, which models how ionosphere and tracking errors correlate in time.
 
-First order:
+The process of first order is
 
     z_k = ρ z_{k−1} + √(1 − ρ²) w_k,    ρ = e^{−(t_k − t_{k−1})/τ},    w_k ~ N(0, 1),    z_0 = w_0
 
@@ -29,8 +29,8 @@ _SMOOTH_TAU = 2.146193  # u with (1 + u) e^{−u} = 1/e
 class GaussMarkovProcess:
     """One realisation of the first-order process.
 
-    `rng` gives one normal per epoch. With a correlation time of 0 all epochs are independent, even two epochs of the
-    same time.
+    `rng` gives one normal draw per epoch. With a correlation time of 0 all epochs are independent, even two epochs of
+    the same time.
     """
 
     def __init__(self, rng: np.random.Generator, tau_s: float) -> None:
@@ -55,7 +55,7 @@ class GaussMarkovProcess:
             keep[0], gain[0] = 0.0, 1.0
         z = self._z
         values = []
-        # Python floats: this recursion is fast enough without a compiled loop (6 ms for 100,000 epochs)
+        # Python floats are fast enough for this recursion, without a compiled loop (6 ms for 100,000 epochs).
         for rho, kick in zip(keep.tolist(), (gain * drive).tolist(), strict=True):
             z = rho * z + kick
             values.append(z)
@@ -64,10 +64,10 @@ class GaussMarkovProcess:
 
 
 class SmoothGaussMarkovProcess:
-    """One realisation of the second-order process, whose rate suits slow errors such as the delay of the ionosphere.
+    """One realisation of the second-order process, for slow errors with a rate, such as the ionosphere's delay.
 
-    `rng` gives two normals per epoch. After the correlation time τ the correlation is 1/e, as in first order, so a =
-    τ/2.146.
+    `rng` gives two normal draws per epoch. After the correlation time τ the correlation is 1/e, as in first order, so a
+    = τ/2.146.
     """
 
     def __init__(self, rng: np.random.Generator, tau_s: float) -> None:

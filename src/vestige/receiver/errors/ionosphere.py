@@ -4,20 +4,20 @@ Theory of operation
 -------------------
 The residual e is a mixture. With probability 1 − p the residual e comes from N(0, σ). With probability p s the residual
 e comes from the late tail u + Exp(β), where E6 arrives later than the model predicts. With probability p (1 − s) the
-residual e comes from the early tail −(u + Exp(β)). Far out on the late side
+residual e comes from the early tail −(u + Exp(β)). Far out on the late side, e exceeds x with the probability
 
     P(e > x) = ps · e^{−(x−u)/β}
 
 The tail is a straight line in a logarithmic histogram, like the right flank in [WFO, Sec. VI-A]. One Gaussian z per
 epoch gives the value through the inverse distribution function, e = F⁻¹(Φ(z)). So e has the distribution F for any
-memory of z.
+correlation of z in time.
 
-* `iid`: all epochs are independent, for histograms.
-* `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation along a Galileo pass. A run of 100,000 s
-  then has only about 14 independent values. In a second the residual changes by 1.7 % of its spread, or 2 cm: half a
-  radian of the E6 carrier. So carrier phases need `smooth`.
+* `iid`: all epochs are independent, which suits histograms.
+* `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation time along a Galileo pass. A run of
+  100,000 s then has only about 14 independent values. In a second the residual changes by 1.7 % of its standard
+  deviation, or 2 cm. This change is half a radian of the E6 carrier, so carrier phases need `smooth`.
 * `smooth`: z is a Gauss-Markov process of second order with the same τ, so z has a rate. In a second the residual
-  changes by 0.03 % of its spread, or 0.4 mm. E6 carrier phases can be compared with E1 carrier phases.
+  changes by 0.03 % of its standard deviation, or 0.4 mm. So E6 carrier phases can be compared with E1 carrier phases.
 
 A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are the difference between two such models,
 NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Each tail of this difference has a
@@ -43,7 +43,7 @@ from vestige.receiver.errors.gauss_markov import GaussMarkovProcess, SmoothGauss
 Correlation = Literal["iid", "gauss-markov", "smooth"]
 PASS_TAU_S = 7200.0  # the measured correlation falls to 1/e in 110 min along Galileo passes, NeQuick-G minus NTCM-G
 
-_HALVINGS = 52  # halvings of an interval, down to the last bit of a float64
+_HALVINGS = 52  # number of halvings of an interval, down to the last bit of a float64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,20 +55,20 @@ class HeavyTailedIonosphere:
     core_sigma_m
         σ, standard deviation of the core in m.
     tail_start_m, tail_scale_m
-        u and β of the tails in m.
+        u and β, start and scale of the tails in m.
     tail_probability
         p, probability of both tails together.
     late_tail_share
-        s, share of p in the late tail, 0 to 1: 0.5 is symmetric, 1 has no early tail.
+        s, share of p in the late tail, 0 to 1. With 0.5 the tails are symmetric, and with 1 there is no early tail.
     truncated
         Whether the core is cut at ±u, so that P(|e| > u) is exactly p. Otherwise the core also reaches beyond u.
     correlation
-        Memory of z: `iid`, `gauss-markov` or `smooth`.
+        Correlation of z in time: `iid`, `gauss-markov` or `smooth`.
     tau_s
         Correlation time τ of z in s.
     code_only
         Whether the residual delays the codes and has no effect on the carriers. A real ionosphere advances the
-        carriers. With `iid`, however, the draws stand for different times, and the carriers would jump by whole cycles
+        carriers. With `iid`, however, the draws stand for different times. The carriers would then jump by whole cycles
         from epoch to epoch.
     """
 
@@ -93,28 +93,28 @@ class HeavyTailedIonosphere:
 
     @classmethod
     def solar_maximum_2014(cls) -> HeavyTailedIonosphere:
-        """Return the residual of 2014, elevation 5 to 30°: rms 1.73 m, and P(|e| > 10 m) is 1e-4 on each side."""
+        """Return the model for 2014 and elevations of 5 to 30°: rms 1.73 m, P(|e| > 10 m) = 1e-4 on each side."""
         return cls(core_sigma_m=1.24, tail_start_m=2.65, tail_scale_m=1.17)
 
     @classmethod
     def solar_maximum_2014_late(cls) -> HeavyTailedIonosphere:
-        """Return the residual of 2014 without its early tail: the paper's histogram has a higher right flank."""
+        """Return the model for 2014 without the early tail, because the paper's histogram has a higher right flank."""
         both = cls.solar_maximum_2014()
         return replace(both, tail_probability=both.tail_probability / 2, late_tail_share=1.0)
 
     @classmethod
     def average_2017(cls) -> HeavyTailedIonosphere:
-        """Return the residual of 2017, elevation 5 to 30°: rms 1.06 m."""
+        """Return the model for 2017 and elevations of 5 to 30°: rms 1.06 m."""
         return cls(core_sigma_m=0.76, tail_start_m=1.55, tail_scale_m=0.78)
 
     @classmethod
     def solar_maximum_2014_high(cls) -> HeavyTailedIonosphere:
-        """Return the residual of 2014, elevation 30 to 90°: rms 1.0 m."""
+        """Return the model for 2014 and elevations of 30 to 90°: rms 1.0 m."""
         return cls(core_sigma_m=0.72, tail_start_m=1.51, tail_scale_m=0.70)
 
     @classmethod
     def average_2017_high(cls) -> HeavyTailedIonosphere:
-        """Return the residual of 2017, elevation 30 to 90°: rms 0.63 m."""
+        """Return the model for 2017 and elevations of 30 to 90°: rms 0.63 m."""
         return cls(core_sigma_m=0.44, tail_start_m=0.95, tail_scale_m=0.46)
 
     def exceedance(self, x_m: Float[np.ndarray, " n"], *, late: bool = True) -> Float[np.ndarray, " n"]:

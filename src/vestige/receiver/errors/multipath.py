@@ -1,23 +1,26 @@
-"""Multipath at sample level, "LMS-lite": a few reflections with delay, strength, phase and life [WFO, Sec. V].
+"""Multipath model at sample level: a few reflections with delay, strength, phase and lifetime [WFO, Sec. V].
 
 Theory of operation
 -------------------
     y(t) = x(t) + Σ_i a_i e^{jφ_i(t)} x(t − τ_i)
 
-* Excess delay τ: exponential of mean μ, cut at 500 ns.
-* Strength: Rayleigh, mean square 10^(G/10)/N with G = G0 − s τ in dB, for N reflections. So G0 is the mean power of all
-  reflections together relative to the line of sight.
-* Phase: uniform at first, then changing with the Doppler f_i = (v/λ) cos ψ_i, ψ uniform, v the receiver's speed.
-* Life: exponential, so a reflection dies in a step dt with probability 1 − e^{−r dt}, whatever its age. The rate is r =
-  v/L + 1/T for a mean life of L metres of travel or T seconds. Another, independent reflection follows.
-* Number: fixed, or Poisson with a maximum. The number is drawn anew at the same rate as the reflections.
+* The excess delay τ has an exponential distribution of mean μ, cut at 500 ns.
+* The strength has a Rayleigh distribution with the mean square 10^(G/10)/N for N reflections, where G = G0 − s τ in dB.
+  So G0 is the mean power of all reflections together relative to the line of sight.
+* The phase is uniform at first, and then changes with the Doppler f_i = (v/λ) cos ψ_i. The angle ψ_i is uniform, and v
+  is the receiver's speed.
+* The lifetime is exponential, so a reflection ends in a step dt with probability 1 − e^{−r dt}, whatever its age. The
+  rate is r = v/L + 1/T for a mean lifetime of L metres of travel or T seconds. Then a new, independent reflection
+  begins.
+* The number of reflections is fixed, or has a Poisson distribution with a maximum. The number is drawn anew at the same
+  rate as the reflections.
 
-A reflection has the same strength on E1 and E6, but another phase. The phases differ by (f1 − f6) τ cycles, one cycle
-for each metre of excess delay. So the errors of E1 and E6 are practically independent.
+A reflection has the same strength on E1 and E6, but different phases. The phases differ by (f1 − f6) τ cycles, one
+cycle for each metre of excess delay. So the errors of E1 and E6 are practically independent.
 
-These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681], without the
-houses and trees that this channel also models. The power of the presets is calibrated to the only result in [WFO]: 52
-misses in 100,000.
+These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681]. The houses and
+trees of this channel model are left out. The power of the presets is calibrated to the only result in [WFO]: 52 misses
+in 100,000.
 """
 
 from __future__ import annotations
@@ -41,7 +44,7 @@ from vestige.navigation.elevation_model import (
 )
 from vestige.receiver.errors.error_process import Streams, steps_s
 
-MAX_EXCESS_M = SPEED_OF_LIGHT_MPS * 500e-9  # longest echo of the measured channel [STEINGASS04]
+MAX_EXCESS_M = SPEED_OF_LIGHT_MPS * 500e-9  # largest excess delay of the measured channel [STEINGASS04]
 MAX_RAYS, MAX_POWER_DB = 10_000, 60.0
 
 
@@ -80,15 +83,16 @@ class RayBlock:
 class LmsLiteMultipath:
     """Model of reflections that begin and end.
 
-    A life of 0 makes every epoch independent. A reflection whose phase changes by f T cycles in the integration time T
-    is weaker by the factor sinc(f T). At speeds above about 10 m/s, 16 ms of E6 therefore show little of the multipath.
+    A lifetime of 0 makes every epoch independent. A reflection whose phase changes by f T cycles in the integration
+    time T is weaker by the factor sinc(f T). At speeds above about 10 m/s, 16 ms of E6 therefore show little of the
+    multipath.
 
     Attributes
     ----------
     power_db
         G0, mean power of all reflections in dB; −inf for no multipath.
     mean_excess_m
-        μ in m.
+        μ, mean excess delay in m.
     n_rays
         Number of reflections, or the largest number if `mean_rays` is given.
     mean_rays
@@ -100,7 +104,7 @@ class LmsLiteMultipath:
     speed_mps
         v, speed of the receiver in m/s.
     mean_life_m, mean_life_s
-        L in m of travel, T in s.
+        L and T, mean lifetime of a reflection in m of travel and in s.
     """
 
     power_db: float
@@ -140,7 +144,7 @@ class LmsLiteMultipath:
 
     @classmethod
     def at_elevation(cls, elevation_deg: float) -> LmsLiteMultipath:
-        """Return multipath of −14 dB at 5° to −18 dB at 30° on a straight line, and open sky above 30°."""
+        """Return multipath whose power falls linearly from −14 dB at 5° to −18 dB at 30°; `open_sky` above 30°."""
         if elevation_deg > HIGH_DEG:
             return cls.open_sky()
         power_db = float(multipath_power_db(np.array([elevation_deg], np.float64))[0])
@@ -165,7 +169,7 @@ MULTIPATH_PRESETS: Mapping[str, Callable[[], LmsLiteMultipath]] = MappingProxyTy
 
 
 class _Renewal:
-    """Values that stay for a life and are then replaced; several independent values run side by side."""
+    """Independent values, each of which is replaced by a new value after a random lifetime."""
 
     def __init__(self, rng: np.random.Generator, rate_hz: float) -> None:
         self._rng, self._rate_hz = rng, rate_hz
@@ -181,8 +185,8 @@ class _Renewal:
         steps
             Time since the previous epoch, in s.
         candidates
-            New values at each epoch, used if the values change there. Values that change together lie along the first
-            axis.
+            New values at each epoch, used if the values change at this epoch. The values along the first axis change
+            together.
         """
         n, width = candidates.shape[1:]
         lives = self._rng.standard_exponential((n, width))

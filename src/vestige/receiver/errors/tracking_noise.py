@@ -2,15 +2,16 @@
 
 Theory of operation
 -------------------
-Standard deviations, with B the one-sided noise bandwidth of the loop concerned, T the integration time, C = C/N0:
+The table gives the standard deviations. B is the one-sided noise bandwidth of the loop, T is the integration time, and
+C is C/N0.
 
     code      non-coherent delay lock loop [BETZ09], see `theory.thermal_noise`
     carrier   phase lock loop        σ_φ = √(B/C · (1 + 1/(2TC))) rad                 [KAPLAN06, 5.6.1]
     Doppler   frequency lock loop    σ_f = 1/(2πT) √(4FB/C · (1 + 1/(TC))) Hz, F = 1   [KAPLAN06, 5.6.2]
 
 The error of a loop is correlated in time. A first-order loop of noise bandwidth B has the impulse response 4B e^{−4Bt},
-so its error is a Gauss-Markov process with τ = 1/(4B). At 1 Hz, the correlation is 1.8 % for observations 1 s apart,
-and 92 % for observations 20 ms apart. The model treats higher orders as first order.
+so its error is a Gauss-Markov process with τ = 1/(4B). With B = 1 Hz, the correlation is 1.8 % for observations 1 s
+apart, and 92 % for observations 20 ms apart. The model treats loops of higher order as first-order loops.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class BetzTrackingNoise:
     """Noise of a delay lock loop with a phase and a frequency lock loop.
 
     The code noise of the default loop is 0.56 m at 35 dBHz, and 0.79 m with a loop bandwidth of 2 Hz. [WFO, Sec. II-B]
-    gives 0.5 to 1 m. With an early-late spacing above 0.1 chip, almost no slope is left for MBOC.
+    gives 0.5 to 1 m. With an early-late spacing above 0.1 chip, the discriminator has almost no slope for MBOC.
 
     Attributes
     ----------
@@ -68,7 +69,7 @@ class BetzTrackingNoise:
     spacing_chips
         Distance between the early and the late correlator in chips.
     loop_bandwidth_hz, pll_bandwidth_hz, fll_bandwidth_hz
-        B of the code, phase and frequency loop.
+        B of the code, phase and frequency loop in Hz.
     integration_s
         T, integration time in s.
     """
@@ -93,7 +94,7 @@ class BetzTrackingNoise:
                 raise ValueError(f"{name} lies between {low:g} and {high:g}")
 
     def code_sigma_m(self, cn0_dbhz: float) -> float:
-        """Return the standard deviation of the pseudorange in m at C/N0 in dBHz; 0 without noise, at +inf."""
+        """Return the standard deviation of the pseudorange in m at C/N0 in dBHz; 0 at +inf, which means no noise."""
         return dll_noise_m(
             cn0_dbhz,
             bandwidth_hz=self.bandwidth_hz,

@@ -2,18 +2,18 @@
 
 Theory of operation
 -------------------
-**Strength.** Noise is complex white Gaussian of variance 1 a sample, so N0 = 1/f_s and a component of C/N0 has
-amplitude √(C/N0 / f_s).
+**Strength.** The noise is complex, white and Gaussian, with variance 1 per sample. So N0 = 1/f_s, and a component has
+the amplitude √(C/N0 / f_s).
 
 **Filter.** A band limit of two-sided width B is a windowed sinc of odd length. The sinc is even, so its group delay is
 a whole number of samples and is removed. The taps of the sinc have Σh² = 1, so the noise keeps variance 1 in a narrower
-band. Signals in the pass band grow by √(f/B), with f the filter's own rate. The C/N0 does not change. A filter *behind*
-the sampler cannot undo the effects of sampling: sidelobes fold back before the filter, and a staircase (`staircase.py`)
-stays. So the samples may be made at a multiple of the front end's rate; they are filtered at that rate and then thinned
-out.
+band. Signals in the pass band grow by √(f/B), where f is the sampling rate at the filter. The C/N0 does not change. A
+filter *behind* the sampler cannot undo the effects of sampling. Sidelobes fold back before the filter, and the
+correlation function keeps its steps (`staircase.py`). So the samples can be made and filtered at a multiple of the
+front end's rate, and are then decimated.
 
-**Gain and quantiser.** The gain control brings the rms of its input over the snapshot to the level where the quantiser
-loses least (`quantiser.py`). Without gain control the gain is right for noise alone, and a jammer saturates the
+**Gain and quantiser.** The gain control sets the rms over the snapshot to the level with the smallest loss of the
+quantiser (`quantiser.py`). Without gain control the gain is right for noise alone, and a jammer saturates the
 quantiser.
 """
 
@@ -30,7 +30,7 @@ from vestige.kernel_cache import njit
 from vestige.receiver.front_end.quantiser import QUANTISERS
 from vestige.records import FrontEndStatus
 
-_CLIPPING = 2.0, 1e-3  # saturated: above twice the clipped share of a Gaussian, plus one sample in a thousand
+_CLIPPING = 2.0, 1e-3  # A snapshot is saturated if its clipped share is above twice the share of a Gaussian, plus 1e-3.
 _STOP_BAND_DB = 60.0
 _KAISER_BETA = 0.1102 * (_STOP_BAND_DB - 8.7)  # Kaiser 1974
 _FFT_LENGTH = 4096
@@ -38,7 +38,7 @@ _FFT_LENGTH = 4096
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrontEnd:
-    """Front end of one band; without bandwidth and bits it is the identity.
+    """Front end of one band; without bandwidth and bits the output equals the input.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class FrontEnd:
     bandwidth_hz
         Two-sided bandwidth between the −6 dB points; None for no filter.
     bits
-        1, 2, 3 or 8 bits per dimension; None for no quantiser, and then no gain.
+        Bits per dimension, 1, 2, 3 or 8; None for no quantiser and no gain.
     agc
         Whether the gain follows the power of the snapshot. Otherwise the front end has the gain for noise alone.
     oversampling
@@ -81,7 +81,7 @@ class FrontEnd:
 
     @property
     def power_bandwidth_hz(self) -> float:
-        """Bandwidth in which the power is measured: that of the filter, or without a filter the sampling rate."""
+        """Bandwidth in which the power is measured: the filter's bandwidth, or the sampling rate without a filter."""
         return self.bandwidth_hz or self.sample_rate_hz
 
     @property

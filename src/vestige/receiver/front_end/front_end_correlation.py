@@ -8,11 +8,11 @@ at distance x from a path of unit amplitude. R_n is the covariance of the noise 
     R_h(x) = Σ_k h_k Λ(k/f_i − x) / Σ h
     R_n(δ) = (f_i/f_s) Σ_m r[m] Λ(m/f_s − δ) / (Σ h)²,     r[m] = Σ_k h_k h_{k + m f_i/f_s}
 
-Without a front end R_h(0) and R_n(0) are 1: R_h is in units of the amplitude of the path, and R_n in units of the noise
-variance of a correlator, 1/(C/N0 · T). The replica is not filtered. f_s must not be
-commensurate with the chip rate; otherwise the samples are not spread over the chip. For a filter with steep edges both
-functions approach the band-limited autocorrelation R_B. A quantiser replaces ρ = r by Σ_k (c_k/c_1)² ρ^k
-(`quantiser.py`). The formula is valid if the signals are weak against the noise in a sample.
+Without a front end R_h(0) and R_n(0) are 1. The unit of R_h is the amplitude of the path. The unit of R_n is the noise
+variance of a correlator, 1/(C/N0 · T). The replica is not filtered. f_s must not be commensurate with the chip rate,
+because the samples must be spread over the chip. For a filter with steep edges both functions approach the band-limited
+autocorrelation R_B. A quantiser replaces ρ = r by Σ_k (c_k/c_1)² ρ^k (`quantiser.py`). The formula is valid if the
+signals are weak against the noise in a sample.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def noise_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"])
 
 @lru_cache(maxsize=4)
 def code_noise_density_s(front_end: FrontEnd) -> float:
-    """Return κ in s: behind a correlator, another code of power C is noise of the density κ C over N0.
+    """Return κ in s: another code with the C/N0 c adds noise of the density κ c over N0 behind a correlator.
 
     r[m] is the autocorrelation of the filter at the input rate. The sum takes every f_i/f_s-th lag:
 
@@ -73,11 +73,11 @@ def code_noise_density_s(front_end: FrontEnd) -> float:
 
 
 def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
-    """Return by how many metres a range offset grows with each metre of delay; 1 without a filter.
+    """Return the growth of a range offset in m for each metre of delay; 1 without a filter.
 
     The range offset assumes that three taps lie on a triangle [WFO, Sec. III-C], but behind a filter the peak is round.
-    The result is the slope of the least-squares line over delays up to a quarter of the spacing, where nearly all
-    offsets lie.
+    The result is the slope of the least-squares line over delays up to a quarter of the spacing. Nearly all offsets lie
+    in this interval.
     """
     delay_m = np.linspace(-spacing_m / 4, spacing_m / 4, 41)
     offsets_m = spacing_m * np.array([-1.0, 0.0, 1.0])

@@ -12,8 +12,8 @@ A signal that is weak against the noise grows by c_1. Noise of correlation coeff
     E q q' = Σ_k c_k² ρ^k                        [PRICE58]
 
 Relative to the signal, the correlation behind the quantiser is Σ_k (c_k/c_1)² ρ^k. For ρ = 1 the sum is E q²/c_1², the
-loss in white noise: 1.96, 0.55, 0.17 dB for 1, 2, 3 bits (Thompson, Emerson and Schwab 2007). The loss is smaller in
-noise that is narrow against the sampling rate.
+loss in white noise: 1.96, 0.55 and 0.17 dB for 1, 2 and 3 bits (Thompson, Emerson and Schwab 2007). The loss is smaller
+in noise that is narrow against the sampling rate.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 from scipy.special import ndtr
 
-_ORDERS = 60  # orders of Hermite polynomials; the sum of higher orders is below 1e-3 up to |ρ| = 0.9
+_ORDERS = 60  # number of orders of Hermite polynomials; the sum of higher orders is below 1e-3 up to |ρ| = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,8 +63,8 @@ class Quantiser:
         return np.where(rho >= 1, power, low) / squares[1]
 
 
-# Steps of 2 and 3 bits (Thompson, Emerson, Schwab 2007, table 1). 8 bits: 16 steps per σ lose 0.001 dB and leave 18 dB
-# above σ.
+# The steps for 2 and 3 bits are from Thompson, Emerson and Schwab (2007, table 1). With 8 bits, 16 steps per σ lose
+# 0.001 dB, and the quantiser clips 18 dB above σ.
 QUANTISERS = {
     1: Quantiser(step_sigma=1.0, outermost=1, zero=False, full_scale_sigma=inf),
     2: Quantiser(step_sigma=0.996, outermost=3, zero=False, full_scale_sigma=2 * 0.996),

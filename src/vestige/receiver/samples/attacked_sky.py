@@ -7,11 +7,11 @@ that arrived τ earlier. The clock error is the error at the arrival of the spoo
 
 The additional phase of the spoofing signal's carrier is in the phasor of its propagation. This phase is zero for a
 delay line (`Coherent`), while a locked or slipping carrier diverges from its code. Profiles are evaluated at the time
-of transmission, as in a run. Signals sent before the scenario's start have the profile values of the start.
+of transmission, as in a campaign. Signals sent before the scenario's start have the profile values of the start.
 
-In a stretch of the recorder delay and phase are parabolas through their values at its begin, its middle and its end.
-The amplitude is a straight line between begin and end. So no value has a step between stretches, even where a profile
-has a corner. A signal that is switched on or off begins or ends with a stretch.
+In a stretch of the recorder, delay and phase are parabolas through their values at the start, the middle and the end of
+the stretch. The amplitude is a straight line between start and end. So no value has a step between stretches, even
+where a profile has a corner. A signal that is switched on or off begins or ends with a stretch.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class ReceivedSpoofingSignal:
         return self.path.line_of_sight.range_m(t_s - delay_m / SPEED_OF_LIGHT_MPS) + clock_m + delay_m
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return dP'/dt in m/s, with the mean rate of the delay in the stretch about each time."""
+        """Return dP'/dt in m/s, with the mean rate of the delay in the stretch around each time."""
         delay_m, rate_mps, _ = self._delay(t_s)
         geometry = self.path.line_of_sight
         drift_mps = self.path.rate_mps(t_s) - geometry.rate_mps(t_s)
@@ -95,12 +95,14 @@ class ReceivedSpoofingSignal:
         )
 
     def _turned(self, effects: BandEffects, cycles: Float[np.ndarray, " 3"], half_s: float) -> Float[np.ndarray, " 2"]:
-        """Return the phase change of the carrier in each half of a stretch in cycles, without the part of the range.
+        """Return the carrier's phase change in each half of a stretch in cycles.
 
-        `cycles` is this phase, without the part of the pseudorange, at the begin, the middle and the end; whole cycles
-        are removed. The whole cycles are computed from a Doppler that has no step where the delay has a corner. For a
-        delay line this is the Doppler without the part of the pseudorange. For any other carrier this is the Doppler of
-        the phase law.
+        The effect of the pseudorange is not included.
+
+        `cycles` is the carrier phase at the start, the middle and the end of the stretch. `cycles` contains neither
+        whole cycles nor the effect of the pseudorange. The whole cycles are computed from a Doppler that has no step
+        where the delay has a corner. For a delay line this Doppler leaves out the effect of the pseudorange. For any
+        other carrier this Doppler follows from the phase law.
         """
         to_cycles, k = CARRIER_HZ[self.band] / SPEED_OF_LIGHT_MPS, self.number
         own_hz = effects.doppler_hz[:, k]
@@ -112,7 +114,7 @@ class ReceivedSpoofingSignal:
         return about + np.remainder(np.diff(cycles) - about + 0.5, 1.0) - 0.5
 
     def _delay(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, "3 n"]:
-        """Return the delay in m at some times, and its mean first and second derivatives in the stretch about each."""
+        """Return the delay in m at some times, and its mean first and second derivatives around each time."""
         key = t_s.tobytes()
         known = self._delays.get(key)  # range, rate and acceleration are requested for the same times
         if known is None:
@@ -126,7 +128,7 @@ class ReceivedSpoofingSignal:
         return known
 
     def _motion_near(self, t_s: float) -> tuple[float, float]:
-        """Return P(t) and its rate for the phasor, from the middle of the second, with an error of metres (10 ns)."""
+        """Return P(t) and its rate for the phasor, extrapolated within the second, with an error of metres (10 ns)."""
         second = int(np.floor(t_s))
         known = self._motions.get(second)
         if known is None:
@@ -147,7 +149,7 @@ class ReceivedSpoofingSignal:
 
 
 def _straight(strength: Float[np.ndarray, " 3"], stretch_s: float) -> tuple[float, float]:
-    """Return the strength in the middle of a stretch and its relative growth per s; 0 if the signal is switched."""
+    """Return the strength in the middle of a stretch and its relative growth per s (0 if switched on or off)."""
     begin, middle, end = (float(one) for one in strength)
     if not (begin and middle and end):
         return middle, 0.0

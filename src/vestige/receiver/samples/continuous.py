@@ -9,11 +9,11 @@ the RECS is received. A recording covers all epochs without a gap:
     E6:  code later by γ I + bias + (γ − 1) c BGD, carrier earlier by γ I
          reflections
 
-In the middle of the reception of an epoch's chips, all errors have the values of the epoch, and change slowly. Between
-two such moments the errors change to the values of the next epoch without a step. Delays and strengths follow half a
+In the middle of the reception of an epoch's chips, all errors have the values of the epoch and a rate near zero.
+Between two epochs the errors change to the values of the next epoch without a step. Delays and strengths follow half a
 cosine. The phase of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the
 recording therefore equals the RECS of `Simulation.snapshot`, except for the carrier phase and for micrometres of range.
-Tracking loops see a channel without jumps.
+So tracking loops receive a signal without jumps.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class ContinuousTruth:
     """The truth of one satellite at any time."""
 
     line_of_sight: RangeHistory
-    truth: TruthBlock  # truth at the epochs: at least two, which enclose all requested times
+    truth: TruthBlock  # truth at two or more epochs, which enclose all requested times
     e1_multipath: bool  # whether the reflections are also in E1
-    # delay of E6 relative to E1 that the receiver is told, in addition to the truth's residuals, in m
+    # delay of E6 relative to E1 in m that the receiver knows, in addition to the truth's residuals
     group_delay_m: float = 0.0
-    atmosphere: AtmosphericDelay | None = None  # atmosphere with the troposphere of P(t); None for none
-    sky: bool = False  # whether the line of sight belongs to a sky, which runs on system time and has an ionosphere
+    atmosphere: AtmosphericDelay | None = None  # atmosphere with the troposphere of P(t); None for no atmosphere
+    sky: bool = False  # whether the line of sight belongs to a sky, which has system time and an ionosphere
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return P(t) in m."""
@@ -81,7 +81,7 @@ class ContinuousTruth:
         return bend_mps2 if self.atmosphere is None else bend_mps2 + self.atmosphere.troposphere_rates(system_s)[1]
 
     def _system_time(self, t_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the time at which orbits are evaluated; on a single line of sight this is the receiver's time."""
+        """Return the time at which orbits are evaluated: system time under a sky, else the receiver's time."""
         return t_s - clock_m / SPEED_OF_LIGHT_MPS if self.sky else t_s
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
@@ -104,7 +104,7 @@ class ContinuousTruth:
         """
         sent_s = self.truth.time_s
         t_s = sent_s
-        for _ in range(4):  # P changes by < 1 km/s · 0.1 s: each step gains five decimals
+        for _ in range(4):  # P changes by less than 1 km/s · 0.1 s, so each step gains five decimals
             t_s = sent_s + (self.range_m(t_s) + self.delay_m(band)) / SPEED_OF_LIGHT_MPS
         return t_s
 
@@ -139,7 +139,7 @@ class ContinuousPropagation:
     received_s: Float[np.ndarray, " n"]  # arrival of the first chip of each epoch
     duration_s: float  # duration of a RECS
 
-    # cached for all epochs, because a recording asks for the propagation a hundred times per second
+    # The values of all epochs are cached, because a recording asks for the propagation a hundred times per second.
 
     @cached_property
     def _knots_s(self) -> Float[np.ndarray, " n"]:
@@ -184,7 +184,7 @@ class ContinuousPropagation:
     def _rays(
         self, left: int, u: float, beyond: float, span_s: float, share: float
     ) -> dict[str, Float[np.ndarray, " k"]]:
-        """Return the paths at the fraction `u` between knot `left` and the next knot, or at `beyond` past the ends."""
+        """Return the reflections at the fraction `u` between knot `left` and the next, or at `beyond` past the ends."""
         rays, e1 = self.truth.truth.rays, self.band is Band.E1
         if e1 and not self.truth.e1_multipath:
             nothing = np.zeros(0)

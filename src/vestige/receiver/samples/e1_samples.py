@@ -5,15 +5,15 @@ Under a sky the correlators come from samples that all satellites share (`snapsh
 Theory of operation
 -------------------
 For each epoch and satellite T = 0.1 s of E1-C is synthesised: line of sight, multipath, spoofing signals, noise and
-jamming. The processor's own correlator processes the samples. BOC(1,1) is then a code of twice the chip rate, in which
-each chip is followed by its opposite. Epochs are sent at whole tenths of a second, where the secondary code begins.
-Time zero is the delay at which the loop has settled, so a signal of delay τ lies at τ − x₀. The sampling phase and the
-Dopplers of code and carrier follow from the pseudorange. With M = f_s T samples of noise 1, the mean over these samples
-times √(2M) is ξ.
+jamming. The processor's own correlator processes the samples. The correlator processes BOC(1,1) as a code of twice the
+chip rate, in which each chip is followed by its opposite. The signals of an epoch are sent at a whole tenth of a
+second, at which the secondary code begins. Time zero is the delay at which the loop has settled, so a signal of delay τ
+lies at τ − x₀. The sampling phase and the Dopplers of code and carrier follow from the pseudorange. With M = f_s T
+samples of noise variance 1, the mean over these samples times √(2M) is ξ.
 
 The samples of each satellite have their own noise, which differs from that of a recording. The power of the band comes
-from further samples with all satellites, W of them per second. The mean square of these samples is 1 + Σ r_i without an
-attack.
+from further samples with all satellites, at the sampling rate W. The mean square of these samples is 1 + Σ r_i without
+an attack.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ from vestige.signals.codes import tiered_code
 from vestige.signals.definitions import E1C
 from vestige.time import GalileoTime
 
-SAMPLE_RATE_HZ = 4e6  # no small multiple of the chip rate
+SAMPLE_RATE_HZ = 4e6  # sampling rate, which is not a small multiple of the chip rate
 _CHIP_RATE_HZ = 2 * E1C.chip_rate_hz  # rate of BOC(1,1) as a code
 _PERIOD_CHIPS = 2 * E1C.code_length * E1C.secondary_length
-_SPARE_CHIPS = 64  # on either side of the segment, 9 km
+_SPARE_CHIPS = 64  # number of spare chips on either side of the segment, 9 km
 _MARGIN_S = 5e-6
 _ANY_TIME = GalileoTime(0, 0)  # the samples of an epoch need no real time
 _NOISE = 1  # number of the noise stream; each satellite has `_STREAMS_A_SATELLITE` streams, from `_E1` on
@@ -62,7 +62,10 @@ def sampled_e1_taps(
     svid: int,
     first: int,
 ) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return ξ of one satellite before the gain control, NaN out of view; parameters are those of `e1_taps`."""
+    """Return ξ of one satellite before the gain control; NaN out of view.
+
+    The parameters are the same as for `e1_taps`.
+    """
     signals = arriving(truth, multipath_m, with_rays=with_rays)
     carrier_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS * (truth.rate_mps + truth.clock_drift_mps)
     phase = (truth.range_m + truth.clock_m) / SPEED_OF_LIGHT_MPS * SAMPLE_RATE_HZ % 1.0
@@ -118,7 +121,7 @@ def sampled_power_rise_db(
 ) -> Float[np.ndarray, " n"]:
     """Return the power of the band over the power without attack, from samples, in dB.
 
-    Parameters are those of `band_power_rise_db`.
+    The parameters are the same as for `band_power_rise_db`.
     """
     share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / POWER_BANDWIDTH_HZ
     rise_db = np.empty(cn0_dbhz.shape[0])

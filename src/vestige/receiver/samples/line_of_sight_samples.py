@@ -24,8 +24,8 @@ class LineOfSightSamples:
 
     simulation: Simulation
     truth: TruthBlock  # truth of the epochs with RECS
-    arrived: Arrival  # arrival of these RECS
-    first: int  # number of the first RECS
+    arrived: Arrival  # arrival of the block's RECS
+    first: int  # number of the first RECS of the block
 
     def around(self, row: int) -> tuple[SampleBatch, FrontEndStatus]:
         """Return the samples around RECS number `row` of the block, and the status of the front end.

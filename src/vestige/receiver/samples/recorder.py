@@ -3,15 +3,15 @@
 Theory of operation
 -------------------
 **Stretches.** The samples of a band are made in stretches of about 10 ms, a whole number of blocks of the synthesis
-kernel. About the middle t_m of a stretch the pseudorange is P + v x + ½ a x². The third derivative j adds j x³/6 within
-5 ms, less than a micrometre for any receiver on Earth. The chip that arrives at t = t_m + x was sent at t − P(t)/c.
-Chips are numbered from the Galileo second, in integers. Stretches are cut on the sample counter, so two recordings of
-the same scenario have the same bits where they overlap.
+kernel. Around the middle t_m of a stretch the pseudorange is P + v x + ½ a x². The third derivative j adds j x³/6
+within 5 ms, less than a micrometre for any receiver on Earth. The chip that arrives at t = t_m + x was sent at t −
+P(t)/c. Chips are numbered from the Galileo second, in integers. Stretches are cut on the sample counter, so two
+recordings of the same scenario have the same bits where they overlap.
 
 **Propagation.** All effects in addition to the pseudorange are computed once per stretch. A group delay moves the code
-of the line of sight and not its carrier. An ionosphere moves the carrier the other way. Both delays change over a
-stretch with their rates in the middle of the stretch, so that a tracking loop has no step. The amplitude of a spoofing
-signal changes in steps of a block of the synthesis kernel.
+of the line of sight and not its carrier. The ionosphere delays the code and advances the carrier. All these delays
+change over a stretch with their rates in the middle of the stretch, so that a tracking loop has no step. The amplitude
+of a spoofing signal changes in steps of a block of the synthesis kernel.
 """
 
 from __future__ import annotations
@@ -51,15 +51,15 @@ _MARGIN_S = 2e-5  # duration of chips on either side of a stretch: 6 km, for ref
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation:
-    """Propagation between satellite and receiver in addition to the pseudorange, about the middle of a stretch."""
+    """Propagation between satellite and receiver in addition to the pseudorange, around the middle of a stretch."""
 
     delay_m: float  # group delay of the line of sight in addition to the pseudorange, in m
     at_s: float  # receiver time of all amplitudes, in s after the reference
     ray_delay_m: Float[np.ndarray, " n_rays"]  # excess delay relative to the line of sight
-    ray_amplitude: Complex128[np.ndarray, " n_rays"]  # relative to the line of sight
-    ray_doppler_hz: Float[np.ndarray, " n_rays"]  # relative to the line of sight
+    ray_amplitude: Complex128[np.ndarray, " n_rays"]  # amplitude relative to the line of sight
+    ray_doppler_hz: Float[np.ndarray, " n_rays"]  # Doppler relative to the line of sight
     amplitude: complex = 1.0 + 0j  # amplitude of the line of sight, in addition to its C/N0; 0 means no signal
-    growth_per_s: float = 0.0  # relative growth of this amplitude
+    growth_per_s: float = 0.0  # relative growth of `amplitude` per s
     doppler_hz: float = 0.0  # Doppler of the line of sight, in addition to the Doppler of its pseudorange
     doppler_rate_hz_per_s: float = 0.0  # rate of all Dopplers, in addition to the rate from the pseudorange
     delay_rate_mps: float = 0.0  # rate of the group delay
@@ -74,18 +74,18 @@ def straight(delay_m: float = 0.0) -> Propagation:
 
 
 class Interference(Protocol):
-    """Noise and jamming in one band, against receiver time in s after the reference."""
+    """Noise and jamming in one band, as functions of receiver time in s after the reference."""
 
     def white(self, t_s: float) -> float:
-        """Return the density of the added white noise, relative to the receiver's own."""
+        """Return the density of the added white noise, relative to the receiver's own noise."""
 
     def jam(self, samples: Complex64[np.ndarray, " n"], t_s: float, first_sample: int, sample_rate_hz: float) -> None:
-        """Add the waveforms on air about a time to samples from number `first_sample` on."""
+        """Add the waveforms on air around a time to samples from number `first_sample` on."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReceivedSatellite:
-    """One satellite in one band."""
+    """The signals of one satellite in one band, as the recorder receives them."""
 
     svid: int
     components: tuple[Component, ...]  # components in the band; their chips are counted from the reference
@@ -115,9 +115,9 @@ class BandRecorder:
     band: Band
     sky: tuple[ReceivedSatellite, ...]  # all satellites that the band receives
     reference: GalileoTime  # receiver-clock time of sample 0, a whole second
-    front_end: FrontEnd  # front end and its sampling rate; a filter or oversampling makes it slower
-    noise_key: np.uint64 | None  # key of the noise; None for none
-    interference: Interference | None = None  # noise and jamming; None for none
+    front_end: FrontEnd  # front end and its sampling rate; a filter or oversampling makes the recorder slower
+    noise_key: np.uint64 | None  # key of the noise; None for no noise
+    interference: Interference | None = None  # noise and jamming; None for no interference
 
     def __post_init__(self) -> None:
         if self.reference.fraction:
@@ -135,7 +135,7 @@ class BandRecorder:
     def stretch(self, number: int) -> tuple[Complex64[np.ndarray, " n"], FrontEndStatus]:
         """Return the samples of a stretch and the status of the front end.
 
-        The samples are a pure function of the number; sample 0 is the first of stretch 0.
+        The samples are a pure function of the number; sample 0 is the first sample of stretch 0.
         """
         front_end, input_hz = self.front_end, self.front_end.input_rate_hz
         begin, length = number * self.length, self.length
@@ -188,7 +188,7 @@ def record_band(
     Parameters
     ----------
     band, sky, reference, front_end, noise_key, interference
-        The same as for `BandRecorder`.
+        Attributes with the same meaning as for `BandRecorder`.
     first_sample, n_samples
         Number of the first sample, and number of samples.
     pool
@@ -230,7 +230,7 @@ def band_noise_key(seed: int, band: Band) -> np.uint64:
 
 
 class _Middles:
-    """Middles of the stretches and motion of satellites at these times, computed for twenty stretches at once."""
+    """Middle times of the stretches and the motion of satellites at these times, for twenty stretches at once."""
 
     def __init__(self, *, length: int, sample_rate_hz: float) -> None:
         self._length, self._rate_hz = length, sample_rate_hz
@@ -258,7 +258,7 @@ class _Middles:
                 self._motion = {known: motion for known, motion in self._motion.items() if known[0] >= block - 1}
                 t_s = self._times_s(block)
                 path = satellite.pseudorange
-                rate_mps = path.rate_mps(t_s)  # first, because the line of sight also gives the range
+                rate_mps = path.rate_mps(t_s)  # The rate comes first, because its computation also gives the range.
                 self._motion[key] = np.stack([path.range_m(t_s), rate_mps, path.acceleration_mps2(t_s)])
             return self._motion[key][:, place]
 
@@ -287,7 +287,7 @@ def _add(
         return
     modulation, before = satellite.modulation, max(middle, x.size // 2 - middle)
     rate_hz, dt_s = modulation.rate_hz, 1.0 / sample_rate_hz
-    sent_s = fraction - (range_m + held.delay_m) / SPEED_OF_LIGHT_MPS  # after the whole second
+    sent_s = fraction - (range_m + held.delay_m) / SPEED_OF_LIGHT_MPS  # time of transmission after the whole second
     lead = int(np.ceil((before * dt_s + _MARGIN_S) * modulation.chip_rate_hz))
     first_chip = int(np.floor(sent_s * modulation.chip_rate_hz)) - lead
     levels = modulation.levels(first_chip + whole * round(modulation.chip_rate_hz), 2 * lead)

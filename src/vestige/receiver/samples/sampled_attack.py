@@ -1,8 +1,8 @@
-"""An attack at the `samples` fidelity: spoofing signals as further signals, noise, jamming waveforms.
+"""An attack at the `samples` fidelity: additional spoofing signals, noise, and jamming waveforms.
 
 A spoofing signal on E6 repeats the encrypted signal of the line of sight with a delay. At the receiver, chip i arrives
 τ + τ̇ i T_c later than chip i of the true signal. So the chips of the spoofing signal in a window were sent τ earlier
-than those of the true signal. If τ is several seconds, the chips come from the keystream of that earlier time. The
+than the chips of the true signal. If τ is several seconds, the chips come from the keystream of that earlier time. The
 arrival of the chips follows the line of sight at that time. The chips fill the window, margins included.
 """
 
@@ -26,9 +26,10 @@ from vestige.spoofer.attack import Jamming
 from vestige.spoofer.jammers import power_in_samples
 from vestige.time import GalileoTime
 
-_SPARE_CHIPS = 16  # on either side, because the position of the chips on air has an error of up to a chip
-_FAR_M = 1e3  # a window that is farther than this from the line of sight is filled with the chips on air in the window
-_SAME_ARRIVAL_S = 5e-3  # time in which the line of sight moves by less than a chip at 10 km/s
+# number of spare chips on either side, because the position of the chips has an error of up to a chip
+_SPARE_CHIPS = 16
+_FAR_M = 1e3  # distance in m from the line of sight above which a window contains the chips on air in the window
+_SAME_ARRIVAL_S = 5e-3  # time in which a line of sight with 10 km/s moves by less than a chip
 _JAMMER = 16  # first stream number of the jammers
 
 
@@ -89,7 +90,7 @@ def true_signal(
 ) -> ReceivedSignal | None:
     """Return the true signal in a window that an attacker has moved away from the RECS; None for any other window.
 
-    Parameters are those of `spoofing_signals`.
+    The parameters are the same as for `spoofing_signals`.
     """
     if abs(truth.e1.error_m[row]) < _FAR_M:
         return None

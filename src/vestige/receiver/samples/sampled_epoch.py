@@ -4,9 +4,9 @@ The first chip of the RECS is sent at `sent` and arrives dt later by the line of
 
     dt = P6(sent + dt)/c
 
-Doppler and Doppler rate are taken at the arrival. P6 is the range of the code. The carrier phase is −f6 L6/c. L6 lacks
-the bias, which belongs to the code, and has the ionosphere with the other sign (`TruthBlock.carrier_advance_m`). A
-recording has the same phase in the middle of each RECS (`continuous`).
+Doppler and Doppler rate are taken at the arrival. P6 is the range of the code. The carrier phase is −f6 L6/c. L6 is P6
+without the bias, which belongs to the code, and with the opposite sign of the ionosphere
+(`TruthBlock.carrier_advance_m`). A recording has the same phase in the middle of each RECS (`continuous`).
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from vestige.streams import stream_key
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
-SUBFRAMES_BEFORE = 12  # subframes before the run: a key for ADKD 12 comes 12 subframes after the data
-_MARGIN_S = 5e-6  # duration of samples on either side of the RECS: 1.5 km, for taps, reflections and errors
+SUBFRAMES_BEFORE = 12  # number of subframes before the run, because a key for ADKD 12 comes 12 subframes after the data
+_MARGIN_S = 5e-6  # duration of samples on either side of the RECS (1.5 km), for taps, reflections and errors
 
 
 @dataclass(frozen=True, kw_only=True)
 class Arrival:
-    """Arrival of chips by the line of sight in E6: time since their transmission, L6, and the rates of both."""
+    """Arrival of chips by the line of sight in E6: travel time, L6, rate and acceleration."""
 
     dt_s: Float[np.ndarray, " n"]
     carrier_range_m: Float[np.ndarray, " n"]  # L6
@@ -60,7 +60,7 @@ def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(
     drift_mps = truth.clock_drift_mps[rows]
     dt_s = np.zeros(sent_s.size)
     ahead_s = truth.geometry.clock_offset_s[rows]
-    for _ in range(4):  # P changes by < 1 km/s · 0.1 s: each step gains five decimals
+    for _ in range(4):  # P changes by less than 1 km/s · 0.1 s, so each step gains five decimals
         pseudorange_m = line_of_sight.range_m(sent_s + dt_s - ahead_s) + late_m + drift_mps * (later_s + dt_s)
         dt_s = pseudorange_m / SPEED_OF_LIGHT_MPS
     return Arrival(
@@ -118,7 +118,7 @@ def _n_samples(n_chips: int, front_end: FrontEnd) -> int:
 
 
 def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
-    """Return the window of samples from a little before a RECS is expected to a little after its end."""
+    """Return the window of samples around a RECS, from its expected start to its end with margins."""
     rate_hz = front_end.sample_rate_hz
     first = math.floor((expected_s - _MARGIN_S) * rate_hz)
     n_samples = _n_samples(n_chips, front_end)
@@ -190,5 +190,5 @@ def osnma_operator(seed: int, start: GalileoTime, subframes: int, service: Osnma
 
 @lru_cache(maxsize=2)
 def osnma_keys(seed: int, start: GalileoTime, subframes: int, service: OsnmaService) -> dict[GalileoTime, ValidatedKey]:
-    """Return the OSNMA keys of a run by time; each key is validated down to a signed root key."""
+    """Return the OSNMA keys of a run by time; each key is validated up to a signed root key."""
     return {key.time: key for key in osnma_operator(seed, start, subframes, service).validated_keys()}

@@ -18,11 +18,11 @@ from vestige.signal_generator.waveform import Component, Sequence, coded_compone
 from vestige.signals.definitions import E1B, E1C, E6B
 from vestige.streams import stream, stream_key
 
-_BGD_LSB = (6, 21)  # range in units of 2⁻³² s: 1.4 to 4.9 ns, 0.2 to 0.8 m between the bands
+_BGD_LSB = (6, 21)  # limits in units of 2⁻³² s: 1.4 to 4.9 ns, or 0.2 to 0.8 m between the bands
 
 
 def broadcast_group_delay_s(seed: int, svid: int) -> float:
-    """Return BGD(E1,E6) of a satellite in s, a multiple of its file's resolution that is large enough to matter.
+    """Return a random BGD(E1,E6) of a satellite in s, a multiple of the file's resolution that is not zero.
 
     The bias of the truth is the part of the group delay that this value does not describe.
     """

@@ -1,7 +1,7 @@
 """The delays of the atmosphere between a satellite and the receiver of a sky, at any time.
 
-The troposphere delays code and carrier of both bands alike. The ionosphere delays the code and advances the carrier, on
-E6 γ times as much as on E1. Both delays follow the satellite's direction, so they change smoothly.
+The troposphere delays code and carrier of both bands alike. The ionosphere delays the code and advances the carrier.
+The effect on E6 is γ times the effect on E1. Both delays follow the satellite's direction, so they change smoothly.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _STEP_S = 1.0  # step of the differences; the error from the fourth derivative i
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Atmosphere:
-    """Models of the atmosphere; None for an absent model.
+    """Models of the atmosphere; None if a model is absent.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Atmosphere:
 
     @property
     def there(self) -> bool:
-        """Whether there is any model."""
+        """Whether at least one model is present."""
         return self.troposphere is not None or self.ionosphere is not None
 
     @property
@@ -118,7 +118,7 @@ class DelayedRange:
 
 
 def through_atmosphere(effects: ElevationEffects, atmosphere: Atmosphere) -> ElevationEffects:
-    """Return a satellite whose signals pass an atmosphere; the same satellite if there is no model."""
+    """Return a satellite whose signals pass an atmosphere; the same satellite without a model."""
     if not atmosphere.there:
         return effects
     return replace(effects, atmosphere=AtmosphericDelay(atmosphere=atmosphere, path=effects.path))

@@ -3,10 +3,10 @@
 The nominal constellation is Galileo's Walker 24/3/1 as the service publishes it [GSC-ORBITS]. The constellation has
 circular orbits in three planes 120° apart. Each plane has eight slots at 45°, and the next plane is ahead by 360°/24 =
 15°. The satellites are given as ephemerides, so that simulator, navigation file and receiver work with the same orbits.
-SVID 1 to 8 stand for the slots A01 to A08, 9 to 16 for B01 to B08, 17 to 24 for C01 to C08. Real satellites have other
-numbers.
+The satellites with SVID 1 to 8 have the slots A01 to A08, SVID 9 to 16 have B01 to B08, and SVID 17 to 24 have C01 to
+C08. Real satellites have other SVIDs.
 
-Orbit and clock of an ephemeris are taken as true: errors of the broadcast message are not modelled.
+Orbit and clock of an ephemeris are taken as true, so the model has no errors of the broadcast message.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from vestige.navigation.earth import GRAVITATION_M3PS2, ROTATION_RADPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.time import GalileoTime
 
-# Reference constellation of 2016-11-21T00:00:00 UTC [GSC-ORBITS]
+# reference constellation at 2016-11-21T00:00:00 UTC [GSC-ORBITS]
 REFERENCE_EPOCH = GalileoTime.parse("2016-11-21T00:00:00 UTC")
 ORBIT_SEMI_MAJOR_AXIS_M = 29_599_800.0
 INCLINATION_DEG = 56.0
@@ -32,7 +32,7 @@ NODE_RATE_DEG_PER_DAY = -0.02764398
 LATITUDE_RATE_DEG_PER_DAY = 613.72253566
 SLOTS, SLOT_DEG = 8, 45.0
 
-TYPICAL_SISA_M = 3.12  # broadcast by nearly all satellites; a receiver does not use a satellite without a SISA
+TYPICAL_SISA_M = 3.12  # SISA that nearly all satellites broadcast; a receiver does not use a satellite without a SISA
 _REFERENCE_DAYS = 6168.5  # days from 2000-01-01T12:00 UTC to REFERENCE_EPOCH
 
 
@@ -68,7 +68,7 @@ def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElevationCn0:
-    """C/N0 against elevation: from the zenith to the horizon the gain falls by `fall_db`, linearly in sin(elevation).
+    """C/N0 as a function of elevation: the gain falls from zenith to horizon by `fall_db`, linear in sin(elevation).
 
     Attributes
     ----------

@@ -2,13 +2,13 @@
 
 Theory of operation
 -------------------
-    strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation works with the C/N0 at the first epoch, and the
-                  line of sight has √ of the later gain as its amplitude
+    strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation has the C/N0 of the first epoch, and
+                  the amplitude of the line of sight is the square root of the later relative gain
     reflections   relative amplitude of `navigation.elevation_model`
     ionosphere    obliquity M(e)/M(17.5°) of `navigation.elevation_model`
 
-The satellites of one receiver have a part of the ionosphere in common. z₀ is the receiver's and zᵢ the satellite's own
-Gauss-Markov process, and ρ is the common share of the variance:
+The satellites of one receiver have a part of the ionosphere in common. z₀ is the Gauss-Markov process of the receiver,
+zᵢ is the process of the satellite, and ρ is the common share of the variance:
 
     eᵢ = M(e)/M(17.5°) · F⁻¹(Φ(√ρ z₀ + √(1 − ρ) zᵢ))
 
@@ -33,20 +33,22 @@ from vestige.receiver.sky.trajectory import StaticTrajectory, Trajectory
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.time import GalileoTime
 
-_KEPT_TIMES = 5000  # limit of the cache: a line of sight at more times would take megabytes for each satellite
+# largest number of times in a cached line of sight; more times would take megabytes for each satellite
+_KEPT_TIMES = 5000
 _KEPT_RANGES = 128  # largest number of times in a cached call; the cache has space for eight runs of a sky
-_KEPT_SIGHTS = 16  # cached lines of sight; range, rate and acceleration of a delayed signal in a troposphere need six
+# number of cached lines of sight; range, rate and acceleration of a delayed signal in a troposphere need six
+_KEPT_SIGHTS = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteGeometry:
-    """View of a satellite at n epochs; a single line of sight is always in view, with full strength."""
+    """View of a satellite at n epochs; a single line of sight is always in view, with the nominal strength."""
 
-    # by how much the receiver's clock is ahead of the time to which the line of sight refers
+    # receiver's clock minus the time to which the line of sight refers, in s
     clock_offset_s: Float[np.ndarray, " n"]
     amplitude: Float[np.ndarray, " n"]  # amplitude of the line of sight over the nominal amplitude
-    azimuth_rad: Float[np.ndarray, " n"]  # NaN on a single line of sight
-    elevation_rad: Float[np.ndarray, " n"]  # NaN on a single line of sight
+    azimuth_rad: Float[np.ndarray, " n"]  # azimuth; NaN on a single line of sight
+    elevation_rad: Float[np.ndarray, " n"]  # elevation; NaN on a single line of sight
     in_view: Bool[np.ndarray, " n"]  # whether the satellite is above the elevation mask
 
     @classmethod
@@ -125,7 +127,7 @@ class SatelliteRange:
 
 @lru_cache(maxsize=4096)
 def _kept_range_m(path: SatelliteRange, times: bytes) -> Float[np.ndarray, " n"]:
-    """Return ranges, cached because scenes with the same seed have the same ranges; `times` are given as bytes."""
+    """Return ranges from a cache; simulations with the same seed have the same ranges. `times` are bytes."""
     t_s = np.frombuffer(times)
     return range_less_clock_m(path.ephemeris, path.start, t_s, path.trajectory.motion(t_s))
 
@@ -137,13 +139,13 @@ class ElevationEffects:
     path: SatelliteRange
     mask_deg: float  # lowest elevation at which the satellite is received
     first_rad: float  # elevation at the first epoch, at which the C/N0 is nominal
-    antenna: ElevationCn0 = field(default_factory=ElevationCn0)  # C/N0 against elevation
+    antenna: ElevationCn0 = field(default_factory=ElevationCn0)  # C/N0 as a function of elevation
     ionosphere_common: float = 0.0  # ρ, share of the variance of the ionosphere that all satellites have in common
-    atmosphere: AtmosphericDelay | None = None  # troposphere and broadcast ionosphere; None for neither
+    atmosphere: AtmosphericDelay | None = None  # troposphere and broadcast ionosphere; None for no atmosphere
 
     @property
     def line_of_sight(self) -> RangeHistory:
-        """The range in the pseudoranges of both bands, including the troposphere if there is one."""
+        """The range in the pseudoranges of both bands, with the delay of the scenario's troposphere."""
         return self.path if self.atmosphere is None else DelayedRange(delay=self.atmosphere)
 
     @property

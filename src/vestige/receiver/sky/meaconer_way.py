@@ -25,8 +25,8 @@ from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import Profile, Table
 from vestige.spoofer.repeaters import Meaconing, Place
 
-# Step of the points with exact delays and rates. The cubics between these points have an error of 2 µm for a static
-# receiver, and on a circle of 40 m at 20 m/s.
+# Step of the points with exact delays and rates. The cubics between these points have an error of 2 µm, both for a
+# static receiver and on a circle of 40 m at 20 m/s.
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
 _AROUND_S = 20.0  # time before and after the run that the cubics also cover
 
@@ -51,7 +51,7 @@ def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Curve(Table):
-    """Cubics through points with given rates, continuous in value and rate; the first and last values hold outside."""
+    """Cubics through points with given rates, continuous in value and rate; outside, the end values apply."""
 
     rates: tuple[float, ...] = ()
     _points: Float[np.ndarray, "3 n"] = field(init=False, repr=False, compare=False)  # times, values and rates
@@ -87,7 +87,8 @@ class _Curve(Table):
 class PlacedMeaconing(Meaconing):
     """A meaconer with an antenna, for one satellite."""
 
-    late_m: _Curve  # delay relative to the true signal: excess of the path over the antenna, plus the repeater's own
+    # delay relative to the true signal: excess of the path over the antenna, plus the repeater's own delay
+    late_m: _Curve
 
     @property
     def delay_m(self) -> Profile:
@@ -101,7 +102,7 @@ def _placed(attack: Meaconing, antenna: Place, path: SatelliteRange, duration_s:
 
 
 def _delay_over(antenna: Place, path: SatelliteRange, duration_s: float, delay_s: float) -> _Curve:
-    """Return the delay over an antenna in m: c · `delay_s`, plus the excess over the direct path that much earlier."""
+    """Return the delay over an antenna in m: c · `delay_s` plus the excess path at the time `delay_s` earlier."""
     fixed = StaticTrajectory(
         latitude_deg=antenna.latitude_deg, longitude_deg=antenna.longitude_deg, height_m=antenna.height_m
     )

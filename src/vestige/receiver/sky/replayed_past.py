@@ -1,7 +1,7 @@
-"""Geometry of a replay under a sky: its signals come from earlier positions of the satellites.
+"""Geometry of a replay under a sky: the signals of a replay come from earlier positions of the satellites.
 
 A spoofing signal with the delay τ is the signal that the receiver could have received τ earlier. ρ is the range of the
-line of sight. At t the spoofing signal has, relative to the direct signal, the
+line of sight. At t the spoofing signal has two differences from the direct signal:
 
     delay    c τ + ρ(t − τ) − ρ(t)
     rate     derivative of this delay, for code and carrier
@@ -11,7 +11,8 @@ The receiver computes the satellite's position at t − τ − ρ/c, so all rang
 changed, because their correction is less than 1 cm. Strength, ionosphere and multipath keep their values at t.
 
 A single line of sight does not need this correction. The receiver has no other clock than the signal (`snapshots.e1`),
-so the receiver's clock shows the time of the replay. At that time the range equals the range of the replay.
+so the receiver's clock shows the time of the replay. At the time that this clock shows, the satellite's range equals
+the range of the replayed signal.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 # receiver, and of 2 mm where an acceleration of 4 m/s² begins.
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
 _LEAST_DELAY_M = 1e-5 * SPEED_OF_LIGHT_MPS
-_FIXED_POINT_STEPS = 3  # ρ changes by less than 1 km/s: each step gains five decimals
+_FIXED_POINT_STEPS = 3  # ρ changes by less than 1 km/s, so each step gains five decimals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +111,7 @@ class SpooferUnderSky(Spoofer):
 
 
 def _curve(path: SatelliteRange, first_s: float, last_s: float) -> CubicHermiteSpline:
-    """Return the range between two system times; the knots lie on a fixed grid, so a cut into blocks changes no bit."""
+    """Return the range between two system times; the knots lie on a fixed grid, so all blocks get the same result."""
     from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415  (loads slowly, and few runs replay the past)
 
     step_s = _STANDING_STEP_S if isinstance(path.trajectory, StaticTrajectory) else _MOVING_STEP_S
@@ -124,7 +125,7 @@ def _curve(path: SatelliteRange, first_s: float, last_s: float) -> CubicHermiteS
 def replay_delay_m(
     path: SatelliteRange, times_s: Float[np.ndarray, " n"], late_m: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Return c τ of signals with a given delay relative to the direct signal: c τ + ρ(t − τ) − ρ(t) solved for c τ.
+    """Return c τ of signals with a given delay c τ + ρ(t − τ) − ρ(t) relative to the direct signal.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from vestige.navigation.line_of_sight import ReceiverMotion
 
 @runtime_checkable
 class Trajectory(Protocol):
-    """Position of the antenna against time."""
+    """Position of the antenna as a function of time."""
 
     def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
         """Return ECEF position, velocity and acceleration at times after the scenario's start."""

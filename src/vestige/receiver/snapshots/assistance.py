@@ -27,7 +27,7 @@ class SimulatedAssistance:
     The keys depend on the pages that the receiver receives, so a lookup uses the E6 of the block itself.
     """
 
-    simulations: tuple[Simulation, ...]  # simulations of each satellite
+    simulations: tuple[Simulation, ...]  # simulation of each satellite
     every: int  # number of epochs from one RECS to the next
     group_delays: tuple[GroupDelay, ...] = ()
     hardware_bias_e1_e6_s: float = 0.0

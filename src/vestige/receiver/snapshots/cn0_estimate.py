@@ -1,17 +1,17 @@
 """The C/N0 that E1 tracking reports, which is an estimate over a second.
 
 The estimate uses the K = 50 prompt correlators ξ_k of a second, with T = 20 ms each, in standard deviations of their
-noise per dimension. A code that no satellite sends measures the noise density at the same time; the error of this noise
-density is neglected. The estimate
+noise per dimension. A correlator with a code that no satellite sends measures the noise density at the same time. The
+error of this noise density is neglected. The estimate is
 
     Ĉ = (1/(2K) Σ_k |ξ_k|² − 1)/T,        Σ_k |ξ_k|² ~ χ²(2K) about the mean 2 K C T,  non-central
 
-has no bias, and a relative variance of (2 C T + 1)/(K C² T²): 0.11 dB at 35 dBHz, 0.7 dB at 20 dBHz. A non-central χ²
-is (z + √λ)² + χ²(2K − 1), so each estimate needs two draws.
+The estimate has no bias, and its relative variance is (2 C T + 1)/(K C² T²). The standard deviation is 0.11 dB at 35
+dBHz and 0.7 dB at 20 dBHz. A non-central χ² is (z + √λ)² + χ²(2K − 1), so each estimate needs two draws.
 
-The tracking receiver estimates the noise from its own prompts (`sample_processor.tracking`). So the tracking receiver
-loses 0.9 dB to its replica and to other codes, and counts a beat of two signals as noise. The estimate of this model
-has neither of the two effects, so this estimate is higher.
+The tracking receiver estimates the noise from its own prompts (`sample_processor.tracking`). So the replica and other
+codes lower the estimate of the tracking receiver by 0.9 dB, and a beat of two signals counts as noise. This model
+leaves out both effects, so its estimate is higher.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from vestige.streams import stream
 
 PROMPTS = 50
 CN0_INTEGRATION_S = 0.02
-_LEAST_SNR = 1e-3  # least SNR, which replaces an estimate that noise made negative
+_LEAST_SNR = 1e-3  # smallest SNR, which replaces an estimate that noise made negative
 
 
 def estimated_cn0_dbhz(

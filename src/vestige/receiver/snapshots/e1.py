@@ -5,7 +5,7 @@ the pseudorange also contains the atmosphere of the scenario and the residual of
 1), where e is the residual of E6 − E1. This residual is common to both bands and is no part of the range check.
 
 The C/N0 is an estimate over a second and fades with the reflections of that second (`cn0_estimate`). C/N0, correlators
-and power are in single precision, as in results.
+and power are in single precision, as in stored results.
 
 A satellite has no measurement if it is out of view, too weak for the loop, or being acquired.
 
@@ -62,12 +62,12 @@ def tracked_cn0_dbhz(simulation: Simulation, truth: TruthBlock) -> Float[np.ndar
 
 
 def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return how far the attacker moves the receiver's clock, and with it every time tag, times c."""
+    """Return the attacker's shift of the receiver's clock, and thus of every time tag, times c."""
     return simulation.seconds_late_m(truth) if simulation.elevation is None else np.zeros(truth.time_s.size)
 
 
 def _clock_error_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the constant error of the receiver's clock, times c, less the part that follows an attacker."""
+    """Return the constant error of the receiver's clock minus the part that follows an attacker, times c."""
     return simulation.clock_offset_m - clock_follows_m(simulation, truth)
 
 
@@ -77,7 +77,7 @@ def is_tracked(simulation: Simulation, truth: TruthBlock) -> Bool[np.ndarray, " 
 
 
 def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple[E1Block, FrontEndBlock | None]:
-    """Return the data of E1 tracking and of the E1 front end; without correlators there is no power either.
+    """Return the data of E1 tracking and of the E1 front end; without correlators the front end is None.
 
     `with_taps` tells whether E1 is tracked between two RECS.
     """
@@ -146,7 +146,7 @@ def reported_cn0_dbhz(
     Parameters
     ----------
     simulation, truth, multipath_m
-        Simulation and truth of the satellite, and the error of its pseudorange by reflections.
+        Simulation and truth of the satellite, and the pseudorange error that reflections cause.
     first
         Number of the first epoch.
     """
@@ -179,10 +179,10 @@ def _taps_and_power(
 def _each_alone(
     of: ReceiverTruth, fidelity: Fidelity, nominal_dbhz: Float[np.ndarray, "n m"]
 ) -> tuple[Complex128[np.ndarray, "n m n_taps"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return correlators of a single line of sight before the gain control, drawn or from its samples.
+    """Return correlators of a single line of sight before the gain control, drawn at random or from samples.
 
-    The further results, in dB, are the power of the band over the power without attack, and the receiver's reading of
-    this ratio.
+    The further results, in dB, are the power of the band over the power without attack, and the receiver's measurement
+    of this ratio.
     """
     received_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
     if fidelity == "samples":

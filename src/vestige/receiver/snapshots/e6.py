@@ -1,4 +1,4 @@
-"""E6 of a block at both fidelities: banks that are drawn, or samples that are made on request."""
+"""E6 of a block at both fidelities: banks of correlators that are drawn, or samples that are made on request."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from vestige.records import Band, FrontEndStatus, Handover, SampleBatch
 from vestige.records.snapshot_block import BankBlock, FrontEndBlock, Handovers
 from vestige.sample_processor.correlator import correlate
 
-_LIGHT_TIME_STEPS = 4  # as in the hand-over: each step gains five decimals
+_LIGHT_TIME_STEPS = 4  # the same number of steps as in the hand-over; each step gains five decimals
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class DrawnE6:
         handovers: Handovers,  # noqa: ARG002  (the model needs no chips)
         offsets_m: Float[np.ndarray, " n_taps"],
     ) -> BankBlock:
-        """Return the requested banks; NaN elsewhere."""
+        """Return the requested banks; NaN for all other banks."""
         of = self.of
         taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
         if of.recs_rows.size:
@@ -113,7 +113,7 @@ class SimulatedE6Samples:
     def correlate(
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
-        """Return the requested banks; NaN elsewhere, and where the samples do not cover the RECS."""
+        """Return the requested banks; NaN for other banks, and for RECS that the samples do not cover."""
         of = self.of
         taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
         for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(asked & self._made)), strict=True):
@@ -208,7 +208,7 @@ class SimulatedE6Samples:
         )
 
     def _without_growth(self, handover: Handover, epoch: int, column: int) -> Handover:
-        """Return a hand-over that has the error by an attack at the epoch, without its growth over the travel time.
+        """Return a hand-over with the error by an attack at the epoch, without the error's growth over the travel time.
 
         The errors of an epoch belong to the reception of its RECS. The RECS and the E1 signal arrive together and were
         sent together at the epoch, so both have the attacker's delay at the epoch. A hand-over extrapolates the
@@ -225,8 +225,8 @@ class SimulatedE6Samples:
     def _with_ionosphere(self, handover: Handover, epoch: int, column: int) -> Handover:
         """Return a hand-over with the delay that the receiver predicts from the coefficients of the message.
 
-        The receiver predicts the delay at each epoch. The assistance of a recording has one value per satellite for all
-        epochs.
+        The receiver predicts the delay at each epoch, while the assistance of a recording has one value per satellite
+        for all epochs.
         """
         ionosphere_m = float(self.of.truth[column].broadcast_ionosphere_e1_m[epoch])
         if not ionosphere_m:
@@ -295,7 +295,7 @@ class FrontEnds(Mapping[Band, FrontEndBlock]):
 
 
 def _travel_s(range_m: float, rate_mps: float, acceleration_mps2: float) -> float:
-    """Return the travel time of a signal that is sent now, if the pseudorange keeps its present motion."""
+    """Return the travel time of a signal that is sent at the epoch, if the pseudorange keeps its motion."""
     travel_s = 0.0
     for _ in range(_LIGHT_TIME_STEPS):
         travel_s = (range_m + rate_mps * travel_s + acceleration_mps2 * travel_s**2 / 2) / SPEED_OF_LIGHT_MPS
@@ -309,6 +309,6 @@ def _reported(
 
 
 def _nothing(shape: tuple[int, int], n_taps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return taps, noise power and integration time of a block without any correlation."""
+    """Return empty (NaN) taps, noise power and integration time of a block, before any correlation."""
     noise_power, integration_s = np.full((2, *shape), np.nan)
     return np.full((*shape, n_taps), np.nan + 0j), noise_power, integration_s

@@ -5,14 +5,14 @@ to a minute later. So this C/N0 is corrected for the noise of an attack at the t
 withholds OSNMA destroys every page that is on air at the same time.
 
 An E1 loop on a spoofing signal with the attacker's own navigation data demodulates these data, with good checksums. No
-key in these data validates, and no tag covers these data. A spoofing signal that repeats the satellite's data has the
-true data. Whether a later key is received depends on the signal that the loop follows at the epoch, as for the C/N0.
+key in these data is valid, and no tag covers these data. A spoofing signal that repeats the satellite's data has the
+true data. The signal that the loop follows at the epoch also decides whether a later key is received.
 
 If E1 acquires a satellite at an epoch, the page that has just ended is lost.
 
 Data count as authenticated if the key that decrypts the RECS authenticates these data. A receiver may still have
-authenticated data of half an hour ago, but the model neglects these data. So a satellite whose pages are lost is left
-out of the authenticated fix.
+authenticated data of half an hour ago, but the model neglects such older data. So a satellite whose pages are lost is
+left out of the authenticated fix.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, kw_only=True)
 class OsnmaReception:
-    """OSNMA for a block of epochs of a sky."""
+    """Reception of OSNMA in a block of epochs of a sky."""
 
     of: ReceiverTruth
 
@@ -62,13 +62,13 @@ class OsnmaReception:
 
     @property
     def data_authenticated(self) -> Bool[np.ndarray, "n m"]:
-        """Whether each satellite's data and tag are received; the key of the epoch's RECS authenticates these."""
+        """Whether each satellite's data and tag are received; the key of the epoch's RECS authenticates the data."""
         pages = data_pages(self.week_s, self.of.simulations[0].key_delay)
         return np.stack(self._whole(pages), axis=1) & ~self._withheld_by_operator[:, None]
 
     @cached_property
     def _withheld_by_operator(self) -> Bool[np.ndarray, " n"]:
-        """Whether an operator's event withholds the key of a RECS that is sent at each epoch from all receivers."""
+        """Whether an operator's event withholds from all receivers the key of a RECS that is sent at each epoch."""
         simulation, svids = self.of.simulations[0], [one.svid for one in self.of.simulations]
         if not simulation.osnma.events:
             return np.zeros(self.week_s.size, np.bool_)
@@ -102,7 +102,8 @@ class OsnmaReception:
         """Return for each satellite which pages are received."""
         simulation, due = self.of.simulations[0], pages >= 0
         row, page = np.nonzero(due)[0], pages[due]
-        end_s, place = np.unique(page_end_s(page) - simulation.start.second, return_inverse=True)  # epochs share pages
+        # several epochs share a page
+        end_s, place = np.unique(page_end_s(page) - simulation.start.second, return_inverse=True)
         jammed = _withheld(simulation, end_s)[place]
         received = []
         for one, truth in zip(self.of.simulations, self.of.truth, strict=True):
@@ -115,7 +116,7 @@ class OsnmaReception:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PagesReceived:
-    """Pages of n epochs and m satellites, received and sent."""
+    """Pages of n epochs and m satellites: all pages that were sent, and the received pages."""
 
     start: GalileoTime  # start of the scenario
     interval_s: float  # time between epochs
@@ -149,7 +150,7 @@ class PagesReceived:
 def _ends(
     page: Int64[np.ndarray, "k 15"], subframe: Int64[np.ndarray, " k"], *, begun_s: float, interval_s: float
 ) -> Bool[np.ndarray, " k"]:
-    """Return which pieces contain the end of a subframe whose first page lies in the run.
+    """Return which pieces (one epoch and one subframe) contain the end of a subframe whose first page lies in the run.
 
     The first epoch starts to receive at `begun_s` after the start of the week. Each epoch receives for `interval_s`.
     """

@@ -66,7 +66,7 @@ class ReceiverTruth:
 
     @property
     def first_recs(self) -> int:
-        """Number of the first RECS in the block, or else of the next RECS."""
+        """Number of the first RECS in the block; the number of the next RECS if the block has no RECS."""
         return -(-self.first // self.every)
 
     @cached_property
@@ -89,7 +89,7 @@ class ReceiverTruth:
 
     @cached_property
     def received_s(self) -> Float[np.ndarray, "n m"]:
-        """Reception time of the last sample of each RECS, in s after the start; at epochs without RECS, the epoch."""
+        """Reception time of the last sample of each RECS in s after the start; the epoch's time if it has no RECS."""
         elapsed_s = np.repeat(self.truth[0].time_s[:, None], self.shape[1], axis=1)
         for column, (simulation, truth) in enumerate(zip(self.simulations, self.of_recs, strict=True)):
             if self.recs_rows.size:

@@ -2,7 +2,7 @@
 
 The results are drawn at both fidelities, because an exhaustive search of 30 s of samples takes minutes. E6 has a result
 only if the receiver has the key, and if the earliest signal provably arrived before the key was disclosed. E1 has a
-result also without the key. The detections of each epoch are drawn for the false-alarm probability that the processor
+result even without the key. The detections of each epoch are drawn for the false-alarm probability that the processor
 asks for, or come from stored results. Stored results belong to a single false-alarm probability. This module decides
 which detections may be reported.
 """
@@ -41,17 +41,18 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
 class SearchFinds:
     """Results that searches in each of n epochs would have.
 
-    The values are NaN without RECS, out of view, and while E1 acquires. In these cases the receiver has no time tag of
-    the satellite, so no search is made.
+    The values are NaN at epochs without RECS, and for satellites that are out of view or that E1 acquires. In these
+    cases the receiver has no time tag of the satellite, so no search is made.
     """
 
-    p_fa: float  # false-alarm probability of one search
-    e1_signals: Float[np.ndarray, "n m"]  # signals on E1
+    p_fa: float  # false-alarm probability of a single search
+    e1_signals: Float[np.ndarray, "n m"]  # number of signals on E1
     handover_carrying: Float[np.ndarray, "n m"]  # number of these signals with the encrypted chips in E6
     # delay of the earliest of several signals relative to its range on E1; NaN for a single signal
     handover_earliest_m: Float[np.ndarray, "n m"]
-    exhaustive_signals: Float[np.ndarray, "n m"]  # signals in an exhaustive search of E6
-    exhaustive_earliest_m: Float[np.ndarray, "n m"]  # the same delay from the exhaustive search
+    exhaustive_signals: Float[np.ndarray, "n m"]  # number of signals in an exhaustive search of E6
+    # delay of the earliest signal from the exhaustive search; NaN for a single signal
+    exhaustive_earliest_m: Float[np.ndarray, "n m"]
     # reception time of the last sample of the earliest signal's RECS, in s after the scenario's start
     earliest_s: Float[np.ndarray, "n m"]
 
@@ -178,7 +179,7 @@ class DrawnSearches:
                 values[of.rows, column] = getattr(one, name)
             return np.where(of.in_view & ~of.acquiring, single(values), np.nan)
 
-        # beyond the window this receiver finds no true signal: the earliest signal is the signal that E1 follows
+        # Beyond the window this receiver finds no true signal. The earliest signal is then the signal that E1 follows.
         window_m = WINDOW_S * SPEED_OF_LIGHT_MPS
         late_m = np.stack(
             [

@@ -1,7 +1,7 @@
 """The simulated receiver: from the truth of a block of epochs to the input of the processor.
 
 A block is a pure function of the truth, of the number of its first epoch and of the seed. So any worker can make a
-block, and the cut of the epochs into blocks changes no bit.
+block, and the result does not depend on the division of the epochs into blocks.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class SimulatedReceiver:
     """A receiver on one line of sight or under a sky."""
 
     simulations: tuple[Simulation, ...]  # simulation of each satellite, by ascending SVID
-    fidelity: Fidelity  # whether E6, and E1's correlators and power, are drawn or made as samples
+    fidelity: Fidelity  # whether E6 and the correlators and power of E1 are drawn or come from samples
     interval_s: float  # time between epochs
     every: int = 1  # number of epochs from one RECS to the next
-    accelerometers: Accelerometers | None = None  # None for none; only under a sky
+    accelerometers: Accelerometers | None = None  # accelerometers, only under a sky; None for no sensors
     with_taps: bool = True  # whether E1 is tracked between RECS, which gives correlators and power of E1
 
     @property
@@ -112,7 +112,7 @@ class SimulatedReceiver:
     def _increments(
         self, of: ReceiverTruth, time: GalileoTimes, elevation: ElevationEffects | None
     ) -> VelocityIncrements | None:
-        """Return the gain of velocity since the previous epoch from accelerometers; the first epoch has none."""
+        """Return the gain of velocity since the previous epoch from accelerometers; the first epoch has no gain."""
         if self.accelerometers is None or elevation is None:
             return None
         delta_velocity_mps = self.accelerometers.delta_velocity_mps(

@@ -9,11 +9,11 @@ has settled. This time is the arrival of the chip that is sent at the epoch, plu
 and an attack. So ξ has the same meaning as in `e1_taps`. The noise of the receiver has σ = 1 per dimension, and phases
 are relative to the line of sight at the arrival of that chip.
 
-A signal on air is CBOC(6,1,1/11). A BOC(1,1) replica correlates √(10/11) of the signal's amplitude, 0.4 dB less. All
-other components add their noise, as on E6. The model of the fidelity `correlators` is `sky_e1_model`.
+A signal on air is CBOC(6,1,1/11). The output of a BOC(1,1) replica has √(10/11) of the signal's amplitude, a loss of
+0.4 dB. All other components add their noise, as on E6. The model of the fidelity `correlators` is `sky_e1_model`.
 
-**Power.** The power is measured in W = 2 MHz about the carrier over the 10 ms that contain the arrival at the epoch.
-Without an attack this power is 1 + Σ P(0) C/N0_i / W times the noise, where P(0) counts both components within W.
+**Power.** The power is measured in W = 2 MHz around the carrier over the 10 ms that contain the arrival at the epoch.
+Without an attack this power is 1 + Σ P(0) C/N0_i / W times the noise, where P(0) includes both components within W.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from vestige.records import Band, Handover
 from vestige.sample_processor.correlator import correlate
 from vestige.signals.definitions import E1C
 
-_MARGIN_S = 5e-6  # duration of samples on either side, for the taps and for a Doppler that makes the code longer
+_MARGIN_S = 5e-6  # duration of samples on either side, for the taps and for a code that the Doppler makes longer
 _OFFSETS_M = np.array(TAP_CHIPS) / E1C.chip_rate_hz * SPEED_OF_LIGHT_MPS
 
 
 class SkyE1(NamedTuple):
     """E1 of a sky in n epochs of m satellites: correlators, power and saturation."""
 
-    taps: Complex128[np.ndarray, "n m n_taps"]  # ξ before the gain control, NaN where no correlation was requested
+    taps: Complex128[np.ndarray, "n m n_taps"]  # ξ before the gain control; NaN if no correlation was requested
     rise_db: Float[np.ndarray, " n"]  # power over the power without attack, in dB
     saturated: Bool[np.ndarray, " n"]  # whether the front end clips
 
@@ -82,7 +82,7 @@ def _correlated(sky: SkySamples, begin_s: float, handover: Handover) -> Complex1
     batch = sky.between(begin_s - _MARGIN_S, begin_s + INTEGRATION_S + _MARGIN_S)
     bank = correlate(batch, handover, _OFFSETS_M)
     assert bank is not None  # noqa: S101  (the margin is ours)
-    # behind a filter the noise has the power 1 in a narrower band, so its density is higher
+    # behind a filter the noise has the power 1 in a narrower band, so the noise density is higher
     n_noise = batch.sample_rate_hz * bank.integration_s * front_end.power_bandwidth_hz / front_end.sample_rate_hz
     return bank.taps * (E1C.polarity * math.sqrt(2 * n_noise))
 
@@ -92,7 +92,8 @@ def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
     found = []
     to_hz = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS
     for path, truth, multipath_m in zip(sky.paths, sky.of.truth, sky.of.e1_multipath_m.T, strict=True):
-        rows = np.searchsorted(path.truth.time_s, truth.time_s)  # rows of the epochs in the truth around them
+        # rows of the block's epochs in the longer truth around the block
+        rows = np.searchsorted(path.truth.time_s, truth.time_s)
         settled = arriving(truth, multipath_m, with_rays=path.e1_multipath)
         direct_s = path.received_s(Band.E1)[rows]
         late_s = settled.settled_m / SPEED_OF_LIGHT_MPS
@@ -110,7 +111,7 @@ def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
 
 
 def _nominal_power(sky: SkySamples, cn0_dbhz: Float[np.ndarray, "n m"], width_hz: float) -> Float[np.ndarray, " n"]:
-    """Return the power within a bandwidth about the carrier over the noise in this bandwidth, without attack."""
+    """Return the power within a bandwidth around the carrier over the noise in this bandwidth, without attack."""
     rate_hz = folding_rate_hz(sky.of.simulations[0].front_end)
     passed = passed_components(np.zeros(1), bandwidth_hz=width_hz, sample_rate_hz=rate_hz)
     return 1 + passed * np.sum(10 ** (cn0_dbhz / 10), axis=1) / width_hz

@@ -1,11 +1,12 @@
 """The samples of a sky in one band, equal to the recording that `vestige simulate` writes for the same scenario.
 
 All satellites, multipath, spoofing signals, jammers and noise are summed once and go through one front end. Only the
-stretches of the recorder (10 ms) that overlap a window are made. The last stretches are kept for the other satellites.
-The windows of one RECS lie within about 40 ms, and the windows of one epoch of E1 lie within about 130 ms.
+stretches of the recorder (10 ms) that overlap a window are made. The latest stretches are kept, because the other
+satellites need the same stretches. The windows of all satellites lie within about 40 ms for the RECS of an epoch, and
+within about 130 ms for E1.
 
-E6 equals the recording to the last bit. E1 differs in the symbols of E1-B. These symbols are random in a campaign,
-because no receiver of a campaign decodes them.
+E6 equals the recording to the last bit. E1 differs from the recording only in the symbols of E1-B. These symbols are
+random in a campaign, because no receiver of a campaign decodes them.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ class SkySamples:
         Parameters
         ----------
         expected_s
-            Time at which the receiver expects the first chip, in s after the scenario's start on its own clock.
+            Time at which the receiver expects the first chip, in s after the scenario's start on the receiver's clock.
         n_chips
             Number of chips of the RECS.
         """
@@ -90,7 +91,7 @@ class SkySamples:
         return self._batch(wanted, [self._before_gain(number) for number in self._numbers(wanted)])
 
     def power_near(self, time_s: float, bandwidth_hz: float) -> tuple[float, bool]:
-        """Return the power about the carrier in the stretch that contains a time, and whether it is clipped.
+        """Return the power around the carrier in the stretch that contains a time, and whether the stretch is clipped.
 
         The power is relative to the noise in the same bandwidth.
 
@@ -145,7 +146,7 @@ def _around(truth: TruthBlock) -> TruthBlock:
 
 
 def _status(stretches: list[FrontEndStatus]) -> FrontEndStatus:
-    """Return the status of a front end over stretches: mean power and gain, and whether it clips in any."""
+    """Return the status of a front end over stretches: mean power and gain, and whether any stretch is clipped."""
     return FrontEndStatus(
         agc_gain_db=float(np.mean([one.agc_gain_db for one in stretches])),
         total_power_db=float(np.mean([one.total_power_db for one in stretches])),

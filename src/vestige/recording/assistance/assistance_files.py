@@ -2,7 +2,7 @@
 
 | file | content |
 |---|---|
-| `*.RCS`, `*.bin` | RECS, see `vestige.crypto.recs.recs_file`; a `.bin` file without RECS is skipped |
+| `*.RCS`, `*.bin` | RECS, see `vestige.crypto.recs.recs_file`; a `.bin` file without RECS is not read |
 | `*.BGD` | group delays, see `vestige.crypto.recs.group_delay` |
 | `keys.csv` | OSNMA keys, see `vestige.crypto.keys.key_file` |
 | `*.sbf`, `*.csv` with navigation pages | OSNMA keys, see `vestige.recording.navigation.navigation_pages` |
@@ -98,8 +98,8 @@ class FileTrust:
 class Settings:
     """Settings for the readers of all files of a folder."""
 
-    trust: FileTrust | None = None  # trust anchors to which OSNMA keys must lead; None if there are none
-    # keys of the assistance server; if there are any, one of these keys must have signed each RECS and BGD file
+    trust: FileTrust | None = None  # trust anchors to which OSNMA keys must lead; None if there are no trust anchors
+    # keys of the assistance server, one of which must have signed each RECS and BGD file; empty for no check
     server_keys: Sequence[EllipticCurvePublicKey] = ()
     # signature files by folder and name of the signed file
     signatures: Mapping[Path, Mapping[str, tuple[Path, ...]]] = field(default_factory=dict)
@@ -115,7 +115,8 @@ class Contents:
     """Content of one file."""
 
     summary: str  # content of the file in one line
-    signature: SignatureStatus | None = None  # None for kinds of files that are not signed
+    # status of the file's signature; None for kinds of files that are not signed
+    signature: SignatureStatus | None = None
     segments: tuple[EncryptedSegment, ...] = ()
     other_times: RecsOfOtherTimes | None = None  # RECS outside the window, if the file has none in the window
     group_delays: tuple[GroupDelay, ...] = ()
@@ -130,7 +131,7 @@ class Contents:
 
 
 def assistance_kind(path: Path) -> FileKind | None:
-    """Return the kind of a file by its name, suffix or first bytes, or None if the file is no assistance.
+    """Return the kind of a file by its name, suffix or first bytes, or None if the file is not an assistance file.
 
     Raises `InputFileError` if the file cannot be read, or has the name of a RECS file with a date that does not exist.
     """
@@ -190,14 +191,14 @@ def read_keys(path: Path, settings: Settings) -> Contents:
 def read_navigation_pages(path: Path, settings: Settings) -> Contents:
     """Return the keys that OSNMA in recorded navigation pages validates, including the keys of lost subframes.
 
-    The demodulated keys are also returned, because a forged key would be one of them. The root keys are returned,
-    because a root key may withdraw keys of other files.
+    The demodulated keys are also returned, because a forged key would be among the demodulated keys. The root keys are
+    returned, because a root key may withdraw keys of other files.
     """
     return contents_of_pages(path, read_pages(path), settings)
 
 
 def contents_of_pages(path: Path, pages: Iterable[InavPage], settings: Settings) -> Contents:
-    """Return what `read_navigation_pages` returns, for pages of any source; messages name this source as `path`."""
+    """Return the contents of pages of any source, like `read_navigation_pages`; messages name `path` as source."""
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
     receiver.learn(settings.roots)

@@ -75,7 +75,7 @@ def write_recs(folder: Path, segments: Sequence[EncryptedSegment]) -> list[Path]
 
 
 def _runs(segments: Sequence[EncryptedSegment]) -> Iterator[list[EncryptedSegment]]:
-    """Yield the segments of each file, as many as the header can count.
+    """Yield the segments of each file, at most as many as the header of a file can count.
 
     The segments of a file are at equal intervals, and have the same satellite, length, key delay and random offset.
     """
@@ -99,7 +99,7 @@ def _runs(segments: Sequence[EncryptedSegment]) -> Iterator[list[EncryptedSegmen
 
 
 def _fits(epochs: Sequence[int], epoch: int) -> bool:
-    """Return whether `epoch` continues the equally spaced times `epochs` (ds) within the limits of a header."""
+    """Return whether `epoch` continues the equally spaced `epochs` (in deciseconds) within the limits of a header."""
     period = epoch - epochs[-1]
     if not 0 < period <= recs_file.MAX_PERIOD_DS or (len(epochs) + 1) * period > recs_file.MAX_DURATION_DS:
         return False

@@ -1,10 +1,10 @@
 """The assistance folder: RECS, group delays, OSNMA keys and corrections as input of the processor.
 
 `vestige.recording.assistance.assistance_files` lists the files that may be in the folder or in a direct subfolder. Only
-validated files are used. A key must lead to the public key or the Merkle tree. When certificates are given, one of them
-must have signed each RECS or BGD file. Certificates are never taken from the folder itself. If two files contradict
-each other, neither value is used. If a signed root key of any file withdraws a key, this key is not used. A damaged
-file is reported as a problem, and all other files stay in use.
+validated files are used. A key must lead to the public key or the Merkle tree. If certificates are given, one of these
+certificates must have signed each RECS or BGD file. Certificates are never taken from the folder itself. If two files
+contradict each other, neither value is used. If a signed root key of any file withdraws a key, this key is not used. A
+damaged file is reported as a problem, and all other files stay in use.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class AssistanceFolder:
     other_times: RecsOfOtherTimes | None = None
 
     def missing_for(self, span: tuple[GalileoTime, GalileoTime] | None) -> tuple[str, ...]:
-        """Return `missing` for a recording with a time span; if all RECS are of other times, a line says so."""
+        """Return `missing` for a recording with a time span, with the times of the RECS if all RECS are outside."""
         if span is None or self.other_times is None:
             return self.missing
         return (self.other_times.line(*span), *(line for line in self.missing if line != NO_RECS))
@@ -137,7 +137,7 @@ def read_assistance(
     cache: FileCache | None = None,
     message: Message | None = None,
 ) -> AssistanceFolder:
-    """Return all usable assistance in `folder`, and the problems of the other files.
+    """Return all usable assistance in `folder`, and the problems of the files that are not usable.
 
     Parameters
     ----------
@@ -152,9 +152,9 @@ def read_assistance(
     reference
         Approximate time, at most 39 years off, which resolves 12-bit weeks if a file's name does not.
     window
-        First and last time of transmission of the RECS to keep; None to keep all. A week of RECS fills gigabytes.
+        First and last time of transmission of the RECS to keep; None to keep all RECS. A week of RECS fills gigabytes.
     strict
-        Raise the first problem instead of collecting it.
+        Whether the first problem is raised; otherwise problems are collected.
     cache
         Cache of the files that an earlier call read. The cache is updated, and RECS and BGD files that did not change
         are not read again.
@@ -166,11 +166,11 @@ def read_assistance(
     Raises
     ------
     InputFileError
-        If the folder does not exist, or a file that the caller names is not usable.
+        The folder does not exist, or a file that the caller names is not usable.
     AuthenticationError
-        If the public key that the caller names does not lead to the Merkle tree that the caller names.
+        The public key that the caller names does not lead to the Merkle tree that the caller names.
     VestigeError
-        If `strict`, for the first file that is not usable.
+        A file is not usable, and `strict` is true.
 
     Returns
     -------
@@ -275,7 +275,10 @@ def _sorted_files(folder: Path, problems: _Problems) -> dict[FileKind, list[Path
 
 
 def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
-    """Return the trust anchors in the folder itself; None if there are none. Two trees are an error."""
+    """Return the trust anchors in the folder itself; None without trust anchors.
+
+    Two Merkle trees in the folder are an error.
+    """
     public_keys, trees = files[FileKind.PUBLIC_KEY], files[FileKind.MERKLE_TREE]
     if len(trees) > 1:
         raise InputFileError(trees[1], "Merkle tree", f"a second tree beside {trees[0]}", "one tree; give yours")
@@ -310,7 +313,8 @@ def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assis
         group_delays=_agreed("group delays", delays, problems),
         keys=_agreed("OSNMA keys", keys, problems),
         received=tuple(sorted({one for _, contents in read for one in contents.received}, key=lambda one: one.time)),
-        hardware_bias_e1_e6_s=sum(_agreed("hardware bias", biases, problems), 0.0),  # at most one value
+        # the folder has at most one hardware bias
+        hardware_bias_e1_e6_s=sum(_agreed("hardware bias", biases, problems), 0.0),
         ionosphere_e1_m=dict(_agreed("ionospheric delays", ionosphere, problems)),
     )
 

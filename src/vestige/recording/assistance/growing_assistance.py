@@ -1,9 +1,9 @@
 """An assistance folder that still receives files: RECS from the server, keys from the receiver.
 
 The folder is read again when a file in the folder has changed. An unchanged RECS or BGD file is not read again. Only
-the RECS of the next quarter of an hour are kept, even if the samples already reach much further. Reading takes at most
-a fifth of the time, however large the files are. A file with a fault may be half written, so a fault is reported only
-if it persists.
+the RECS of the next quarter of an hour are kept, even if the samples already cover a much longer time. Reading takes at
+most a fifth of the processing time, even if the files are large. Another process may still write a file with a fault,
+so a fault is reported only if the fault persists.
 """
 
 from __future__ import annotations
@@ -31,21 +31,22 @@ _Stamp = tuple[frozenset[tuple[Path, int, int]], int]
 class LiveMessage(Protocol):
     """Navigation message that grows while a recording is processed."""
 
-    path: Path  # file of the recording that contains the message
+    path: Path  # path of the recording that contains the message
 
     @property
     def version(self) -> int:
         """Version of the content, a different number after each change."""
 
     def contents(self, settings: Settings) -> Contents | None:
-        """Return the content so far; None if there is none."""
+        """Return the content so far; None if there is no content."""
 
 
 class GrowingAssistance:
     """Assistance folder that still receives files.
 
     `message` is the navigation message that the receiver decodes itself. `warn` gets each persistent fault of a file at
-    every look, so the same fault comes several times. All other parameters are the parameters of `read_assistance`.
+    every call of `look`, so the same fault comes several times. All other parameters are the parameters of
+    `read_assistance`.
     """
 
     def __init__(
@@ -65,7 +66,7 @@ class GrowingAssistance:
         self._warn = warn
         self._cache: FileCache = {}
         self._stamp: _Stamp | None = None
-        self._window = (GalileoTime(0, 1), GalileoTime(0, 0))  # an empty window
+        self._window = (GalileoTime(0, 1), GalileoTime(0, 0))  # empty window, because the end lies before the start
         self._not_before_s = 0.0
         self._wrong: dict[str, tuple[float, VestigeError]] = {}  # time since which each fault persists, and the fault
         self.found = AssistanceFolder(assistance=Assistance(), files=(), problems=(), missing=())
@@ -78,10 +79,10 @@ class GrowingAssistance:
     def look(self, first: GalileoTime, last: GalileoTime, *, at_once: bool = False) -> bool:
         """Update `found` for the RECS from `first` to `last`; return whether something changed.
 
-        If a file changes soon after the last reading, the change is read at a later look. With `at_once` the change is
-        read now.
+        If a file changes soon after the last reading, the change is read in a later call. With `at_once` the change is
+        read in this call.
 
-        Raises `VestigeError` as `read_assistance`.
+        Raises `VestigeError` for the same reasons as `read_assistance`.
         """
         now_s = time.monotonic()
         stamp = self._files()
@@ -92,7 +93,7 @@ class GrowingAssistance:
                 self._read(self._window)
             else:
                 self._read((first + -BEHIND_S, first + ahead_s))
-            while not self._covers(first, last):  # the folder lacks RECS for a long time
+            while not self._covers(first, last):  # the folder has no RECS for a long time, so the window grows
                 ahead_s *= 4
                 self._read((first + -BEHIND_S, first + ahead_s))
             self._not_before_s = now_s + (1 + REST) * (time.monotonic() - now_s)
@@ -126,7 +127,7 @@ class GrowingAssistance:
         self._window = window
 
     def tell(self) -> None:
-        """Warn of all present faults now, even if they have not persisted for `PATIENCE_S`."""
+        """Warn of all present faults now, including faults that have not persisted for `PATIENCE_S`."""
         for _, problem in self._wrong.values():
             self._warn(problem)
 

@@ -1,9 +1,9 @@
-"""RECS for a recording whose E6-C was not encrypted, so that the whole chain can run on a real signal.
+"""RECS for a recording whose E6-C was not encrypted, so that all processing steps can run on a real signal.
 
-The transmitted E6-C chips (primary ⊕ secondary code) replace the encrypted code: these chips are the ECS. The ECS is
-encrypted under an OSNMA key, and becomes a RECS as a server would publish it. The times of transmission are whole
-deciseconds, because a period of E6-C's secondary code starts there. The processor reads these files like the files of a
-server. Such a test cannot show secrecy, because anybody knows these chips.
+The transmitted E6-C chips (primary ⊕ secondary code) take the place of the encrypted code sequence. These chips are
+encrypted under an OSNMA key, and become a RECS as a server would publish it. The times of transmission are whole
+deciseconds, because a period of E6-C's secondary code starts at each decisecond. The processor reads these files like
+the files of a server. Such a test cannot prove the secrecy of the chips, because anybody knows the open code.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ OPEN_CODE = "these RECS contain the open E6-C code, which everybody knows: they 
 def transmit_times(
     first: GalileoTime, last: GalileoTime, *, travel_s: Iterable[float], duration_s: float, interval_s: float
 ) -> tuple[GalileoTime, ...]:
-    """Return the times of transmission, whole deciseconds, whose segments of all satellites are in the samples.
+    """Return the times of transmission, in whole deciseconds, of segments that the samples contain for all satellites.
 
     The samples lie between the receiver-clock times `first` and `last`. `travel_s` are the apparent travel times of the
     satellites in s. `duration_s` is the duration of a segment, and `interval_s` is the time between two segments.
@@ -73,7 +73,7 @@ def make_segments(
         if key is None:
             continue
         for svid in svids:
-            # a period of the secondary code starts at every decisecond of Galileo time [E6-CODES]
+            # a period of the secondary code starts at every decisecond of Galileo System Time [E6-CODES]
             chips = ChipSequence.of(
                 svid=svid,
                 transmit_time=time,
@@ -106,7 +106,7 @@ def open_code_warning(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MadeAssistance:
-    """Assistance folder that was made: its RECS and its files."""
+    """RECS and files of an assistance folder that was made."""
 
     segments: tuple[EncryptedSegment, ...]
     files: tuple[Path, ...]
@@ -129,7 +129,7 @@ def make_assistance(
     """Make the assistance folder of a recording with open E6-C: RECS, zero group delays, keys, trust anchor and a note.
 
     Raises `InputFileError` if the folder exists, or a file is not usable. Raises `VestigeError` if no satellite is
-    seen, no segment fits into the recording, or no key belongs to the time of the recording.
+    found, no segment fits into the recording, or no key belongs to the time of the recording.
 
     `keys_path` is a key file, or navigation pages with OSNMA. The key file and the trust anchors are copied into the
     folder. Without `svids` RECS are made for the satellites that are found on E1. `progress` is called with the number

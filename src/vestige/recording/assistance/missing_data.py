@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from vestige.recording.assistance.folder import AssistanceFile
 
 # RECS are published up to a week ahead [WFO, Sec. II-A], together with the group delays. Older group delays are used
-# with a warning, because it is not published how long a BGD file is valid.
+# with a warning, because no document says how long a BGD file is valid.
 OLDEST_GROUP_DELAY_S = 7 * DAY_S
 
 NO_RECS = "RECS: none"
@@ -57,7 +57,8 @@ def missing_data(assistance: Assistance, files: Sequence[AssistanceFile], trust:
 
 def _of_another_time(assistance: Assistance) -> Iterator[str]:
     """Yield a line for each satellite whose group delays are not valid at the time of its RECS."""
-    last = {segment.svid: segment.transmit_time for segment in assistance.segments}  # in the order of time
+    # latest RECS of each satellite, because the segments are in the order of time
+    last = {segment.svid: segment.transmit_time for segment in assistance.segments}
     for svid, sent in sorted(last.items()):
         since = [delay.valid_from for delay in assistance.group_delays if delay.svid == svid]
         ages_s = [sent - one for one in since if one <= sent]

@@ -1,7 +1,8 @@
-"""RECS in the assistance folder that were not sent during the recording, and the probable error of its start.
+"""RECS of the assistance folder that were sent outside the recording, and the probable error of the start time.
 
 A common mistake is a start that was read from a UTC clock, but is written without `UTC`. Such a start is taken as GST,
-and is 18 s too early [IERS Bulletin C]. Then the folder has the right RECS, but the time window has none of them.
+and is 18 s too early [IERS Bulletin C]. Then the folder has the right RECS, but the time window contains none of these
+RECS.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ class RecsOfOtherTimes:
     after
         Time of transmission of the first RECS after the window; None if there is no such RECS.
     leap_s
-        Probable error of the window in whole seconds. It is GST − UTC if a RECS is in the window moved later by this
-        time, −(GST − UTC) if a RECS is in the window moved earlier, and 0 if neither move helps.
+        Probable error of the window in whole seconds. The value is GST − UTC if a window that is later by this time
+        contains a RECS. The value is −(GST − UTC) if a window that is earlier by this time contains a RECS, and 0
+        otherwise.
     """
 
     n: int
@@ -44,7 +46,7 @@ class RecsOfOtherTimes:
 
     @classmethod
     def of(cls, times: Iterable[GalileoTime], window: tuple[GalileoTime, GalileoTime]) -> RecsOfOtherTimes | None:
-        """Return the RECS outside a window from their times of transmission; None if all are in the window."""
+        """Return the RECS outside a window, given times of transmission; None if all RECS are in the window."""
         begin, end = window
         outside = [time for time in times if not begin <= time <= end]
         if not outside:

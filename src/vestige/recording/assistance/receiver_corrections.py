@@ -1,4 +1,4 @@
-"""Corrections from the user: front-end delay and ionosphere, as two small files beside the assistance.
+"""Corrections from the user: front-end delay and ionosphere, as two small files in the assistance folder.
 
 `receiver.toml` contains the calibrated delay of the E6 front end minus the delay of the E1 front end, in m or in s::
 
@@ -40,7 +40,7 @@ def read_hardware_bias(path: Path) -> float:
     if len(table) != 1 or not table.keys() <= _UNIT_S.keys():
         raise InputFileError(path, "keys", ", ".join(table) or "none", f"one of {' and '.join(_UNIT_S)}")
     ((key, value),) = table.items()
-    number = value * _UNIT_S[key] if type(value) in (int, float) and abs(value) < 1e9 else None  # a bool is rejected
+    number = value * _UNIT_S[key] if type(value) in (int, float) and abs(value) < 1e9 else None  # a boolean is rejected
     if number is None or not abs(number) <= MAX_BIAS_S:
         raise InputFileError(path, key, value, f"a number, at most ± {MAX_BIAS_S / _UNIT_S[key]:g}")
     return number

@@ -1,11 +1,11 @@
-"""Test of whether code and carrier of E1 have the same Doppler; if they do not, the spectrum is reversed.
+"""Test of whether code and carrier of E1 have Dopplers of the same sign; opposite signs show a reversed spectrum.
 
 Theory of operation
 -------------------
-E1-B, E1-C and E6-B are real signals on a carrier. If the carrier is at 0 Hz, the conjugate samples show the same
-signals at Dopplers of the opposite sign. But the code rate changes by the factor 1 + f_d/f_c in either sense of the
-spectrum. So the code phases of two windows give a Doppler of each satellite that does not depend on the sense of the
-spectrum. The slope of the code Dopplers over the carrier Dopplers is +1, or −1 for a reversed spectrum. The slope does
+E1-B, E1-C and E6-B are real signals on a carrier. If the carrier is at 0 Hz, the conjugate samples contain the same
+signals with Dopplers of the opposite sign. However, the code rate changes by the factor 1 + f_d/f_c in either direction
+of the spectrum. So the code phases of two windows give a Doppler of each satellite that does not depend on this
+direction. The slope of the code Dopplers over the carrier Dopplers is +1, or −1 for a reversed spectrum. The slope does
 not change if the samples jump, because the code phases of all satellites jump by the same time.
 """
 
@@ -22,30 +22,31 @@ from vestige.recording.doctor.reading import head
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
 
-CODE_WINDOW_S = 0.06  # duration of samples for one code phase: the shortest in which E1 can be measured
-APART_S = (0.02, 0.2)  # shortest and longest time between the windows; the code must stay within the correlators
-CODE_SIGMA_S = 2e-8  # error of one code phase in such a window at 40 dBHz
-SIGNIFICANCE = 4.0  # least number of standard deviations between a slope of 0 and a slope of 1
+CODE_WINDOW_S = 0.06  # duration of samples for one code phase, the shortest for an E1 measurement
+# shortest and longest time between the windows; the code must stay within the bank of correlators
+APART_S = (0.02, 0.2)
+CODE_SIGMA_S = 2e-8  # standard deviation of one code phase in a window of `CODE_WINDOW_S` at 40 dBHz
+SIGNIFICANCE = 4.0  # smallest number of standard deviations between a slope of 0 and a slope of 1
 _SLOPES = (-1.6, -0.4)  # range of the slope for a reversed spectrum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Satellite:
-    """A satellite on E1."""
+    """Measurements of a satellite on E1."""
 
     svid: int
     doppler_hz: float
     cn0_dbhz: float
-    snapshot: E1Snapshot | None  # None if the samples are too short for a measurement; Doppler and C/N0 are rough then
+    snapshot: E1Snapshot | None  # measurement; None if the samples are too short, and then Doppler and C/N0 are coarse
 
 
 def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bool:
-    """Return whether the code phases change as if all Dopplers had the other sign; False if that is uncertain.
+    """Return whether the code phases change as if all Dopplers had the opposite sign; False if the test is uncertain.
 
     Parameters
     ----------
     file
-        The E1 file, read as for the measurement of the satellites.
+        The E1 file, with the description that was used for the measurement of the satellites.
     satellites
         At least two satellites with a measurement. For windows 100 ms apart, the root of the sum of the squared
         Dopplers must be about 2 kHz or more.
@@ -88,7 +89,7 @@ def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bo
 
 
 def _at(one: E1Satellite, snapshot: E1Snapshot, ahead_s: float) -> Acquisition:
-    """Predict the acquisition in samples that start `ahead_s` after the measurement, exact to half a chip in 0.2 s."""
+    """Predict the acquisition in samples that start `ahead_s` after the measurement, to half a chip after 0.2 s."""
     period_s = E1_CODE_PERIOD_S
     phase_s = snapshot.transmit_phase_s + ahead_s
     return Acquisition(

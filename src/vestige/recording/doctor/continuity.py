@@ -1,11 +1,11 @@
-"""Test of whether the samples are continuous: code phases at the beginning, in the middle and at the end must agree.
+"""Test of whether the samples are continuous: code phases at beginning, middle and end must agree.
 
 Theory of operation
 -------------------
 The time of transmission of a signal grows by (1 + f_d/f_c) s in a second of the receiver's counter. E1-C shows the time
 of transmission modulo the 100 ms of its secondary code. The times at two positions of the file and the mean Doppler
-give the jump of the signal against the counter. Missing samples make the signals of all satellites jump ahead; repeated
-samples make them fall back. The test does not find a loss of a multiple of 100 ms.
+give the jump of the signal relative to the counter. Missing samples make the signals of all satellites jump ahead.
+Repeated samples make the signals jump back. The test does not find a loss of a multiple of 100 ms.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from vestige.sample_processor.search.e1_search import search_e1
 from vestige.signals.definitions import E6B
 from vestige.time import GalileoTime
 
-SHORTEST_S = 0.112  # two windows in which E1 can be measured
+SHORTEST_S = 0.112  # duration of two windows for E1 measurements
 # smallest reported jump in s, and its increase for each second between two positions, because the oscillator drifts
 TOLERANCE_S = (1e-6, 1e-8)
 _SATELLITES = 3
@@ -61,7 +61,7 @@ def examine_continuity(
     e6
         Reader of the E6 samples, with the description that shows the satellites; None without E6.
     satellites
-        Satellites at the beginning, the strongest first; the first three are followed.
+        Satellites at the beginning, the strongest first; the first three satellites are followed.
     """
     followed = [one for one in satellites if one.snapshot is not None][:_SATELLITES]
     if not followed:
@@ -139,10 +139,10 @@ def _e6_jump(
 
 
 def _e6_shift_s(reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
-    """Return the jump of the E6 signals against the counter between two positions, in s; positive if they jump ahead.
+    """Return the jump of the E6 signals relative to the counter between two positions in s, positive if ahead.
 
-    The code phases of E6 and the Dopplers of E1 give this time. None if the jump is below the tolerance, or no
-    satellite is seen at both positions.
+    The code phases of E6 and the Dopplers of E1 give this time. The result is None if the jump is below the tolerance,
+    or if no satellite is found at both positions.
     """
     before, after = _e6_phases(reader, earlier), _e6_phases(reader, later)
     shifts, span_s = [], 0.0
@@ -159,7 +159,7 @@ def _e6_shift_s(reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPla
 
 
 def _e6_phases(reader: SampleReader, place: MeasuredPlace) -> dict[int, tuple[GalileoTime, float]]:
-    """Return by satellite the time of a sample, and its time of transmission on E6-B in s, modulo 1 ms."""
+    """Return the time of a sample, and by satellite the time of transmission on E6-B in s, modulo 1 ms."""
     found: dict[int, tuple[GalileoTime, float]] = {}
     for svid, snapshot in place.snapshots.items():
         rate = reader.file.sample_rate_hz
@@ -226,7 +226,7 @@ def _near(batch: SampleBatch, one: E1Satellite) -> tuple[Acquisition, ...]:
 
 
 def _shift_s(earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
-    """Return the jump of the E1 signals against the counter in s, positive if they jump ahead; None without a jump."""
+    """Return the jump of the E1 signals relative to the counter in s, positive if ahead; None without a jump."""
     shifts = []
     span_s = 0.0
     for svid, before in earlier.snapshots.items():
@@ -252,7 +252,7 @@ def _narrowed(
     followed: Sequence[E1Satellite],
     limit: TimeLimit,
 ) -> tuple[MeasuredPlace, MeasuredPlace]:
-    """Return two positions nearer to each other, between which the signals jump."""
+    """Return two positions that are nearer to each other, and between which the signals jump."""
     while (later.first - earlier.first) / reader.file.sample_rate_hz > _NEAR_ENOUGH_S and not limit.is_over:
         middle = _place(reader, (earlier.first + later.first) // 2, count, followed[:1])
         if middle is None:

@@ -47,12 +47,12 @@ class E1Result:
     """Result of the examination of E1: satellites, the file description that shows them, and findings."""
 
     file: BandFile
-    satellites: tuple[E1Satellite, ...]  # the strongest first
+    satellites: tuple[E1Satellite, ...]  # satellites, the strongest first
     findings: tuple[Finding, ...]
 
 
 def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: Progress) -> E1Result:
-    """Return the satellites in the first 100 ms of E1; if none is found, search with other descriptions.
+    """Return the satellites in the first 100 ms of E1; if no satellite is found, search with other descriptions.
 
     Parameters
     ----------
@@ -141,9 +141,10 @@ def _satellite(batch: SampleBatch, found: Acquisition) -> E1Satellite:
 
 
 def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading | None:
-    """Return the reading of complex samples as real, or the reverse, if the strongest signal is stronger with it."""
+    """Return the reading of complex samples as real, or the reverse, if the strongest signal gains power."""
     best = max(found, key=lambda one: one.cn0_dbhz)
-    least = best.cn0_dbhz + 1.0  # I and Q read as real samples at twice the rate lose half of the signal's power
+    # if I and Q are read as real samples at twice the rate, half of the signal's power is lost
+    least = best.cn0_dbhz + 1.0
     stronger = None
     for reading in layout_readings(file):
         strength = _strength(_acquire(head(reading.file, _window_s(_STRETCHES)), _STRETCHES, (best.svid,)))
@@ -153,7 +154,7 @@ def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading 
 
 
 def _standing_offset(file: BandFile, found: tuple[Acquisition, ...]) -> Iterator[Finding]:
-    """Yield a finding if all Dopplers have the same sign and a large median, which no real sky has."""
+    """Yield a finding if all Dopplers have the same sign and a large median, which true signals never have together."""
     dopplers = sorted(one.doppler_hz for one in found)
     middle = dopplers[len(dopplers) // 2]
     if len(dopplers) >= 3 and abs(middle) > STANDING_HZ and dopplers[0] * dopplers[-1] > 0:
@@ -191,8 +192,8 @@ def _first_that_fits(
 def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Callable[[], str], Iterator[_Hit | None]]]:
     """Yield for each kind of mistake its name, a function for the text of its tried values, and its readings.
 
-    Each reading comes with its signals; None stands for a reading without signals. The text is known only after the
-    readings were tried.
+    Each reading comes with the signals that were found; None stands for a reading without signals. The text is known
+    only after the readings were tried.
     """
 
     def named(name: str, hits: Iterator[_Hit | None]) -> tuple[str, Callable[[], str], Iterator[_Hit | None]]:
@@ -220,7 +221,7 @@ def _tried(readings: Iterable[Reading]) -> Iterator[_Hit | None]:
 
 
 def _rates(file: BandFile, rates_hz: list[float]) -> Iterator[_Hit | None]:
-    """Yield the sampling rates that the repetition of the codes suggests, the likeliest first, until one fits.
+    """Yield the sampling rates that the repetition of the codes suggests, the likeliest first, until a rate fits.
 
     Each rate that is tried is appended to `rates_hz`.
     """

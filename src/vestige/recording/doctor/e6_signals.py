@@ -34,9 +34,9 @@ from vestige.sample_processor.e6_acquisition import (
 )
 from vestige.signals.definitions import E6B, E6C
 
-E6_WINDOW_S = 0.1  # duration of samples: one period of the secondary code
+E6_WINDOW_S = 0.1  # duration of samples, one period of the secondary code
 BAND_OFFSET_S = 2e-6  # delay between E1 and E6 that is too large for ionosphere, satellite and receiver hardware
-_LOOKED_AT = 6  # number of satellites to search for, the strongest on E1
+_LOOKED_AT = 6  # number of satellites to search for, which are the strongest on E1
 _TRIED = 3  # number of satellites tried with each other description
 _TRY_S = 0.012
 PREDICTED_SPAN_HZ = 400.0  # Doppler span around the prediction of E1
@@ -50,9 +50,10 @@ class E6Satellite:
     """The signals of one satellite in the E6 samples."""
 
     svid: int
-    cn0_dbhz: float  # C/N0 of E6-B; NaN if the samples hold no complete code period
+    cn0_dbhz: float  # C/N0 of E6-B; NaN if the samples contain no complete code period
     e6c_open: bool  # whether the primary code of E6-C repeats every millisecond
-    secondary_fits: bool | None  # whether the signs of E6-C are its secondary code; None if the samples are too short
+    # whether the signs of E6-C are the secondary code of E6-C; None if the samples are too short
+    secondary_fits: bool | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,9 +73,9 @@ def examine_e6(
     Parameters
     ----------
     files
-        The samples of E6 as described, or several possible descriptions if E1 has already shown that bands are swapped.
+        The samples of E6 as described, or several possible descriptions if the search of E1 has found swapped bands.
     e1
-        Satellites of E1, the strongest first; if there are none, all satellites are searched for.
+        Satellites of E1, the strongest first; if empty, all satellites are searched for.
     try_s
         Processor time for which other descriptions are tried, in s.
     span_hz
@@ -237,7 +238,7 @@ def _encryption(satellites: list[E6Satellite]) -> Iterator[Finding]:
 
 
 def _reversed(file: BandFile, sky: list[tuple[int, float]], span_hz: float) -> Reading | None:
-    """Return the reading with the reversed spectrum if it shows more satellites at their predicted Dopplers."""
+    """Return the reading with the reversed spectrum if more satellites then have their predicted Dopplers."""
     telling = sorted(sky, key=lambda one: -abs(one[1]))[:_TRIED]
     if not telling or abs(telling[0][1]) < 3 * span_hz:
         return None

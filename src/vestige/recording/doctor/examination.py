@@ -1,9 +1,10 @@
 """Examination of a recording: its satellites, and the faults of its samples or of their description.
 
 The given description is tried first. If this description shows no signal, descriptions that differ by one mistake are
-tried. This search takes at most `TRY_S` of processor time in each band. On two idle cores it lasts half as long.
-The examination uses the first 100 ms, and windows of 100 ms in the middle and at the end. Float32 samples are all read,
-for at most `READ_S` of processor time, because every other command stops at a sample that is not a finite number.
+tried. This search takes at most `TRY_S` of processor time in each band. On two idle cores this search lasts half as
+long. The examination uses the first 100 ms, and windows of 100 ms in the middle and at the end. All float32 samples are
+read, for at most `READ_S` of processor time. The reason is that every other command stops at a sample that is not a
+finite number.
 """
 
 from __future__ import annotations
@@ -49,9 +50,9 @@ _LOOKED_AT_S = 0.02  # duration of the samples at each position that is tested f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examination:
-    """Result of the examination of a recording's signals; the part of a missing band is empty."""
+    """Result of the examination of a recording's signals; the tuple of a missing band is empty."""
 
-    e1: tuple[E1Satellite, ...]  # the strongest first
+    e1: tuple[E1Satellite, ...]  # satellites on E1, the strongest first
     e6: tuple[E6Satellite, ...]
     findings: tuple[Finding, ...]
 
@@ -115,7 +116,7 @@ def _satellites(e6: E6Result | None) -> tuple[E6Satellite, ...]:
 
 
 def _e6_files(e6: BandFile, e1: BandFile | None, result: E1Result | None) -> list[BandFile]:
-    """Return the descriptions of E6 to try; if E1 was found in the E6 file, E6 is searched for in the E1 file."""
+    """Return the descriptions of E6 to try; if E1 was found in the E6 file, the E1 file is read as E6."""
     if e1 is None or result is None or result.file.path == e1.path:
         return [e6]
     return [reading.file for reading in swapped_readings(e6, e1)]
@@ -162,7 +163,7 @@ def _not_a_number(band: Band, error: InputFileError) -> Finding:
 
 
 def _not_finite(reader: SampleReader, limit: TimeLimit) -> Iterator[Finding]:
-    """Yield a fault for the first float32 sample that is not finite, or a remark if `limit` is over before the file."""
+    """Yield a fault for the first float32 sample that is not finite, or a remark if the time limit ends the search."""
     if reader.file.form.component != "float32":
         return
     for first in range(reader.first_sample, reader.end_sample, _READ_SAMPLES):
@@ -185,7 +186,7 @@ def _not_finite(reader: SampleReader, limit: TimeLimit) -> Iterator[Finding]:
 def _clipped(reader: SampleReader) -> Iterator[Finding]:
     file = reader.file
     batch = head(replace(file, start=file.start or _SOME_TIME), _LOOKED_AT_S)
-    if better_sibling(file) is not None:  # a wrong format moves the values to the ends
+    if better_sibling(file) is not None:  # a wrong format moves the values to the ends of the scale
         return
     if batch is None or not front_end_status(batch, file.form).saturated:
         return

@@ -1,4 +1,4 @@
-"""Findings about the signals of a recording, one per line: the evidence, and the change to make."""
+"""Findings about the signals of a recording: the evidence, and the change to make."""
 
 from __future__ import annotations
 
@@ -59,10 +59,10 @@ def remark(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> 
 
 @dataclass(slots=True)
 class TimeLimit:
-    """Limit of the processor time for the search of the right description, counted from the creation of the object.
+    """Limit of the processor time for the search for the right description, counted from the object's creation.
 
     Processor time, in contrast to the time of day, does not depend on the load of the machine. So the findings do not
-    depend on the load either.
+    depend on the load of the machine either.
     """
 
     seconds: float

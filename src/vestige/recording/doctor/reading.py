@@ -16,7 +16,7 @@ from vestige.recording.samples.sample_format import SampleFormat, SampleType
 from vestige.records import SampleBatch
 from vestige.signals.definitions import CARRIER_HZ
 
-_LOOKED_AT = 1 << 16  # number of samples that decide whether a format is plausible
+_LOOKED_AT = 1 << 16  # number of samples for the decision whether a format is plausible
 _KURTOSIS = (1.2, 6.0)  # kurtosis of noise behind a quantiser of 2 bits or more; a wrong byte order gives other values
 _LEAST_IF = 0.05  # smallest intermediate frequency of real samples, as a share of the sampling rate
 _SIBLINGS: dict[SampleType, SampleType] = {"int8": "uint8", "uint8": "int8", "int16": "uint16", "uint16": "int16"}
@@ -37,9 +37,9 @@ class Reading:
 
 
 def head(file: BandFile, duration_s: float, first_s: float = 0.0) -> SampleBatch | None:
-    """Return up to `duration_s` of samples of a file from `first_s` on; None if they cannot be read as described.
+    """Return up to `duration_s` of samples of a file from `first_s` on; None if the samples cannot be read.
 
-    Samples that are not finite numbers, which occur if the format is wrong, also give None.
+    The result is also None if samples are not finite numbers, which happens if the format is wrong.
     """
     try:
         reader = open_samples(file)
@@ -51,7 +51,7 @@ def head(file: BandFile, duration_s: float, first_s: float = 0.0) -> SampleBatch
 
 
 def reversed_readings(file: BandFile) -> Iterator[Reading]:
-    """Yield the reading with the other sense of the spectrum."""
+    """Yield the reading with the opposite direction of the spectrum."""
     if file.form.is_complex:
         inverted = not file.spectral_inversion
         yield Reading(
@@ -160,8 +160,8 @@ def better_sibling(file: BandFile) -> Reading | None:
     """Return the reading with signed instead of unsigned numbers, or the reverse, if the given format must be wrong.
 
     The given format is wrong if all its values lie at the ends of the scale, and the other format has smaller values.
-    Signed numbers read as offset binary, or the reverse, have the right sign and a wrong magnitude. The signals are
-    still found, about 2 dB weaker.
+    If signed numbers are read as offset binary, or the reverse, the sign is right and the magnitude is wrong. The
+    signals are still found, but are about 2 dB weaker.
     """
     sibling = _SIBLINGS.get(file.form.component)
     if sibling is None:

@@ -1,11 +1,11 @@
-"""Journal of a receiver that follows a recording: after any interruption the receiver continues where it was.
+"""Journal of a receiver that follows a recording: after an interruption the receiver continues with the next snapshot.
 
 `verdicts.jsonl` has one line for each verdict and each change of state. `state.json` contains the number of valid bytes
-in `verdicts.jsonl`, the SHA-256 of these bytes, the last snapshot, and the receiver's state with a SHA-256 of its own.
-`state.json` is replaced as a whole after the lines were written. If a run is killed between the two writes, the newest
-lines are not valid yet. The next run cuts these lines off, processes the snapshot again from the same state, and writes
-the same lines. No line is lost, and no line appears twice. If the valid lines or the state were changed, the journal
-raises an error and cuts nothing off.
+in `verdicts.jsonl` and the SHA-256 of these bytes. `state.json` also contains the last snapshot and the receiver's
+state, with a second SHA-256. `state.json` is replaced as a whole after the lines were written. If a run is killed
+between the two writes, the newest lines are not valid yet. The next run cuts these lines off, processes the snapshot
+again from the same state, and writes the same lines. No line is lost, and no line appears twice. If the valid lines or
+the state were changed, the journal raises an error and cuts nothing off.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ _Count = Annotated[int, Field(ge=0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowProgress:
-    """Progress in following a recording: the last snapshot, and the receiver state after it."""
+    """Progress in following a recording: the last snapshot, and the receiver state after this snapshot."""
 
     index: _Count  # number of the last snapshot
-    sent: GalileoTime  # time of transmission of its RECS
+    sent: GalileoTime  # time of transmission of the snapshot's RECS
     state: ReceiverState  # receiver state after the snapshot
     time_tag_error_s: float = 0.0  # error of the samples' time tag in s, positive if ahead of Galileo System Time
 
@@ -61,12 +61,12 @@ _PROGRESS = TypeAdapter(FollowProgress | None)
 
 
 def _hash_of(progress: FollowProgress | None) -> str:
-    """Return the SHA-256 of `progress` as JSON; it shows whether a number was changed by hand."""
+    """Return the SHA-256 of `progress` as JSON, which shows whether a number was changed by hand."""
     return hashlib.sha256(json.dumps(_PROGRESS.dump_python(progress, mode="json")).encode()).hexdigest()
 
 
 class FollowJournal:
-    """Journal folder, open for one writer; a context manager.
+    """Journal folder that is open for a single writer; the object is a context manager.
 
     `settings` has the name and the text of each setting on which the verdicts depend. A folder with other settings is
     refused.
@@ -127,7 +127,7 @@ class FollowJournal:
         return state
 
     def record(self, lines: Sequence[str], progress: FollowProgress) -> None:
-        """Store the lines of a snapshot and the progress; after a kill, either both are stored or neither."""
+        """Store the lines of a snapshot and the progress; after an interruption, both or neither are valid."""
         data = "".join(f"{line}\n" for line in lines).encode()
         with naming(self._folder / LINES):
             self._lines.write(data)
@@ -147,7 +147,8 @@ class FollowJournal:
             progress=progress,
             progress_sha256=_hash_of(progress),
         )
-        text = json.dumps(self._adapter.dump_python(state, mode="json"))  # an infinite limit stays infinite
+        # JSON in which an infinite limit stays infinite
+        text = json.dumps(self._adapter.dump_python(state, mode="json"))
         with replacement(self._folder / STATE) as part:
             part.write_text(text, encoding="utf-8")
         os.fsync(self._lock)

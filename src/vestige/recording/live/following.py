@@ -2,22 +2,24 @@
 
 Theory of operation
 -------------------
-A snapshot needs its RECS (downloaded days ago), its samples, the E1 observations around it, and the OSNMA key. The key
-is complete half a minute to a minute after the samples were taken. With a second channel or with accelerometers, the
-snapshot also waits for the keys and the accelerations of its time. Then the snapshot is the same as from the finished
-recording, bit for bit. Its samples cover the range of every search, and later observations would change nothing
-(`ObservationTrack.settled`).
+A snapshot needs its RECS (downloaded days before), its samples, the E1 observations around its time, and the OSNMA key.
+The key is complete half a minute to a minute after the samples were taken. With a second channel or with
+accelerometers, the snapshot also waits for the keys and the accelerations of its time. Then the snapshot is the same as
+from the finished recording, bit for bit. The reason is that the snapshot's samples cover the range of every search, and
+later observations change nothing (`ObservationTrack.settled`).
 
 Snapshots are yielded in the order of time, because the receiver state passes from each snapshot to the next. A snapshot
-that waits for its key delays the later snapshots, but their keys come later anyway. A missing key must not stop the
-receiver. So a snapshot is yielded at the latest `wait_s` after its samples; if its key is missing, the verdict says so.
+that waits for its key delays the later snapshots, but the keys of later snapshots also come later. A missing key must
+not stop the receiver. So a snapshot is yielded at the latest `wait_s` after its samples. If the key is missing, the
+verdict states the missing key as its reason.
 
 If E1 is tracked in the samples, tracking also gives the observations, the keys and the time of the recording. A
-snapshot waits until a message has told the time. A key counts as missing if it has not come when tracking is `wait_s`
-after the snapshot. This limit is in the time of the signal, so it does not depend on the speed at which a file is read.
+snapshot waits until a message has told the time. A key counts as missing if the key has not come when tracking is
+`wait_s` after the snapshot. This limit is in the time of the signal, so the limit does not depend on the speed at which
+a file is read.
 
-Samples out of a pipe cannot be read again. After each look `LiveRecording.keep` gets the snapshots that still need
-samples. Every decision about samples refers to the data at that look.
+Samples out of a pipe cannot be read again. After each look for new data, `LiveRecording.keep` gets the snapshots that
+still need samples. Every decision about samples refers to the data at the latest look for new data.
 
 A file has no mark of its end. So a recording counts as finished after `idle_s` without new data, or at the end of a
 pipe. Then the remaining snapshots are yielded with the available data, as from a finished recording.
@@ -50,14 +52,14 @@ class WaitLimits:
 
     poll_s: float = 1.0  # time between two looks for new data
     wait_s: float = 180.0  # longest wait for the key and the observations of a snapshot with all samples
-    idle_s: float | None = None  # time without new data that ends the recording; None to wait for ever
+    idle_s: float | None = None  # time without new data that ends the recording; None to wait without limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedEpoch:
-    """A snapshot that is ready."""
+    """A snapshot whose data are complete, with the assistance for its verdicts."""
 
-    sent: GalileoTime  # time of transmission of its RECS
+    sent: GalileoTime  # time of transmission of the snapshot's RECS
     snapshot: Snapshot
     assistance: Assistance  # assistance that is known so far
     # OSNMA of the second channel so far, and the accelerations since the previous snapshot
@@ -74,19 +76,19 @@ class Following:
     second: GrowingAssistance | None = None  # folder of OSNMA keys of the second channel
     accelerations: GrowingAccelerations | None = None  # file of inertial sensors
     time_uncertainty_s: float  # upper limit of the receiver clock's error in s
-    searchable: bool  # see `RecordingSource`
-    cn0_estimator: str = NOISE_FLOOR  # see `RecordingSource`
+    searchable: bool  # parameter of `RecordingSource`
+    cn0_estimator: str = NOISE_FLOOR  # parameter of `RecordingSource`
     hardware_bias_s: float | None = None  # delay of E6 minus E1 in the receiver in s, in place of the folder's value
     patience: WaitLimits
     index: int = 0  # number of the next snapshot
-    after: GalileoTime | None = None  # time of the last RECS that no longer needs a snapshot, None at first
+    after: GalileoTime | None = None  # time of the last RECS that no longer needs a snapshot; None at first
 
     def __iter__(self) -> Iterator[FollowedEpoch]:
-        """Yield the snapshots in the order of time; raises the errors of the files that are read."""
+        """Yield the snapshots in the order of time; errors of the files that are read are raised."""
         complete_since: dict[GalileoTime, float] = {}
         news_s = time.monotonic()
         while True:
-            if self._look(complete_since) or self.live.full:  # a full buffer stops the pipe: no new data can come
+            if self._look(complete_since) or self.live.full:  # a full buffer stops the pipe, so no new data can come
                 news_s = time.monotonic()
             while (epoch := self._next(complete_since, finished=False)) is not None:
                 yield epoch
@@ -105,20 +107,21 @@ class Following:
                 growing.tell()
 
     def _is_idle(self, news_s: float) -> bool:
-        """Return whether nothing new has come for so long that the recording counts as finished.
+        """Return whether the recording counts as finished, because no new data have come for `idle_s`.
 
-        While samples wait to be tracked, the delay is on this machine, not at the writer.
+        While samples wait to be tracked, the result is False, because this process causes the delay and not the writer.
         """
         idle_s = self.patience.idle_s
         return idle_s is not None and time.monotonic() - news_s >= idle_s and not self.live.is_behind
 
     def _look(self, complete_since: dict[GalileoTime, float], *, at_once: bool = False) -> bool:
-        """Read new data; return whether there were any."""
+        """Read new data, and return whether new data were found."""
         changed = self.live.look()
         self.live.say_held_up(self.patience.wait_s)
         changed |= self._look_at_folder(at_once=at_once)
         if self.second is not None:
-            changed |= self.second.look(self.live.start, self.live.start)  # the second channel gives only keys
+            # RECS of this folder are not needed, because the second channel gives only keys
+            changed |= self.second.look(self.live.start, self.live.start)
         if self.accelerations is not None:
             changed |= self.accelerations.look()
         for one in [one for one in complete_since if self.after is not None and one <= self.after]:
@@ -156,20 +159,21 @@ class Following:
             return None
         if not finished:
             waited_s = time.monotonic() - complete_since.get(sent, math.inf)
-            overdue = waited_s >= self.patience.wait_s and not self.live.is_behind  # the key may be in waiting samples
+            # the key may be in samples that are not tracked yet
+            overdue = waited_s >= self.patience.wait_s and not self.live.is_behind
             if not self._is_ready(sent):
                 if not (overdue or self._is_passed(sent)):
                     return None
-                self._look_at_folder(at_once=True)  # missing data may have come
+                self._look_at_folder(at_once=True)  # missing data may have come since the last look
         return self._handed_out(sent)
 
     def _is_passed(self, sent: GalileoTime) -> bool:
-        """Return whether tracking is so long after a snapshot that its key should have come."""
+        """Return whether tracking has passed a snapshot by `wait_s`, so its key should have come."""
         tracked = self.live.tracked
         return tracked is not None and self.live.complete(sent) and tracked - sent >= self.patience.wait_s
 
     def _is_ready(self, sent: GalileoTime) -> bool:
-        """Return whether all data that the finished recording will have for a snapshot are available."""
+        """Return whether all data for a snapshot that the finished recording will contain are available."""
         return self.live.complete(sent) and self._has_keys(sent) and self._is_observed(sent) and self._is_sensed(sent)
 
     def _has_keys(self, sent: GalileoTime) -> bool:

@@ -1,8 +1,9 @@
-"""Samples of several channels out of a common pipe: each channel is read as if it had its own pipe.
+"""Samples of several channels from a common pipe: each channel is read as if the channel had its own pipe.
 
-A recorder with two front ends writes frames, one sample of each channel in turn: `E1[0] E6[0] E1[1] E6[1] …`. A thread
-reads each channel. A thread that finds its channel empty reads the pipe for all channels. Bytes that the other threads
-have not taken yet are buffered, up to `WAITING_BYTES` a channel. Then the reading thread waits for the other threads.
+A recorder with two front ends writes frames with one sample of each channel: `E1[0] E6[0] E1[1] E6[1] …`. Each channel
+has a thread that reads the channel. If a thread has no data for its channel, the thread reads the pipe for all
+channels. Bytes that the other threads have not taken yet are buffered, up to `WAITING_BYTES` for each channel. If this
+buffer is full, the reading thread waits for the other threads.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-WAITING_BYTES = 1 << 20  # largest number of waiting bytes of a channel, beside the buffers of the streams
+WAITING_BYTES = 1 << 20  # largest number of waiting bytes of a channel, in addition to the buffers of the streams
 _BLOCK_FRAMES = 1 << 15
 
 
@@ -29,7 +30,7 @@ class FrameSplitter:
     sample_bytes
         Bytes of one sample, the same for all channels.
     n_channels
-        Samples in a frame.
+        Number of samples in a frame.
     wanted
         The channels that are read; samples of other channels are dropped. None for all channels.
     header_bytes
@@ -55,13 +56,13 @@ class FrameSplitter:
         self._read = read
         self._sample_bytes, self._n_channels, self._header = sample_bytes, n_channels, header_bytes
         self._parts = {one: bytearray() for one in (range(n_channels) if wanted is None else wanted)}
-        self._rest = b""  # the incomplete frame at the end
+        self._rest = b""  # incomplete frame at the end of the bytes that were read
         self._reading = self._ended = False
         self._error: OSError | None = None
         self._changed = threading.Condition()
 
     def read(self, channel: int, at_most: int) -> bytes:
-        """Return the next bytes of a channel as soon as there are any; empty at the end.
+        """Return the next bytes of a channel as soon as bytes are available; empty at the end.
 
         Raises `OSError` if the pipe could not be read.
         """

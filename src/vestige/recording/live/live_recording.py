@@ -1,9 +1,10 @@
 """A recording that another process is still writing: the samples so far, in files or pipes.
 
-Only `look` finds new data; between two looks the state of the object does not change. Any window of a file can be read
-at any time. For a pipe, `keep` gets the RECS that still need a snapshot, and drops all other samples.
+Only `look` finds new data. Between two calls of `look` the state of the object does not change. Any window of a file
+can be read at any time. For a pipe, `keep` gets the RECS that still need a snapshot, and drops all other samples.
 
-If E1 is tracked, a message tells the error of the samples' time tag. All times in this module are corrected for it.
+If E1 is tracked, a message tells the error of the samples' time tag. All times in this module are corrected for this
+error.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ ROOM = 1.5  # smallest size of a buffer, as a multiple of the window of a RECS
 class LiveRecording:
     """A recording that grows while it is processed.
 
-    Raises `InputFileError` if there are no E6 samples, or no time tag.
+    Raises `InputFileError` if the recording has no E6 samples, or no time tag.
 
     Parameters
     ----------
@@ -54,9 +55,9 @@ class LiveRecording:
     tracking
         Tracking of E1, in place of a file of observations; None without tracking.
     told
-        Whether the time tag is known to be right to 40 ms, without tracking.
+        Whether the time tag is known to have an error of at most 40 ms, without tracking.
     uncertainty_s
-        Largest time in s between a RECS and its expected time in the samples that a search covers.
+        Half width in s of the search window around the expected time of a RECS in the samples.
     warn
         Function that gets the faults of lines of observations, the dropped samples, and the waits of a pipe's writer.
 
@@ -96,12 +97,12 @@ class LiveRecording:
         self._clock_s: tuple[float, float] | None = None  # smallest and largest clock error of the latest observations
         self._seen: tuple[int, ...] = ()
         self._told_held_up: set[Band] = set()
-        self._kept_error_s: float | None = None  # first known error of the time tag
+        self._kept_error_s: float | None = None  # earliest known error of the time tag
         self.n_dropped, self.full = 0, False
         self._look()
         self._tagged_start = SampleReader(
             file=description.bands[Band.E6], n_samples=0
-        ).start  # raises if there is no time tag
+        ).start  # raises an error if the recording has no time tag
 
     def look(self) -> bool:
         """Look for new samples, track some of them, and return whether there is more to process."""
@@ -188,7 +189,7 @@ class LiveRecording:
 
     @property
     def extent(self) -> str:
-        """Extent of the E6 samples so far, in words."""
+        """Text with the source, the duration and the start of the E6 samples so far."""
         span_s = self.end - self.start
         pipe = self.description.bands[Band.E6].path == Path("-")
         where = "standard input" if pipe else str(self.description.bands[Band.E6].path)
@@ -218,7 +219,7 @@ class LiveRecording:
 
     @property
     def ended(self) -> bool:
-        """Whether no more samples can come and all of E1 is tracked; False for a file, which has no mark of its end."""
+        """Whether no more samples can come and all of E1 is tracked; always False for files, which have no end mark."""
         return bool(self._read) and all(state.ended for state in self._read.values()) and not self.is_behind
 
     @property
@@ -234,9 +235,9 @@ class LiveRecording:
         return min(ends) - sent >= self._span_s[1]
 
     def stalled(self, sent: GalileoTime) -> bool:
-        """Return whether one band has all samples that a RECS may need, and nothing is left to be tracked.
+        """Return whether one band has all samples that a RECS may need, and all available samples are tracked.
 
-        Then the other band has ended, or its writer waits.
+        In this case the other band has ended, or its writer waits.
         """
         ends = self._ends
         late = max(ends.values()) - sent >= self._span_s[1] and not self.is_behind
@@ -272,7 +273,7 @@ class LiveRecording:
         sent
             Known times of the RECS that still need a snapshot.
         until
-            Time up to which these RECS are known.
+            Time up to which the RECS are known.
         """
         if self.tracking is not None:
             self.tracking.release((min(sent) if sent else until) + (self.time_tag_error_s - OBSERVED_BEFORE_S))
@@ -293,11 +294,11 @@ class LiveRecording:
         return self._observations is not None and self._clock_s is None
 
     def recording(self, sent: GalileoTime) -> Recording:
-        """Return the recording in which to process the RECS of a time; warns if its samples were dropped."""
+        """Return the recording in which to process the RECS of a time, and warn if the samples were dropped."""
         readers = dict(self._readers)
         for band, stream in self._streams.items():
             found = stream.cut(*self._window(sent, band))
-            if found is None:  # a search needs the whole window
+            if found is None:  # a part of the window is not enough for a search
                 if band is Band.E6:
                     self._say_dropped(stream, sent)
                 found = stream.nothing()
@@ -352,7 +353,7 @@ class LiveRecording:
         return self._samples(sent, band, error_s, (-self._before_s - margin_s, self._after_s + margin_s))
 
     def _window(self, sent: GalileoTime, band: Band) -> tuple[int, int]:
-        """Return the numbers of the first and the end sample of a band that a RECS of a time may need."""
+        """Return the number of the first sample, and of the last sample plus 1, that a RECS of a time may need."""
         return self._samples(sent, band, self.time_tag_error_s, self._span_s)
 
     def _samples(self, sent: GalileoTime, band: Band, late_s: float, span_s: tuple[float, float]) -> tuple[int, int]:
@@ -363,13 +364,13 @@ class LiveRecording:
 
     @property
     def _span_s(self) -> tuple[float, float]:
-        """Begin and end of the samples that a RECS may need, in s after its transmission."""
+        """Start and end of the samples that a RECS may need, in s after its transmission."""
         early_s, late_s = self._clock_s or (0.0, 0.0)
         return -self._before_s - early_s, self._after_s + late_s
 
     @property
     def _most_clock_s(self) -> float:
-        """Largest clock error in s for which the buffer has room, so that an absurd observation cannot fill it."""
+        """Largest clock error in s for which the buffer has room, so that wrong observations cannot fill the buffer."""
         if not self._streams:
             return math.inf
         capacity_s = min(
@@ -385,7 +386,7 @@ def buffer_s(uncertainty_s: float) -> float:
 
 
 def awaited_observations(description: RecordingDescription) -> Path | None:
-    """Return the file of a recording's folder that is an observation file by its name, but has no first line yet."""
+    """Return the file in a recording's folder that has the name of an observation file, but no first line yet."""
     return next((path for path in observation_names(description) if b"\n" not in _beginning(path)), None)
 
 

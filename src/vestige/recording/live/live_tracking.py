@@ -2,8 +2,8 @@
 
 The tracking receiver takes `TRACKED_STRETCH_S` of samples at a time. The result is the same as for the finished
 recording, because the stretches begin at the same samples. Pseudoranges are ambiguous by multiples of 100 ms until a
-message has told the time. Observations wait for that time, which resolves the ambiguity. Observations that no RECS
-needs any more are dropped.
+message has told the time. Observations wait for the time from the message, which resolves the ambiguity. Observations
+that no RECS needs any more are dropped.
 """
 
 from __future__ import annotations
@@ -32,8 +32,9 @@ from vestige.sample_processor.tracking.tracking_receiver import (
 )
 from vestige.time import GalileoTime
 
-AT_ONCE_S = 2.0  # duration of samples that are tracked before other input is read
-WITHOUT_PERIODS_S = 200.0  # duration of observations that wait for the time, which a message tells after 30 s
+AT_ONCE_S = 2.0  # duration of samples that are tracked at once, before other input is read
+# largest duration of observations that wait for the time, which a message usually tells after 30 s
+WITHOUT_PERIODS_S = 200.0
 RETRACKED_S = 600.0  # time before the last verdict at which tracking resumes, to get a root key, orbits and the time
 
 
@@ -45,7 +46,7 @@ class TrackableSamples(Protocol):
         """Number of the last sample plus 1."""
 
     def read(self, first: int, count: int) -> SampleBatch:
-        """Return some of the samples."""
+        """Return `count` samples from number `first` on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +54,10 @@ class StreamSamples:
     """Samples out of a pipe, for tracking."""
 
     stream: SampleStream
-    end_sample: int  # number of the last sample plus 1, at the time of a look
+    end_sample: int  # number of the last sample plus 1, at the latest look for new data
 
     def read(self, first: int, count: int) -> SampleBatch:
-        """Return samples that are still kept; if samples of a stretch were dropped, return the part after the gap."""
+        """Return samples of a stretch; if some of these samples were dropped, return the part after the gap."""
         found = self.stream.cut(first, first + count)
         while found is None:
             first = self.stream.next_after(first)
@@ -78,12 +79,12 @@ class LiveTracking:
     workers
         Number of threads.
     warn
-        Function that gets a warning when tracking had to start anew.
+        Function that gets a warning if tracking had to start anew.
 
     Attributes
     ----------
     track
-        The observations at any time for which they are kept.
+        Observations as a function of time, for the times that are kept.
     time_tag_error_s
         Error of the samples' time tag in s, positive if ahead of Galileo System Time; None until a message tells the
         time.
@@ -133,7 +134,7 @@ class LiveTracking:
         self._first = self.end_sample = self._file.first_sample + stretches * self._count
 
     def is_behind(self, samples: TrackableSamples) -> bool:
-        """Return whether a whole stretch of samples waits."""
+        """Return whether a whole stretch of samples waits to be tracked."""
         return samples.end_sample - self.end_sample >= self._count
 
     def advance(self, samples: TrackableSamples) -> None:
@@ -144,7 +145,7 @@ class LiveTracking:
             self._take(samples.read(self.end_sample, self._count))
 
     def finish(self, samples: TrackableSamples) -> None:
-        """Track the remaining samples; no more will come."""
+        """Track the remaining samples, because no more samples will come."""
         while self.is_behind(samples):
             self._take(samples.read(self.end_sample, self._count))
         if not self._ended and samples.end_sample > self.end_sample:
@@ -183,7 +184,7 @@ class LiveTracking:
         return self._receiver.time_tag_error_s if self._receiver.time_is_told else None
 
     def place_by_time_tag(self) -> None:
-        """Take the time from the time tag, which is known to be right to 40 ms, if no message tells the time."""
+        """Take the time from the time tag, whose error is known to be at most 40 ms, if no message tells the time."""
         self._epochs.place(self._receiver.time_tag_error_s)
 
     def release(self, before: GalileoTime) -> None:
@@ -192,7 +193,7 @@ class LiveTracking:
 
 
 class _KeptEpochs:
-    """Observations with resolved time that are still needed, for an `ObservationTrack`."""
+    """Observations with resolved times that are still needed, for an `ObservationTrack`."""
 
     def __init__(self) -> None:
         self._without_code_periods: deque[ObservationEpoch] = deque(maxlen=round(WITHOUT_PERIODS_S * EPOCHS_PER_S))
@@ -204,7 +205,7 @@ class _KeptEpochs:
         self._without_code_periods.extend(epochs)
 
     def add(self, epochs: Sequence[ObservationEpoch]) -> None:
-        """Keep epochs with resolved times; if the own message of a satellite told the time, this time counts for it."""
+        """Keep epochs with resolved times; the time from a satellite's own message counts for this satellite."""
         self._placed.extend(epochs)
 
     def place(self, time_tag_error_s: float) -> None:
@@ -225,7 +226,7 @@ class _KeptEpochs:
 
 
 class _EpochIterator:
-    """Iterator that stops at the present end of the observations, and continues when there are more."""
+    """Iterator that stops at the present end of the observations, and continues when more observations come."""
 
     def __init__(self, kept: _KeptEpochs) -> None:
         self._kept, self._number = kept, kept.first

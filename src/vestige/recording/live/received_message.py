@@ -1,7 +1,8 @@
 """The message that tracking decodes while a recording grows: OSNMA keys and ephemerides, in limited memory.
 
-Pages are verified as they come, so a new key costs the work of its own subframe. Keys and pages older than `KEPT_S` are
-dropped, because a RECS needs a key of the next minutes. Signed root keys and the chain are kept.
+Each page is verified when the page arrives, so a new key needs only the computation of its own subframe. Keys and pages
+older than `KEPT_S` are dropped, because a RECS needs a key that is sent in the minutes after the RECS. Signed root keys
+and the chain are kept.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from vestige.navigation.inav.page import InavPage
 from vestige.recording.assistance.assistance_files import Contents, FileTrust, Settings, contents_of_receiver
 from vestige.recording.tracked.message_navigation import EphemerisCollector, authenticated_orbits
 
-KEPT_S = 240.0  # largest age of keys and demodulated pages; a RECS waits for its key for a shorter time
-ISSUES = 3  # number of ephemeris issues of a satellite that are kept: half an hour of a real message
+KEPT_S = 240.0  # largest age of keys and demodulated pages; longer than the wait of a RECS for its key
+ISSUES = 3  # number of ephemeris issues of a satellite that are kept, half an hour of a real message
 
 
 class ReceivedMessage:
-    """Navigation message in the pages of a growing recording so far; a `LiveMessage` of an assistance folder.
+    """Navigation message in the pages of a growing recording so far, used as `LiveMessage` of an assistance folder.
 
     Parameters
     ----------
@@ -62,13 +63,13 @@ class ReceivedMessage:
             self._forget()
 
     def finish(self) -> None:
-        """Mark the message as complete; the last subframe is taken even if incomplete."""
+        """Mark the message as complete; the last subframe is processed even if the subframe is incomplete."""
         if self._receiver is not None:
             self._receiver.finish()
             self._n_subframes += 1
 
     def contents(self, settings: Settings) -> Contents | None:
-        """Return keys, root keys and demodulated keys; None before the first page.
+        """Return the keys, root keys and demodulated keys so far; None before the first page.
 
         Raises `AuthenticationError` if there is no trust anchor for the keys.
         """

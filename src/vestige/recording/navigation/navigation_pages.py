@@ -1,4 +1,4 @@
-"""Navigation pages of a file, whatever its format."""
+"""Reader of navigation pages in files of any supported format."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vestige.recording.observations import sbf
 from vestige.recording.samples import test_vector_csv
 from vestige.time import GalileoTime
 
-_HEAD_BYTES = 1 << 16  # longest SBF block: each stretch of this length contains a sync
+_HEAD_BYTES = 1 << 16  # length of the longest SBF block, so that the first bytes of an SBF file contain a sync
 
 
 def read_pages(
@@ -20,8 +20,8 @@ def read_pages(
 ) -> Iterator[InavPage]:
     """Yield the E1-B I/NAV pages of an SBF or a test-vector CSV file; the content tells the format.
 
-    `start` is the start of the first page of a test vector. By default the start is read from the navigation words. An
-    SBF file contains the times of its pages. `counts` gets the numbers of its blocks.
+    `start` is the start of the first page of a test vector. By default this start is read from the navigation words. An
+    SBF file contains the times of its pages. `counts` receives the numbers of blocks of an SBF file.
 
     Raises `InputFileError` if the file has another format, or is so damaged that nothing can be read.
     """

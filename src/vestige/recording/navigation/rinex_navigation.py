@@ -1,12 +1,12 @@
 """RINEX 3 and 4 navigation files with Galileo broadcast ephemerides [RINEX].
 
-A record has eight lines: satellite, time of clock and clock polynomial, then seven lines of four numbers. Records of
-other systems and of F/NAV are skipped, because the clock of F/NAV belongs to the pair (E1, E5a). In version 4 each
-record has a line before it that names its kind.
+A record has eight lines. The first line has the satellite, the time of clock (toc) and the clock polynomial. The other
+lines have up to four numbers each. Records of other systems and of F/NAV are skipped, because the clock of F/NAV
+belongs to the pair (E1, E5a). In version 4 a line before each record names the kind of the record.
 
-The Galileo week in these files is counted from the GPS epoch, so it is larger by 1024. Near the end of a week some
-writers give the week of transmission in place of the week of toe. So the reader chooses the week of toe that is nearest
-to toc.
+The files count Galileo weeks from the GPS epoch, so a week number is 1024 larger than in Galileo System Time. Near the
+end of a week some writers give the week of transmission in place of the week of toe (time of ephemeris). So the reader
+chooses the week that puts toe nearest to toc.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ _WIDTH = 19
 _E1B_INAV, _CLOCK_E5B_E1 = 1 << 0, 1 << 9  # bits of "data sources" [RINEX]
 _ANY_INAV, _ANY_SOURCE = 0b101, 0b111
 _SMALLEST = 1e-99  # smallest number whose exponent has two digits
-_UNKNOWN_TIME = 0.9999e9  # marks an unknown transmission time [RINEX]
+_UNKNOWN_TIME = 0.9999e9  # number that marks an unknown transmission time [RINEX]
 
-# field -> (line, number in the line from 0, smallest, largest) [RINEX]; a value beyond the limits is invalid
+# field -> (line, position in the line from 0, smallest value, largest value) [RINEX]; other values are invalid
 _PLACES: Mapping[str, tuple[int, int, float, float]] = {
     "af0_s": (0, 1, -1.0, 1.0),
     "af1": (0, 2, -1e-6, 1e-6),
@@ -71,7 +71,7 @@ def is_rinex_navigation(first_line: str) -> bool:
 
 
 def read_rinex_navigation(path: Path) -> tuple[Ephemeris, ...]:
-    """Return the Galileo I/NAV ephemerides in the order of the file, each issue of a satellite once.
+    """Return the Galileo I/NAV ephemerides in the order of the file, without repeated issues of a satellite.
 
     Raises `InputFileError` if the file has another format, is cut off, has an impossible number, or no Galileo I/NAV
     ephemeris. Raises `UnsupportedError` for RINEX 2.
@@ -80,7 +80,7 @@ def read_rinex_navigation(path: Path) -> tuple[Ephemeris, ...]:
 
 
 def parse_rinex_navigation(path: Path, lines: Iterator[tuple[int, str]]) -> tuple[Ephemeris, ...]:
-    """Return the ephemerides in numbered lines from any source; errors name `path`."""
+    """Return the ephemerides in numbered lines from any source; error messages name `path`."""
     found: dict[tuple[int, int, GalileoTime], Ephemeris] = {}
     for record in _records(path, lines):
         ephemeris = _ephemeris(path, record)
@@ -121,7 +121,7 @@ def _complete(path: Path, record: _Lines) -> Iterator[_Lines]:
 
 
 def _read_header(path: Path, lines: Iterator[tuple[int, str]]) -> int:
-    """Return the major version."""
+    """Return the major version of the RINEX format, and read the lines of the header."""
     _, line = next(lines, (1, ""))
     if not is_rinex_navigation(line):
         raise InputFileError(path, "line 1", line, "the first line of RINEX navigation data")
@@ -131,14 +131,14 @@ def _read_header(path: Path, lines: Iterator[tuple[int, str]]) -> int:
     if version[1] in "12":
         raise UnsupportedError(f"{path}: RINEX {line[:9].strip()} is not read, only 3 and 4")
     number = 1
-    for number, line in lines:  # noqa: B007  (its last value is the place of the error)
+    for number, line in lines:  # noqa: B007  (the last `number` is the place of the error)
         if line[60:80].strip() == "END OF HEADER":
             return int(version[1])
     raise InputFileError(path, f"line {number}", "the end of the file", "END OF HEADER")
 
 
 def _ephemeris(path: Path, record: _Lines) -> Ephemeris | None:
-    """Return the ephemeris of a record, None if it is F/NAV."""
+    """Return the ephemeris of a record, or None if the record is F/NAV."""
     sources = _integer(path, record, _SOURCES, "data sources", 1, (1 << 10) - 1)
     if not sources & _ANY_SOURCE:
         raise InputFileError(path, f"line {record[5][0]}: data sources", sources, "a bit that says I/NAV or F/NAV")
@@ -208,7 +208,9 @@ def _integer(path: Path, record: _Lines, place: tuple[int, int], name: str, low:
 def write_rinex_navigation(
     path: Path, ephemerides: Iterable[Ephemeris], *, ionosphere: BroadcastIonosphere | None = None
 ) -> None:
-    """Write ephemerides as a RINEX 3.05 navigation file; numbers keep 13 digits, which is 0.1 mm of an orbit.
+    """Write ephemerides as a RINEX 3.05 navigation file.
+
+    Numbers keep 13 digits, so the rounding moves an orbit by about 0.1 mm at most.
 
     Raises `ValueError` if there is no ephemeris, or toe or toc is not a whole second.
 
@@ -219,13 +221,13 @@ def write_rinex_navigation(
     ephemerides
         Ephemerides to write, at least one.
     ionosphere
-        Coefficients of the ionosphere for the header, which keeps five digits; None for a header without them.
+        Coefficients of the ionosphere for the header, which keeps five digits; None for a header without ionosphere.
     """
     path.write_text(rinex_navigation_text(ephemerides, ionosphere=ionosphere), encoding="ascii", newline="\n")
 
 
 def rinex_navigation_text(ephemerides: Iterable[Ephemeris], *, ionosphere: BroadcastIonosphere | None = None) -> str:
-    """Return the text that `write_rinex_navigation` writes; raises the same errors."""
+    """Return the text that `write_rinex_navigation` writes; the errors are the same."""
     records = [line for ephemeris in ephemerides for line in _written(ephemeris)]
     if not records:
         raise ValueError("a navigation file needs an ephemeris")

@@ -1,1 +1,1 @@
-"""Observations of E1 tracking, in files of several kinds."""
+"""Observations of E1 tracking, in files of several formats."""

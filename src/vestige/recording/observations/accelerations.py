@@ -1,6 +1,6 @@
 """Accelerations of the receiver from inertial sensors, in a CSV file that is complete or still being written.
 
-The first line names the columns; times are on the receiver's clock, as in its observations::
+The first line names the columns. Times are on the receiver's clock, like the times of the observations::
 
     gst_week,gst_second,east_mps2,north_mps2,up_mps2
     1421,561616.00,0.013,-0.002,0.008
@@ -34,7 +34,7 @@ ACCELERATION_COLUMNS: Mapping[str, tuple[float, float]] = {
     "north_mps2": (-1e4, 1e4),
     "up_mps2": (-1e4, 1e4),
 }
-GRAVITY_MPS2 = 9.8  # 9.78 at the equator to 9.83 at the poles
+GRAVITY_MPS2 = 9.8  # gravity is 9.78 m/s² at the equator and 9.83 m/s² at the poles
 _GRAVITY_TOLERANCE_MPS2 = 0.2
 _GRAVITY_S = 20.0  # no receiver accelerates at 1 g in one direction for half of this time
 _TOLD = 4  # number of values of a row that are kept: elapsed time and three accelerations
@@ -57,7 +57,7 @@ def read_accelerations(path: Path) -> Accelerations:
 
 
 class GrowingAccelerations:
-    """A file of accelerations that grows; the file need not exist yet.
+    """A growing file of accelerations; the file need not exist yet.
 
     `warn` gets the fault of each damaged row, which is left out.
     """
@@ -66,7 +66,7 @@ class GrowingAccelerations:
         self._table, self._lines, self._warn = _Table(path), GrowingLines(path), warn
 
     def look(self) -> bool:
-        """Read new rows; return whether there were any.
+        """Read new rows, and return whether the file had new rows.
 
         Raises `InputFileError` if the columns differ, or the file became shorter.
         """
@@ -82,12 +82,12 @@ class GrowingAccelerations:
         return changed
 
     def reaches(self, time: GalileoTime) -> bool:
-        """Return whether there is a row of a time or later."""
+        """Return whether a row at or after a time was read."""
         return self._table.n_rows > 0 and self._table.end >= time
 
     @property
     def found(self) -> Accelerations:
-        """Accelerations that are known so far. Raises InputFileError if they include gravity."""
+        """Accelerations that are known so far; raises `InputFileError` if these accelerations include gravity."""
         return self._table.accelerations()
 
     def release(self, time: GalileoTime) -> None:
@@ -116,7 +116,7 @@ class _Table:
         return self._start + self._rows[-_TOLD]
 
     def take(self, number: int, line: str) -> None:
-        """Take the next line."""
+        """Add the row of the next line."""
         if not self.begun:
             check_header(self._path, line, ACCELERATION_COLUMNS)
             self.begun = True
@@ -149,7 +149,7 @@ class _Table:
 
 
 def _check_gravity(path: Path, rows: Float[np.ndarray, "n 4"]) -> None:
-    """Raise InputFileError if the median acceleration is as large as gravity, in any axes."""
+    """Raise InputFileError if the magnitude of the median acceleration is as large as gravity."""
     if len(rows) and rows[-1, 0] - rows[0, 0] >= _GRAVITY_S:
         usual = float(np.linalg.norm(np.median(rows[:, 1:], axis=0)))
         if abs(usual - GRAVITY_MPS2) <= _GRAVITY_TOLERANCE_MPS2:

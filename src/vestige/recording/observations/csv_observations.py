@@ -1,13 +1,13 @@
-"""E1 observations as CSV: a line for each satellite and epoch, with units in the column names and all digits.
+"""E1 observations as CSV: a line for each satellite and epoch; the column names contain the units.
 
 The first line names the columns, in any order::
 
     gst_week,gst_second,svid,pseudorange_m,carrier_phase_cycles,doppler_hz,doppler_rate_hz_per_s,cn0_dbhz,cycle_slip
     1161,348018.5,3,24563187.25,129081234.0625,-993.0,-0.41,45.1,0
 
-The time, the satellite and the pseudorange are required. The other columns, or single values, may be missing. Lines of
-the same epoch follow each other, and epochs are in time order. The value 1 of `cycle_slip` means that the carrier phase
-is not continuous with the previous epoch.
+The time, the satellite and the pseudorange are required. The other columns, or single values, may be missing. Numbers
+are written with all digits. Lines of the same epoch follow each other, and epochs are in time order. The value 1 of
+`cycle_slip` means that the carrier phase is not continuous with the previous epoch.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class CsvParser:
 
 
 def write_csv_observations(path: Path, epochs: Iterable[ObservationEpoch]) -> None:
-    """Write epochs, in time order, so that a reader gets the same bits."""
+    """Write epochs, which must be in time order, with all digits, so that a reader gets exactly the same numbers."""
     with path.open("w", encoding="ascii", newline="\n") as stream:
         stream.write(",".join(OBSERVATION_COLUMNS) + "\n")
         for epoch in epochs:

@@ -1,10 +1,11 @@
 """E1 observations from E1 samples, for recordings without an observation file.
 
-`measure_e1` gives each satellite's time of transmission modulo 100 ms, the period of E1-C's secondary code. Satellites
-in view differ by less than 25 ms in travel time, so they share a common multiple of 100 ms. The chosen multiple puts
-the median travel time nearest to 86 ms, the median travel time from Galileo's orbit. This choice is right if the error
-of the recording's time tag is below `TIME_TAG_TOLERANCE_S`, or is known from the hand-over search (`time_tag_search`).
-A receiver with a tracking loop reads the time of week from I/NAV instead.
+`measure_e1` gives each satellite's time of transmission modulo 100 ms, the period of E1-C's secondary code. The travel
+times of satellites in view differ by less than 25 ms, so the unknown multiple of 100 ms is common to all satellites.
+The chosen multiple puts the median travel time nearest to 86 ms, the median travel time from Galileo's orbit. This
+choice is right if the error of the recording's time tag is below `TIME_TAG_TOLERANCE_S`. The choice is also right if
+the error is known from the hand-over search (`time_tag_search`). A receiver with a tracking loop reads the time of week
+from I/NAV instead.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def observe(
     cn0_estimator: str = NOISE_FLOOR,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[GalileoTime, dict[int, E1Observation]]:
-    """Return a time and the E1 observations of `svids` at that time, without the satellites that are not found.
+    """Return a time and the E1 observations of `svids` at that time; satellites that are not found are left out.
 
     The best duration of the batch is 100 ms. `time_tag_error_s` is the known error of the batch's time tag in s,
     positive if the time tag is ahead of Galileo System Time. `progress` is called with the number of satellites
@@ -58,7 +59,7 @@ def place_travel_times(phases_s: Mapping[int, float], median_s: float = MEDIAN_T
         return {}
     turns = 2 * np.pi * np.array(list(phases_s.values())) / SECONDARY_PERIOD_S
     mean = np.angle(np.sum(np.exp(1j * turns)))
-    together = mean + np.angle(np.exp(1j * (turns - mean)))  # all turns within half a period of their circular mean
+    together = mean + np.angle(np.exp(1j * (turns - mean)))  # all phases are within half a turn of the mean
     travel = together / (2 * np.pi) * SECONDARY_PERIOD_S
     shift = round((median_s - float(np.median(travel))) / SECONDARY_PERIOD_S)
     return {svid: float(time) for svid, time in zip(phases_s, travel + shift * SECONDARY_PERIOD_S, strict=True)}

@@ -1,7 +1,7 @@
 """E1 observations from a file that a receiver is still writing.
 
-A line counts when its end is written. A RINEX epoch counts when its last record is written. A CSV epoch counts when the
-next epoch begins. A complete line that is damaged is left out and reported.
+A line is read when its end is written. A RINEX epoch is complete when its last record is written. A CSV epoch is
+complete when the next epoch begins. A complete line that is damaged is left out and reported.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vestige.records.observation_epoch import ObservationEpoch
 
 
 class GrowingObservations:
-    """A file of E1 observations that grows, for an `ObservationTrack`.
+    """A growing file of E1 observations, for an `ObservationTrack`.
 
     The iterators stop at the present end of the file, and continue when the file has grown. The file need not exist
     yet. `warn` gets the fault of each damaged line.

@@ -1,23 +1,24 @@
 """E1 observations at a moment between the epochs of a file.
 
-A snapshot begins with its RECS, at a time between two epochs of the E1 receiver. Between two epochs a and b, T apart,
-the carrier phase gives the motion to a fraction of a wavelength. So the interpolated pseudorange follows the phase.
-With u = (t - t_a)/T:
+A snapshot begins with its RECS, at a time between two epochs of the E1 receiver. Let a and b be two epochs, and T the
+time from a to b. The carrier phase gives the motion between the epochs to a fraction of a wavelength. So the
+interpolated pseudorange follows the phase. With u = (t - t_a)/T:
 
-* Doppler f and its rate are linear in u: exact for constant acceleration.
-* Phase φ is the cubic through φ_a and φ_b with the slopes -f_a and -f_b (Hermite): exact for constant acceleration and
-  constant jerk. Without a phase, or across a cycle slip, φ is the integral of the Doppler, which is exact for constant
-  acceleration. Then no phase is returned.
-* Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)): the weighted mean of both pseudoranges, each moved
-  along the phase to the time t.
+* Doppler f and its rate are linear in u. The Doppler is exact for constant acceleration.
+* Phase φ is the cubic through φ_a and φ_b with the slopes -f_a and -f_b (Hermite). The phase is exact for constant
+  acceleration and constant jerk. Without a phase, or across a cycle slip, φ is the integral of the Doppler, which is
+  exact for constant acceleration. Then no phase is returned.
+* Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)). P is the weighted mean of the two pseudoranges after
+  each pseudorange was moved along the phase to the time t.
 
-Missing values are computed first. A missing Doppler comes from the phases of the neighbouring epochs (the parabola
-through three, the line through two). A missing Doppler rate comes from the Dopplers of these epochs. A Doppler rate
-that cannot be computed is set to zero. In half a snapshot of 16 ms even 50 Hz/s turn the carrier by less than 0.002
-cycles.
+Missing values are computed first. A missing Doppler comes from the slope of the phases at neighbouring epochs: the
+slope of a parabola through three phases, or of a line through two phases. A missing Doppler rate comes from the
+Dopplers of the same epochs. A Doppler rate that cannot be computed is set to zero. The error is then small. In half a
+snapshot of 16 ms, a Doppler rate of 50 Hz/s turns the carrier by less than 0.002 cycles.
 
-A satellite is left out if the epochs on both sides are missing, or further apart than the allowed gap. A satellite is
-also left out if there is no Doppler, or if code and carrier disagree because the receiver's clock was set in between.
+A satellite is left out if the epoch before or after the requested time is missing, or if these epochs are too far
+apart. A satellite is also left out if it has no Doppler, or if code and carrier disagree because the receiver's clock
+was set in between.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 WAVELENGTH_M = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
-SAME_TIME_S = 1e-8  # an epoch as near as this is used without interpolation; the range changes by under 0.01 mm
+SAME_TIME_S = 1e-8  # largest distance of an epoch that is used without interpolation; the range error is below 0.01 mm
 SLIP_CYCLES, SLIP_HZ = 1.0, 5.0  # allowed difference of phase and integrated Doppler: a constant, plus a rate times T
 CODE_CARRIER_M = 150.0  # half an E1 chip: more than noise and multipath, less than a step of the receiver's clock
 
@@ -51,8 +52,8 @@ class _Point:
 def interpolate(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s: float) -> dict[int, E1Observation]:
     """Return the E1 observations at `time` by SVID.
 
-    Epochs are in time order, on both sides of `time`. A few epochs beyond the two nearest help to compute missing
-    values. `max_gap_s` is the longest time between two observations of a satellite in the same track.
+    Epochs are in time order, before and after `time`. A few epochs beyond the two nearest epochs help to compute
+    missing values. `max_gap_s` is the longest time between two observations of a satellite in the same track.
     """
     result = {}
     for svid in sorted({svid for epoch in epochs for svid in epoch.observations}):
@@ -79,16 +80,16 @@ def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s
 
 
 def _is_final(track: list[tuple[float, E1Observation]], last: float, max_gap_s: float) -> bool:
-    """Return whether further epochs change nothing for a satellite; `last` is the t of the last epoch."""
+    """Return whether further epochs change nothing for a satellite; `last` is the value of t at the last epoch."""
     here = next((index for index, (t, _) in enumerate(track) if t >= -SAME_TIME_S), None)
     if here is None:
         return last - track[-1][0] > max_gap_s
     if track[here][0] > SAME_TIME_S and here == 0:
-        return True  # no earlier epoch, so there is no observation
+        return True  # without an earlier epoch there is no observation
     observation = track[here][1]
     if not math.isnan(observation.doppler_hz + observation.doppler_rate_hz_per_s):
         return True
-    # Missing values of this point come from the next point; missing values of the next point, from the point after.
+    # The next point gives missing values of this point. The point after that point gives values of the next point.
     known_next = len(track) > here + 1 and not math.isnan(track[here + 1][1].doppler_hz)
     return known_next or len(track) > here + 2 or last - track[-1][0] > max_gap_s
 
@@ -155,14 +156,14 @@ def _complete(points: list[_Point], index: int, max_gap_s: float) -> E1Observati
 
 
 def _doppler(points: list[_Point], index: int, max_gap_s: float) -> float:
-    """Return the Doppler at `index` as observed, or from the phases around it; NaN if there are no phases."""
+    """Return the observed Doppler at `index`, else the Doppler from the phases around `index`; NaN without phases."""
     here = points[index]
     if not math.isnan(here.observation.doppler_hz):
         return here.observation.doppler_hz
     near = [points[i] for i in _neighbours(points, index, max_gap_s)]
     joined = [
         p for p in near if p is here or (_joined(p, here) if p.t < here.t else _joined(here, p))
-    ]  # at most one point on each side
+    ]  # the point itself, and at most one point on each side
     if len(joined) < 2:
         return math.nan
     reference = here.observation.carrier_phase_cycles
@@ -172,7 +173,7 @@ def _doppler(points: list[_Point], index: int, max_gap_s: float) -> float:
 
 
 def _neighbours(points: list[_Point], index: int, max_gap_s: float) -> list[int]:
-    """Return the indices of the point and of its neighbours, without a neighbour beyond the gap."""
+    """Return the indices of a point and of its neighbours that are at most `max_gap_s` away."""
     return [
         i
         for i in (index - 1, index, index + 1)

@@ -34,7 +34,7 @@ class EpochParser(Protocol):
 
     @property
     def begun(self) -> bool:
-        """Whether the header was read; an error before the end of the header means that the file is of another kind."""
+        """Whether the header was read; an error in the header means that the file has another format."""
         ...
 
     def take(self, number: int, line: str) -> ObservationEpoch | None:
@@ -42,12 +42,12 @@ class EpochParser(Protocol):
         ...
 
     def finish(self) -> ObservationEpoch | None:
-        """Return the epoch that the end of the file completes, or None; raises if the file was cut off."""
+        """Return the epoch that the end of the file completes, or None; raise an error if the file was cut off."""
         ...
 
 
 def read_epochs(path: Path, parser: EpochParser) -> Iterator[ObservationEpoch]:
-    """Yield the epochs of a whole file; raises the errors of the parser and of `numbered_lines`."""
+    """Yield the epochs of a whole file; the parser and `numbered_lines` may raise their errors."""
     for number, line in numbered_lines(path):
         epoch = parser.take(number, line)
         if epoch is not None:

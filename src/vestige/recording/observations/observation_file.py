@@ -1,7 +1,7 @@
 """E1 observation files of any format, and the observations at any time.
 
-The first line of a file tells its format. Files are read forward, an epoch at a time, so a day of observations needs no
-more memory than a minute.
+The first line of a file tells its format. Files are read epoch by epoch, so a day of observations needs no more memory
+than a minute of observations.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vestige.records import E1Observation
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
-# kind: (test of the first line, parser)
+# format: (test of the first line, parser)
 OBSERVATION_READERS: dict[str, tuple[Callable[[str], bool], Callable[[Path], EpochParser]]] = {
     "RINEX": (lambda line: is_rinex_observations(line) or line[60:].startswith("CRINEX VERS"), RinexParser),
     "CSV": (is_csv_observations, CsvParser),
@@ -42,7 +42,7 @@ class ObservationFile:
     kind: str
 
     def __iter__(self) -> Iterator[ObservationEpoch]:
-        """Yield the epochs; raises the errors of the parser of its format."""
+        """Yield the epochs; the parser of the file's format may raise its errors."""
         return read_epochs(self.path, OBSERVATION_READERS[self.kind][1](self.path))
 
 
@@ -56,15 +56,15 @@ def observation_kind(path: Path) -> str | None:
 
 
 def kind_of_line(line: str) -> str | None:
-    """Return the format of an observation file with this first line, or None."""
+    """Return the format of an observation file with the first line `line`, or None."""
     return next((kind for kind, (recognise, _) in OBSERVATION_READERS.items() if recognise(line)), None)
 
 
 def open_observations(path: Path) -> ObservationFile:
     """Return the observation file at `path`.
 
-    Raises `InputFileError` if its first line is neither a RINEX observation header nor the header of a CSV table of
-    observations.
+    Raises `InputFileError` if the first line of the file is neither a RINEX observation header nor the header of a CSV
+    table of observations.
     """
     kind = observation_kind(path)
     if kind is None:
@@ -75,14 +75,14 @@ def open_observations(path: Path) -> ObservationFile:
 class ObservationTrack:
     """E1 observations at any time from a file.
 
-    If the requested times increase, the file is read once. For an earlier time the file is read again from its begin.
+    If the requested times increase, the file is read once. For an earlier time the file is read again from the start.
 
     Parameters
     ----------
     file
-        The observations. A file that still grows gives the epochs so far, and the next epochs later.
+        File of the observations. A file that still grows gives the epochs so far, and the next epochs later.
     max_gap_s
-        Longest time in s over which to interpolate; by default twice the interval of the first epochs.
+        Longest time in s over which to interpolate; by default twice the interval between the first epochs.
     """
 
     def __init__(self, file: Iterable[ObservationEpoch], *, max_gap_s: float | None = None) -> None:
@@ -116,13 +116,16 @@ class ObservationTrack:
         return interpolate(tuple(self._window), time, max_gap_s=max_gap_s)
 
     def settled(self, time: GalileoTime) -> bool:
-        """Return whether further epochs of a growing file cannot change `at` this time; raises the errors of `at`."""
+        """Return whether the result of `at` for a time is final, even if the file grows.
+
+        Raises the errors of `at`.
+        """
         max_gap_s = self.max_gap_s
         self._read_around(time, 2 * max_gap_s)
         return max_gap_s > 0 and is_final(tuple(self._window), time, max_gap_s=max_gap_s)
 
     def _read_around(self, time: GalileoTime, reach: float) -> None:
-        """Read all epochs within `reach`: neighbours of the two epochs around `time` supply missing values."""
+        """Read the epochs within `reach` of `time`: neighbours of the two nearest epochs give missing values."""
         reach = max(reach, SAME_TIME_S)  # `reach` is 0 if the file has a single epoch, which gives no interval
         if self._dropped is not None and time - self._dropped <= reach:
             self._restart()

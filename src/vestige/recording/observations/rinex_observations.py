@@ -1,13 +1,13 @@
 """Reader of Galileo E1 observations in RINEX 3 and 4 observation files [RINEX], an epoch at a time.
 
 Epochs in RINEX are calendar times on the receiver's clock in the time system of the header. GPS, Galileo, QZSS and
-NavIC time count the same seconds; their differences of nanoseconds are part of the receiver's clock error. BeiDou time
-is 14 s behind. The Galileo week follows from the calendar. GLONASS time is UTC with its leap seconds and is not
-supported.
+NavIC time count the same seconds. The differences between these times, some nanoseconds, are part of the receiver's
+clock error. BeiDou time is 14 s behind GPS time. The Galileo week follows from the calendar. GLONASS time has the leap
+seconds of UTC and is not supported.
 
 A receiver may track E1-C, E1-B or both together, and a file may contain several of these signals. For each satellite
-and epoch the reader takes the first signal of `SIGNALS` that has a pseudorange. All four observations are of that
-signal.
+and epoch the reader takes the first signal of `SIGNALS` that has a pseudorange. Carrier phase, Doppler and C/N0 are
+taken from the same signal.
 """
 
 from __future__ import annotations
@@ -28,17 +28,18 @@ from vestige.records import E1Observation
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
-# RINEX signals of E1 in order of preference: C/N0 of E1-C minus C/N0 of the signal, dB. E1-B and E1-C have equal power
-# [OS-ICD]; the combined channel "X" has both.
+# RINEX signals of E1 in order of preference: C/N0 of E1-C minus C/N0 of the signal in dB. E1-B and E1-C have equal
+# power [OS-ICD]. The combined channel "X" has the power of both components.
 SIGNALS = {"1C": 0.0, "1X": -10 * math.log10(2), "1B": 0.0}
 
-# Seconds to add to a calendar time to read it as Galileo System Time [RINEX]
+# seconds to add to a calendar time of a time system to get Galileo System Time [RINEX]
 TIME_SYSTEMS = {"GAL": 0, "GPS": 0, "QZS": 0, "IRN": 0, "BDT": 14}
-ONE_SYSTEM_TIME = {"E": "GAL", "G": "GPS", "J": "QZS", "I": "IRN", "C": "BDT"}  # default time system
+# default time system of a file with one satellite system
+ONE_SYSTEM_TIME = {"E": "GAL", "G": "GPS", "J": "QZS", "I": "IRN", "C": "BDT"}
 
 FIELDS = {"C": "pseudorange_m", "L": "carrier_phase_cycles", "D": "doppler_hz", "S": "cn0_dbhz"}
 
-_VALUE = re.compile(r" *-?\d*\.\d{3}", re.ASCII)  # F14.3
+_VALUE = re.compile(r" *-?\d*\.\d{3}", re.ASCII)  # format F14.3
 _COUNT = re.compile(r" *\d+", re.ASCII)
 _EPOCH = re.compile(r"> (\d{4}) ([ \d]\d) ([ \d]\d) ([ \d]\d) ([ \d]\d) *(\d{1,2})\.(\d{1,7}) *", re.ASCII)
 
@@ -55,7 +56,7 @@ class _Header:
     last_system: str = ""
 
     def take(self, number: int, line: str) -> None:
-        """Read a header record; records that are not needed are skipped."""
+        """Read a header record; the method skips records that are not needed."""
         label = line[60:80].strip()
         if label == "SYS / # / OBS TYPES":
             self._take_types(number, line)
@@ -113,9 +114,9 @@ class RinexParser:
     """An `EpochParser` of RINEX observations; the last record of an epoch completes the epoch.
 
     After an error the parser skips everything until the next epoch record. Epochs without a Galileo satellite are
-    empty. A field that is blank or zero was not measured. Doppler rates are NaN, because RINEX has none. A satellite
-    has a cycle slip if its loss-of-lock indicator is set, after a power failure, or if another signal is taken than
-    before.
+    empty. A field that is blank or zero was not measured. Doppler rates are NaN, because RINEX has no Doppler rates. A
+    satellite has a cycle slip after a power failure, or if its loss-of-lock indicator is set. A satellite also has a
+    cycle slip if its observations come from another signal than in the previous epoch.
 
     Raises `InputFileError` if the file has another format, is cut off, or time does not advance. Raises
     `UnsupportedError` for RINEX 2, compact RINEX, GLONASS time and scaled observations.
@@ -152,7 +153,7 @@ class RinexParser:
         return epoch
 
     def finish(self) -> ObservationEpoch | None:
-        """Return None, because complete epochs were returned already; raise if the file was cut off."""
+        """Return None, because `take` has returned all epochs; raise an error if the file was cut off."""
         if self._header is None:
             _first_line(self._path, "")
         if not self._signals:
@@ -188,9 +189,9 @@ class RinexParser:
         return self._epoch()
 
     def _epoch(self) -> ObservationEpoch | None:
-        """Return the epoch of the records, None for an event."""
+        """Return the epoch of the records, or None if the records belong to an event."""
         path, (number, line), header = self._path, self._head, self._header
-        assert header is not None  # noqa: S101  (there are no records before it)
+        assert header is not None  # noqa: S101  (records come after the header)
         flag = line[31:32].strip() or "0"
         if flag not in "01":
             if flag == "4":
@@ -236,7 +237,7 @@ def _epoch(
     signals: dict[str, dict[str, int]],
     taken: dict[int, str],
 ) -> ObservationEpoch:
-    """Return the epoch; `taken` contains the signal that each satellite had before, and is updated."""
+    """Return the epoch; `taken` has the previous signal of each satellite, and the function updates `taken`."""
     observations: dict[int, E1Observation] = {}
     slipped = set()
     for number, line in records:

@@ -2,7 +2,8 @@
 
 RINEX keeps epochs to 0.1 µs, ranges to a millimetre, phases to a thousandth of a cycle and Doppler to a millihertz.
 RINEX has no Doppler rate. An epoch between two steps of 0.1 µs is refused, because the pseudorange belongs to the exact
-reading of the receiver's clock. Half a step is 15 m. CSV has no such limits.
+reading of the receiver's clock. An error of half a step would be an error of 15 m in range. CSV files have no such
+limits.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from vestige.recording.observations.rinex_observations import FIELDS
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
-_SIGNAL = "1C"  # E1-C
+_SIGNAL = "1C"  # RINEX code of E1-C
 TICKS_PER_S = 10_000_000  # number of epoch ticks in a second
 TICK_TOLERANCE = 1e-3  # tolerance as a share of a tick: 0.1 ns, the rounding of float64 seconds over a week
 
@@ -27,14 +28,14 @@ def write_rinex_observations(
     *,
     approximate_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> None:
-    """Write epochs, which must be in time order, with times in Galileo System Time.
+    """Write epochs, which must be in time order, as a RINEX file with times in Galileo System Time.
 
     Raises `ValueError` if there is no epoch, an epoch is not a multiple of 0.1 µs, or a value does not fit its field.
 
     Parameters
     ----------
     approximate_position_m
-        Earth-centred, earth-fixed position of the antenna; zeros if not known.
+        Earth-centred, earth-fixed position of the antenna in m; zeros if the position is not known.
     """
     remaining = iter(epochs)
     first = next(remaining, None)
@@ -53,7 +54,7 @@ def _header(position: tuple[float, float, float], first: GalileoTime) -> list[tu
     date, second = _calendar(first)
     return [
         (f"{'3.05':>9}{'':11}{'OBSERVATION DATA':20}{'E: Galileo':20}", "RINEX VERSION / TYPE"),
-        ("vestige", "PGM / RUN BY / DATE"),  # without a date, so that equal observations make equal files
+        ("vestige", "PGM / RUN BY / DATE"),  # no date, so that equal observations make equal files
         ("vestige", "MARKER NAME"),
         ("", "OBSERVER / AGENCY"),
         (f"{'':20}{'vestige':20}", "REC # / TYPE / VERS"),
@@ -65,13 +66,13 @@ def _header(position: tuple[float, float, float], first: GalileoTime) -> list[tu
             f"{date.year:6d}{date.month:6d}{date.day:6d}{date.hour:6d}{date.minute:6d}{second:>13}     GAL",
             "TIME OF FIRST OBS",
         ),
-        ("E", "SYS / PHASE SHIFT"),  # mandatory in version 3; blank for unknown corrections
+        ("E", "SYS / PHASE SHIFT"),  # version 3 requires this line; blank means unknown
         ("", "END OF HEADER"),
     ]
 
 
 def _calendar(time: GalileoTime) -> tuple[datetime, str]:
-    """Return the calendar time to the minute and the seconds with seven decimals."""
+    """Return the calendar time, cut to the minute, and the seconds as text with seven decimals."""
     ticks = round(time.fraction * TICKS_PER_S)
     if abs(time.fraction * TICKS_PER_S - ticks) > TICK_TOLERANCE:
         raise ValueError(f"epoch {time} + {time.fraction} s is not a multiple of 0.1 µs, the step of RINEX")

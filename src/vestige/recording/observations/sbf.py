@@ -4,7 +4,8 @@ A block is `$@ | CRC-16 2 | id 2 | length 2 | time of week in ms 4 | week 2 | â€
 everything after the CRC field. GALRawINAV (id 4023) adds `SVID + 70 | CRC passed | Viterbi count | source | 2 bytes |
 32 bytes of navigation bits`. The time of the block is the **end** of the page, and its week is the GPS week [SBF].
 
-The reader trusts neither length nor content: data without a valid CRC are skipped byte by byte until the next block.
+The reader does not trust the length or the content of a block. Data without a valid CRC are skipped byte by byte until
+the next block.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ _HEADER = struct.Struct("<2sHHH")
 _INAV = struct.Struct("<IHBBBB2x8I")  # fields after the header: TOW, WNc, SVID, CRC passed, Viterbi count, source, bits
 _CHUNK_BYTES = 1 << 20
 _E1B, _E5B = 17, 21  # source of the page [SBF]
-_MIXED = 0x20  # flag in the source for pages that combine both signals [SBF]
-_SVID_OFFSET = 70  # [SBF]
+_MIXED = 0x20  # flag in the source for pages that combine E1-B and E5b [SBF]
+_SVID_OFFSET = 70  # number of a satellite in SBF minus its SVID [SBF]
 _WEEK_OFFSET = 1024  # WNc counts from 1980, Galileo weeks from 1999 [SBF]
 _TOW_UNKNOWN, _WEEK_UNKNOWN = 0xFFFFFFFF, 0xFFFF  # "do not use" values [SBF]
 _UNUSED_BITS = 22  # number of unused bits at the end of the 8 words
@@ -47,13 +48,13 @@ class SbfCounts:
     e5b: int = 0
     mixed: int = 0
     other: int = 0
-    no_time: int = 0  # E1-B blocks without time, or of an impossible satellite
+    no_time: int = 0  # E1-B blocks without a time, or with an impossible satellite number
 
 
 def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
     """Yield the E1-B pages of an SBF file, in the order of the file.
 
-    Pages whose checksum was wrong for the receiver are also yielded, because the caller tests the checksum again.
+    Pages that failed the receiver's checksum test are also yielded, because the caller tests the checksum again.
     `counts` is filled while the file is read.
 
     Raises `InputFileError` if the file cannot be read, or contains no GALRawINAV block of E1-B.
@@ -144,7 +145,7 @@ def _page_start(tow_ms: int, week: int) -> GalileoTime | None:
 
 
 def _page_bits(words: list[int]) -> bytes:
-    """Return the page as 30 bytes: the block leaves out the tail of the even half."""
+    """Return the page as 30 bytes, with zeros for the tail of the even half, which the block leaves out."""
     bits = 0
     for word in words:
         bits = bits << 32 | word

@@ -1,7 +1,7 @@
 """Search for the error of a recording's time tag in the samples: a hand-over search over the time tag's uncertainty.
 
 E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. No open code
-resolves this ambiguity, but the chips of a RECS occur only once. So each signal on E1 is handed over at all periods
+resolves this ambiguity, but the chips of a RECS are sent only once. So each signal on E1 is handed over at all periods
 that the time tag allows. The period at which the RECS is found gives the error of the time tag. If the RECS is found
 more than once, the earliest arrival counts [WFO, Sec. III-E].
 """
@@ -34,8 +34,8 @@ from vestige.signals.open_e6c import repeated_after_s
 class LabelSearch:
     """Result of the search for the error of a time tag."""
 
-    # error in s, positive if the time tag is ahead of Galileo System Time, uncertain by 10 ms of travel time; None if
-    # no RECS was found
+    # Error of the time tag in s, positive if the time tag is ahead of Galileo System Time. The travel time makes the
+    # error uncertain by 10 ms. None if no RECS was found.
     error_s: float | None
     decisions: tuple[VestigialDecision, ...]  # a decision for each RECS that was searched for
 

@@ -42,10 +42,10 @@ class AuthenticationState(IntEnum):
 
 
 class InterferenceState(IntEnum):
-    """`GPS_SPOOFING_STATE` and `GPS_JAMMING_STATE` of MAVLink, whose values agree."""
+    """`GPS_SPOOFING_STATE` and `GPS_JAMMING_STATE` of MAVLink, which have the same values."""
 
     UNKNOWN = 0
-    ABSENT = 1  # NOT_SPOOFED, NOT_JAMMED
+    ABSENT = 1  # NOT_SPOOFED or NOT_JAMMED in MAVLink
     MITIGATED = 2
     DETECTED = 3
 
@@ -66,7 +66,7 @@ class GnssIntegrity:
     Attributes
     ----------
     raim_hfom_cm, raim_vfom_cm
-        Standard deviations of the authentic position in cm, horizontal and vertical; 65535 if they are not known.
+        Standard deviations of the authentic position in cm, horizontal and vertical; 65535 means unknown.
     """
 
     authentication: AuthenticationState
@@ -83,7 +83,7 @@ def gnss_integrity(block: VerdictBlock, position: AuthenticPosition | None) -> G
     Parameters
     ----------
     block
-        Verdicts, with the displayed state of each satellite, which is the gravest status of the last 90 s.
+        Verdicts, with the displayed state of each satellite, which is the gravest verdict of the last 90 s.
     position
         Authentic position of the last epoch, or None.
     """
@@ -153,7 +153,7 @@ class MavlinkOutput:
     Raises
     ------
     VestigeError
-        If pymavlink is not installed, or knows no such message or address, or the address cannot be opened.
+        If pymavlink is not installed, does not know the message or the address, or cannot open the address.
     OSError
         If the file cannot be opened.
     """
@@ -174,7 +174,7 @@ class MavlinkOutput:
         try:
             connection = import_module("pymavlink.mavutil").mavlink_connection(address, dialect="development")
             self._held.callback(connection.close)
-            connection.write(b"")  # pymavlink looks at the port of a UDP address when it sends
+            connection.write(b"")  # pymavlink checks the port of a UDP address only when pymavlink sends
         except (ValueError, IndexError, OverflowError) as error:  # pymavlink cannot read the address
             self._held.close()
             expected = f"a file {LOG_SUFFIX}, or an address such as udpout:127.0.0.1:14550"
@@ -182,7 +182,7 @@ class MavlinkOutput:
         except ModuleNotFoundError as error:  # pymavlink takes every other address for a serial port
             expected = f"a file {LOG_SUFFIX}, an address such as udpout:127.0.0.1:14550, or pyserial for a serial port"
             raise VestigeError(f"--mavlink: found {address!r}, expected {expected}: pip install pyserial") from error
-        except OSError as error:  # unknown host, port in use, no such serial port
+        except OSError as error:  # the host is unknown, or the port is in use or missing
             self._held.close()
             expected = f"a file {LOG_SUFFIX}, or an address that can be reached, such as udpout:127.0.0.1:14550"
             why = error.strerror or str(error)

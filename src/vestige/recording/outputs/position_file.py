@@ -1,8 +1,8 @@
 """Authentic positions in a file for other programs: NMEA 0183, CSV, GeoJSON or KML, chosen by the suffix of its name.
 
 Only a position whose ranges and orbits are authentic is written as a fix. For other snapshots, NMEA gets a sentence
-without a fix; the other formats get nothing. The file is complete after every position, so a program may read the file
-while it grows.
+without a fix, and the other formats get nothing. The file is complete after every position, so a program may read the
+file while it grows.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ POSITION_COLUMNS = (
 
 
 def authentic_fix(position: AuthenticPosition | None) -> AuthenticPosition | None:
-    """Return a position if its orbits are authentic, else None; its ranges always are authentic."""
+    """Return a position if its orbits are authentic, else None; an `AuthenticPosition` always has authentic ranges."""
     return position if position is not None and position.orbits_authenticated else None
 
 
 def nmea(time: GalileoTime, fix: AuthenticPosition | None) -> str:
-    """Return GGA and RMC of one snapshot, with their line ends.
+    """Return the NMEA sentences GGA and RMC of one snapshot, with line ends.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class PositionFormat:
     Attributes
     ----------
     entry
-        Function that returns the text of a snapshot; called without a fix only if `without_fix`.
+        Function that returns the text of a snapshot. The function gets None as the position only if `without_fix`.
     head
         Text before the first position.
     separator
@@ -138,7 +138,7 @@ class PositionFormat:
     without_fix: bool = False
 
     def text(self, time: GalileoTime, position: AuthenticPosition | None) -> str:
-        """Return the text of a snapshot, "" if there is none.
+        """Return the text of a snapshot, or "" if the format has no text for the snapshot.
 
         Parameters
         ----------
@@ -167,9 +167,9 @@ POSITION_FORMATS = {
 
 
 class PositionFile:
-    """A file of authentic positions, which grows; a context manager.
+    """A growing file of authentic positions; a context manager.
 
-    An existing file is continued.
+    New positions are appended to an existing file.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ class PositionFile:
         return begins and self._stream.read() == tail
 
     def write(self, time: GalileoTime, position: AuthenticPosition | None) -> None:
-        """Write one snapshot; the parameters are the same as for `PositionFormat.text`."""
+        """Write one snapshot; `PositionFormat.text` explains the parameters."""
         text = self._format.text(time, position)
         if not text:
             return

@@ -2,15 +2,15 @@
 
 | program | files |
 |---|---|
-| gnss-sdr | a configuration for each band; gnss-sdr reads the SigMF samples, and computes a fix from E1 of a sky |
+| gnss-sdr | a configuration for each band; gnss-sdr reads the SigMF samples, and computes a position fix from E1 |
 | PocketSDR | rescaled samples, I and −Q, a tag file for each band, options of the loops; command lines in README.txt |
-| GalileoSASlib | unchanged int16 samples, named by their start time, and a table of keys: `saslib_export` |
+| GalileoSASlib | unchanged int16 samples, named by their start time, and a table of keys; see `saslib_export` |
 
-The options avoid these faults. gnss-sdr acquires E6 only by E6-B, and tracks E6-B while E6-C is encrypted. Without
+The options avoid several faults. gnss-sdr acquires E6 only by E6-B, and tracks E6-B while E6-C is encrypted. Without
 `bit_transition_flag` the Doppler on E6 is mostly wrong by 500 Hz, because E6-B may change its sign every millisecond.
 With a Doppler step of 125 Hz, the Doppler on E1 is wrong by 125 Hz. PocketSDR accepts no sample beyond ±7 and
-conjugates its input. The default phase loop of PocketSDR, 5 Hz wide, loses a line of sight whose range oscillates with
-5 m/s², as in `scenarios/quick.toml`. A loop of 10 Hz keeps lock.
+conjugates its input. The default phase loop of PocketSDR has a bandwidth of 5 Hz. This loop loses a satellite whose
+range oscillates with 5 m/s², as in `scenarios/quick.toml`. A loop with a bandwidth of 10 Hz keeps lock.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ class ExportedSky:
 
 Export = Callable[[Recording, Path, ExportedSky], tuple[Path, ...]]
 
-_CHUNK = 1 << 22  # samples
+_CHUNK = 1 << 22  # number of samples that are converted at once
 _POCKETSDR_RMS, _POCKETSDR_LIMIT = 2.0, 7.0
-_POCKETSDR_OPTIONS = (  # name and content; all other options keep PocketSDR's own value
+_POCKETSDR_OPTIONS = (  # name and content; all other options keep PocketSDR's defaults
     "pocket_trk.conf",
     """\
 # options of pocket_trk for recordings of vestige
@@ -106,7 +106,7 @@ PVT.xml_output_enabled=false
 PVT.rtcm_output_file_enabled=false
 """
 
-# lines for gnss-sdr without (False) and with (True) a troposphere or an ionosphere in the signals
+# lines for gnss-sdr if the signals have no delay by troposphere or ionosphere (False), or have this delay (True)
 _GNSS_SDR_TROPOSPHERE = {
     False: """\
 ; the signals have no troposphere
@@ -193,9 +193,9 @@ TelemetryDecoder_E6.implementation=Galileo_E6_Telemetry_Decoder
 
 
 def export_gnss_sdr(recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
-    """Write `e1.conf` and `e6.conf` for gnss-sdr 0.0.17 into `folder`, and return their paths; run gnss-sdr there.
+    """Write `e1.conf` and `e6.conf` for gnss-sdr 0.0.17 into `folder`, and return their paths.
 
-    The corrections of troposphere and ionosphere are on if the signals have these delays.
+    Run gnss-sdr in `folder`. The corrections of troposphere and ionosphere are on if the signals have these delays.
 
     Raises `UnsupportedError` if gnss-sdr has no item type for the samples, or the rate is not a whole number of Hz.
     """
@@ -270,14 +270,16 @@ EXPORTS: Mapping[str, Export] = {
     "pocketsdr": export_pocketsdr,
     "saslib": lambda recording, folder, sky: export_saslib(recording, folder, sky.svids),
 }
-COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # bytes of each sample in the export's own copy
+COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # bytes of each sample in a copy that an export makes
 
 _CI8 = SampleFormat(component="int8", layout="iq")
-_OPEN = {Band.E1: 2, Band.E6: 1}  # number of open components, B first; E6-C is encrypted
+_OPEN = {Band.E1: 2, Band.E6: 1}  # number of components without encryption, B first
 
 
 def check_export(name: str, form: SampleFormat, sample_rate_hz: float) -> None:
-    """Raise `UnsupportedError` if one of `EXPORTS` cannot read samples of a form and rate, before samples are made.
+    """Raise `UnsupportedError` if the program of an export cannot read samples of a format and rate.
+
+    A simulation calls this function before it makes samples.
 
     Examples
     --------
@@ -298,7 +300,7 @@ def check_export(name: str, form: SampleFormat, sample_rate_hz: float) -> None:
 
 
 def export(name: str, recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
-    """Write the files of one of `EXPORTS` into a folder of that name in `folder` and return their paths."""
+    """Write the files of the export `name` into the new folder `name` in `folder`, and return their paths."""
     place = folder / name
     place.mkdir()
     return EXPORTS[name](recording, place, sky)

@@ -1,7 +1,7 @@
 """Status of a front end from its samples: their power, and whether the samples clip.
 
-The power is the power of the stored numbers. Behind a gain control whose gain was not recorded, this power tells
-nothing about the received signals. The gain is not known (NaN).
+The power is the power of the stored numbers. The gain is not known (NaN). Behind a gain control whose gain was not
+recorded, the power of the numbers tells nothing about the power of the received signals.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import numpy as np
 from vestige.recording.samples.sample_format import SampleFormat, SampleType
 from vestige.records import FrontEndStatus, SampleBatch
 
-CLIPPED = 0.01  # share of numbers at the end of the scale; Gaussian noise with 3 σ at the end has 0.3 %
+# A larger share of numbers at the ends of the scale means clipping. Gaussian noise has 0.3 % if the scale ends at 3 σ.
+CLIPPED = 0.01
 _END_OF_SCALE: Mapping[SampleType, float] = {"int8": 127.0, "uint8": 127.0, "int16": 32767.0, "uint16": 32767.0}
 
 
 def front_end_status(batch: SampleBatch, form: SampleFormat) -> FrontEndStatus:
-    """Return the power in dB (0 dB: one unit of the stored numbers), and whether the converter was saturated."""
+    """Return the power in dB relative to one squared unit of the numbers, and whether the converter was saturated."""
     values = batch.samples.view(np.float32)
     power = float(np.vdot(values, values)) / batch.samples.size
     end = _END_OF_SCALE.get(form.component, math.inf)

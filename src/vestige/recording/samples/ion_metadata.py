@@ -1,26 +1,26 @@
 """Reader of ION GNSS SDR Metadata, revision 1.0 [IONSDR]: an `.sdrx` or `.xml` file beside the samples of a recording.
 
-The standard nests a file of samples: `file` → `lane` → `block` → `chunk` → `lump` → `stream` → `band`. An element
-without content refers to the top-level element of the same name and `id`. vestige reads the sample formats that it
-supports:
+The standard describes samples by nested elements: `file` → `lane` → `block` → `chunk` → `lump` → `stream` → `band`. An
+element without content refers to the top-level element of the same name and `id`. The table shows which contents
+vestige reads:
 
 ======================= ==========================================================================================
-element                 what is read
+element                 contents that vestige reads
 ======================= ==========================================================================================
-`file`                  one for each band, or one for both; `offset` included; no sequence of files
+`file`                  one file for each band, or one file for both bands; with `offset`; no sequence of files
 `lane`                  one block of one chunk of one lump, without header and footer
-`lump`                  one stream, or several alike with `ratefactor` 1: a sample of each in turn
+`lump`                  one stream, or several equal streams with `ratefactor` 1: a sample of each stream in turn
 `stream`                8 or 16 bits, `TC` or `INT8` (two's complement), `OB` (offset binary); `IF`, `IQ`, `QI`, `IQn`
-`chunk`                 one number in each word; the numbers of one sample of each stream; no padding
+`chunk`                 one number in each word: the numbers of one sample of each stream; no padding
 `band`                  `centerfreq` of the signal stands at `translatedfreq` in the samples; `inverted`, `bandwidth`
 ======================= ==========================================================================================
 
-The schema, the working group's library and the published files differ in the case of some names. The attribute of a
-unit also differs: `format` or `units`. The reader accepts both forms. The writer uses the library's form, because
-programs use the library.
+The schema, the working group's library and the published files write some names with different capital letters. The
+attribute of a unit is `format` in some files and `units` in others. The reader accepts every form. The writer uses the
+library's form, because programs use the library.
 
 The standard has no sample counter and no upper limit of the clock's error. Files of two bands must have the same time
-tag, so their first samples are the same moment. The upper limit is a processing option, `--time-uncertainty`.
+tag, so the first samples of both files belong to the same moment. The upper limit is the option `--time-uncertainty`.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def read_ion_metadata(path: Path) -> RecordingDescription:
     Parameters
     ----------
     path
-        The `.sdrx` or `.xml` file; sample files are found relative to it.
+        The `.sdrx` or `.xml` file; the names of sample files are relative to the folder of this file.
 
     Raises
     ------
@@ -134,7 +134,7 @@ class _Document:
         raise UnsupportedError(f"{self.path}: {self._place(element)}: found {found}; supported is {SUPPORTED}")
 
     def one(self, parent: Element, name: str) -> Element:
-        """Return the only child with a name, or the element to which this child refers."""
+        """Return the only child of an element with a name, or the element to which this child refers."""
         found = self._children(parent, name)
         if len(found) > 1:
             self.refuse(parent, f"{len(found)} of {name}")
@@ -226,7 +226,7 @@ def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
 def _band_file(
     document: _Document, element: Element, lane: Element, chunk: Element, stream: Element, place: tuple[int, int]
 ) -> BandFile | None:
-    """Return the band file of a stream, None without a carrier; `place` is the stream's number and their count."""
+    """Return the band file of a stream, None without a carrier; `place` is the stream's number and the stream count."""
     path = document.path
     form, q_negated = _form(document, chunk, stream, place)
     rate_hz = document.hertz(document.one(lane, "system"), "freqbase") * document.count(stream, "ratefactor")

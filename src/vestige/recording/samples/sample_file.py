@@ -1,7 +1,7 @@
 """Samples read from a file in pieces of any size; only the requested piece is in memory.
 
-Pieces are requested by the counter that both bands share, so the same numbers of E1 and E6 (at equal rates) are the
-same moments. The samples have the same bits whether they are read in pieces or at once.
+Pieces are requested by sample numbers on the counter that both bands share. At equal sampling rates, a sample number
+means the same moment on E1 and E6. The samples have the same bits whether they are read in pieces or at once.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class SampleReader:
     n_samples: int  # number of whole samples in the file
     notes: tuple[str, ...] = ()  # unusual features of the file, one line each
     skipped: int = 0  # number of skipped samples at the beginning of the file
-    # the stored samples, if there is no file that could be read again
+    # the stored samples, if they come from a stream that cannot be read again
     held: bytes | None = field(default=None, repr=False)
 
     @property
@@ -116,12 +116,12 @@ class SampleReader:
         )
 
     def blocks(self, size: int = BLOCK_SAMPLES) -> Iterator[SampleBatch]:
-        """Yield all samples in batches of `size`; the last may be shorter."""
+        """Yield all samples in batches of `size`; the last batch may be shorter."""
         for first in range(self.first_sample, self.end_sample, size):
             yield self.read(first, min(size, self.end_sample - first))
 
     def hash_agrees(self) -> bool | None:
-        """Read the whole file, and return whether it has the hash in its description; None if no hash is stated."""
+        """Read the file, and return whether its hash agrees with the description; None if no hash is stated."""
         if self.file.sha512 is None:
             return None
         try:
@@ -132,7 +132,9 @@ class SampleReader:
 
 
 def samples_so_far(file: BandFile) -> SampleReader:
-    """Return a reader of the complete samples so far, perhaps none, in a file that another process still writes.
+    """Return a reader of the samples that are complete so far in a file that another process still writes.
+
+    The reader may have no samples.
 
     Raises `InputFileError` if the file cannot be read.
     """
@@ -141,7 +143,7 @@ def samples_so_far(file: BandFile) -> SampleReader:
 
 
 def open_samples(file: BandFile) -> SampleReader:
-    """Return the reader of a sample file, after a look at its length.
+    """Return the reader of a sample file, after a check of the file's length.
 
     Raises `InputFileError` if the file cannot be read or has no sample.
     """
@@ -161,7 +163,7 @@ def open_samples(file: BandFile) -> SampleReader:
 
 
 def _size(file: BandFile) -> tuple[int, int, int]:
-    """Return the size of a file in bytes, its number of complete frames, and the number of bytes after them."""
+    """Return the size of a file in bytes, its number of complete frames, and the number of bytes after these frames."""
     if file.path.is_fifo():
         raise InputFileError(file.path, "samples", "a named pipe", "a file; a pipe is for vestige live")
     with open_file(file.path) as stream:

@@ -3,12 +3,12 @@
 The reader is exact: an integer becomes the float32 of the same value, without scaling. 32-bit integers and 64-bit
 floats are not supported, because float32 cannot represent them exactly.
 
-A file or pipe may contain samples of several channels in turn, as a recorder with two front ends writes them. A frame
+A file or pipe may contain samples of several channels in turn, for example from a recorder with two front ends. A frame
 is one sample of each channel.
 
 Real (IF-sampled) samples become complex with zero imaginary part. A front end that reverses the spectrum (high-side
-mixing) delivers the conjugate of the signal, and the reader conjugates again. Real samples need no such step, because
-their spectrum also contains the upright signal at the negative frequencies.
+mixing) delivers the conjugate of the signal, and the reader conjugates the samples again. Real samples are not
+conjugated, because their spectrum also contains the upright signal at the negative frequencies.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ COMPONENTS: dict[SampleType, tuple[str, int, str]] = {
 
 LAYOUTS_OF_SIGMF: tuple[Layout, ...] = ("real", "iq")
 
-# SigMF datatypes that are valid but not read, each with its reason
+# SigMF datatypes that are valid but not read, and the reason
 NOT_READ = dict.fromkeys(("i32", "u32", "f64"), "float32 cannot hold its values exactly")
 
 
@@ -108,7 +108,7 @@ SIGMF_FORMATS = _sigmf_formats()
 def decode(
     components: Shaped[np.ndarray, " n_components"], form: SampleFormat, *, inverted: bool = False
 ) -> Complex64[np.ndarray, " n_samples"]:
-    """Return stored components exactly as complex64 samples; of several channels, only the format's own channel."""
+    """Return the stored components of the format's channel as complex64 samples, without loss of precision."""
     if form.channels > 1:
         components = components.reshape(-1, form.channels, form.components_per_sample)[:, form.channel].reshape(-1)
     values = components.astype(np.float32)
@@ -127,17 +127,17 @@ def encode(
 ) -> Num[np.ndarray, " n_components"]:
     """Return the components to store for samples: `round(scale · sample)`, clipped to the range of the format.
 
-    Values are rounded to the nearest integer, and halves to even. float32 is not rounded; with `scale` 1 it is stored
-    bit for bit.
+    Values are rounded to the nearest integer, and halves to the nearest even integer. float32 values are not rounded.
+    With `scale` 1 the bits of float32 values do not change.
 
     Raises `ValueError` if a sample is not finite, or complex samples are given to a real format.
 
     Parameters
     ----------
     scale
-        Stored value of 1.0, the same for both components.
+        Stored value of 1.0, the same for real and imaginary part.
     inverted
-        Store the conjugate, as a front end with an inverted spectrum would.
+        Whether to store the conjugate, like a front end with an inverted spectrum.
     """
     if form.layout == "real":
         if np.any(samples.imag):

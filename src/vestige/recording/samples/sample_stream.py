@@ -1,12 +1,12 @@
-"""The last seconds of samples from a pipe, from which windows are cut.
+"""Buffer of the last seconds of samples from a pipe; windows of samples are cut from the buffer.
 
 A thread reads the pipe, so that the recorder does not wait while a snapshot is processed. The samples are buffered in
 blocks until `keep` names the samples that are still needed. When `capacity_bytes` are buffered, the thread stops
 reading, so that a program that plays a file waits. For a receiver that cannot wait, the thread continues and drops
 samples. Dropped samples are counted, so later samples keep their number and time.
 
-The thread continues to read while samples are processed. Only `look` gives a consistent state: every decision about
-complete samples, and about samples to drop, must use the result of the same `look`.
+The thread continues to read while samples are processed. Only `look` gives a consistent state. So decisions about
+complete samples and about samples to drop must use the result of the same call of `look`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BLOCK_BYTES = 1 << 16  # capacity of a pipe; blocks are kept or dropped as a who
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamState:
-    """State of a stream: how far it was read at one moment."""
+    """State of a stream at one moment: the samples that were read, and whether the stream has ended."""
 
     end_sample: int  # number of the last whole sample plus 1, on the counter that the bands share
     ended: bool  # whether no more samples can come
@@ -45,12 +45,13 @@ class _Block:
 
 
 class SampleStream:
-    """Samples of a band from a file descriptor, a named pipe or a function; starts to read at once.
+    """Samples of a band from a file descriptor, a named pipe or a function.
 
-    The reading thread opens a named pipe, because opening waits for the writing program. A function gets the largest
-    number of bytes to return, returns no bytes at the end, and may raise `OSError`. At most `capacity_bytes` are
-    buffered. If the writer cannot wait (`can_wait`), samples are dropped when the buffer is full. A stream has the
-    samples of a single channel. `recording.live.frame_splitter` makes such streams from a pipe of several channels.
+    A thread starts to read at once. The thread opens a named pipe, because opening waits for the writing program. A
+    function gets the largest number of bytes to return, returns no bytes at the end, and may raise `OSError`. At most
+    `capacity_bytes` are buffered. If the writer cannot wait (`can_wait` is False), samples are dropped when the buffer
+    is full. A stream has the samples of a single channel. `recording.live.frame_splitter` makes such streams from a
+    pipe of several channels.
     """
 
     def __init__(
@@ -60,13 +61,13 @@ class SampleStream:
         self.capacity_bytes = capacity_bytes
         self.can_wait = can_wait
         self._source = source
-        self._origin = file.header_bytes - file.first_sample * file.form.sample_bytes  # byte of counter's sample 0
+        self._origin = file.header_bytes - file.first_sample * file.form.sample_bytes  # byte of sample number 0
         self._blocks: deque[_Block] = deque()
         self._n_kept = 0  # number of bytes in the blocks
         self._end_byte = 0
         self._ended = False
         self._error: OSError | None = None
-        self._crowded = False  # whether the buffer is full even without samples that are no longer needed
+        self._crowded = False  # whether the buffer is full of samples that are still needed
         self._changed = threading.Condition()
         threading.Thread(target=self._fill, name="samples", daemon=True).start()
 
@@ -84,7 +85,7 @@ class SampleStream:
             return StreamState(end_sample=self.file.first_sample + read, ended=self._ended)
 
     def cut(self, first: int, end: int) -> SampleReader | None:
-        """Return the available samples from number `first` to before `end`; None if any of them was dropped.
+        """Return the available samples from number `first` to before `end`; None if a sample in the range was dropped.
 
         Samples before the start of the stream, and samples that were not read yet, are left out.
         """
@@ -120,7 +121,7 @@ class SampleStream:
         Returns
         -------
         bool
-            Whether there is room for more samples. If there is no room, only a smaller number of windows makes room.
+            Whether the buffer has room for more samples. A full buffer gets room only if there are fewer windows.
         """
         needed = sorted((max(self._byte(first), self.file.header_bytes), self._byte(end)) for first, end in windows)
         rest = self._byte(since)
@@ -139,7 +140,7 @@ class SampleStream:
             return not self._crowded
 
     def wait(self, timeout_s: float) -> None:
-        """Wait at most the given time; return earlier if the stream ends, or if a buffer that had room is full."""
+        """Wait at most the given time; return earlier if the stream ends, or if a buffer that had room becomes full."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended or (self._full and not self._crowded), timeout_s)
 
@@ -187,14 +188,16 @@ class SampleStream:
     def _append(self, read: bytes) -> None:
         last = self._blocks[-1] if self._blocks else None
         if last is not None and last.end_byte == self._end_byte and len(last.content) + len(read) <= BLOCK_BYTES:
-            last.content += read  # joins small pieces, because each block costs time
+            last.content += read  # small pieces are joined, because each block costs time
         else:
             self._blocks.append(_Block(self._end_byte, bytearray(read)))
         self._n_kept += len(read)
 
 
 def reading(source: int | Path | Callable[[int], bytes]) -> Callable[[int], bytes]:
-    """Return the function that reads a file descriptor or a named pipe, which is opened; return a function unchanged.
+    """Return the function that reads a source: a file descriptor, a named pipe or a function.
+
+    A named pipe is opened. A function is returned unchanged.
 
     Raises `OSError` if the pipe cannot be opened.
     """

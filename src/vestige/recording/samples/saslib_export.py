@@ -1,9 +1,9 @@
 """Files of a recording for GalileoSASlib [SASLIB]: keys, and samples whose file names tell their start time.
 
-GalileoSASlib needs int16 I,Q and a file name with the UTC of the first sample, `YYYYMMDD_HHMMSSZ`. Keys are a table of
-two columns. `epoch` is the start of the key's subframe in seconds since the start of Galileo System Time (week · 604800
-+ TOW). `osnma_key` is the key in hexadecimal. GalileoSASlib reads RECS and group delays directly from the assistance
-folder.
+GalileoSASlib needs int16 I,Q and a file name with the UTC of the first sample, `YYYYMMDD_HHMMSSZ`. The keys are a table
+with two columns. `epoch` is the start of the key's subframe in seconds since the start of Galileo System Time (week ·
+604800 + TOW). `osnma_key` is the key in hexadecimal. GalileoSASlib reads RECS and group delays directly from the
+assistance folder.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def export_saslib(recording: Recording, folder: Path, svids: Iterable[int]) -> t
 
 
 def check_saslib_form(form: SampleFormat) -> None:
-    """Raise `UnsupportedError` if GalileoSASlib cannot read samples of this form."""
+    """Raise `UnsupportedError` if GalileoSASlib cannot read samples of this format."""
     if form != _SC16:
         raise UnsupportedError(
             f"--export saslib: GalileoSASlib reads int16 I,Q, not {form}; write it with --format int16"

@@ -1,8 +1,9 @@
 """Reader of SigMF recordings: a metadata file for each band, a collection, or a folder of metadata files.
 
-The `core` fields are read according to the specification; the `sigmf` library's schema checks them. Frequencies refer
-to the stored samples: a real IF recording has `core:frequency` at its local oscillator. `core:global_index` of the
-first capture is the number of the file's first sample on the counter that the bands share.
+The `core` fields are read according to the specification, and the `sigmf` library's schema checks these fields.
+Frequencies refer to the stored samples. In a real IF recording, `core:frequency` is the frequency of the local
+oscillator. `core:global_index` of the first capture is the number of the file's first sample on the counter that the
+bands share.
 
 vestige adds its own namespace (name `vestige` in `core:extensions`, version 1.0.0):
 
@@ -18,7 +19,7 @@ capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digit
 ======= ============================== =============================================================================
 
 The time tags of two bands must agree with the counter. Many recorders write `core:datetime` only to the millisecond. So
-a time tag that only this field gives may be off by a millisecond if both files state a `core:global_index`. Without
+a time tag that only this field gives may be wrong by a millisecond if both files state a `core:global_index`. Without
 `core:global_index` the time tags must be equal, because nothing else relates the bands in time.
 """
 
@@ -57,15 +58,15 @@ from vestige.time import GalileoTime
 
 META, DATA, COLLECTION, ARCHIVE = ".sigmf-meta", ".sigmf-data", ".sigmf-collection", ".sigmf"
 NAMESPACE, NAMESPACE_VERSION = "vestige", "1.0.0"
-_MAX_BYTES = 1 << 26  # size of metadata; recordings with thousands of annotations have a few megabytes
+_MAX_BYTES = 1 << 26  # largest size of metadata; thousands of annotations need a few megabytes
 
 EXACT_AGREEMENT_S = 1e-9
 DATETIME_AGREEMENT_S = 1e-3
-DATETIME_RESOLUTION_S = 2e-6  # resolution of core:datetime as most programs write it
+DATETIME_RESOLUTION_S = 2e-6  # resolution of core:datetime in most recordings
 
 
 class _Extension(BaseModel):
-    """The global fields of the namespace."""
+    """The global fields of the namespace `vestige`."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
     spectral_inversion: bool = False

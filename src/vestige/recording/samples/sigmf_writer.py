@@ -33,8 +33,8 @@ Counted = Callable[[Num[np.ndarray, " n_components"]], int]
 class SigmfWriter:
     """Writer of the samples of a band, for a `with` statement.
 
-    Raises `InputFileError` if a recording of that name exists, or if the kept samples are fewer than stated or differ
-    from this recording.
+    Raises `InputFileError` if a recording with the same name exists. Also raises `InputFileError` if the kept samples
+    are fewer than stated, or differ from this recording.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class SigmfWriter:
     scale
         Stored value of 1.0.
     spectral_inversion
-        Store the conjugate, and state that in the metadata.
+        Whether to store the conjugate, and to state in the metadata that the spectrum is inverted.
     bandwidth_hz
         Two-sided bandwidth of the front end in Hz.
     time_uncertainty_s
@@ -53,8 +53,8 @@ class SigmfWriter:
     description
         A line of text for the user.
     kept
-        To resume from the samples of a killed process: the first batch of the recording, made again, and the number of
-        samples that were written to the disk. Later samples in the file are cut off.
+        Data to resume after a killed process: the first batch of the recording, made again, and the number of samples
+        that are on the disk. Later samples in the file are cut off.
     counted
         Function that takes stored components, including kept components, and returns the number of components to count.
 
@@ -96,8 +96,8 @@ class SigmfWriter:
         self._counted, self._n_counted = counted, 0
         self._stream: BinaryIO
         if kept is None:
-            self._part.unlink(missing_ok=True)  # removes the file of a killed run
-            self._stream = self._part.open("xb")  # "x" does not follow a link that an attacker prepared
+            self._part.unlink(missing_ok=True)  # the file may be there from a killed run
+            self._stream = self._part.open("xb")  # mode "x" does not follow a link that an attacker prepared
         else:
             self._stream = self._part.open("r+b")
             self._go_on(*kept)
@@ -111,11 +111,11 @@ class SigmfWriter:
         if kind is None:
             self.close()
         else:
-            self._part.unlink(missing_ok=True)  # before closing, which fails on a full disk
+            self._part.unlink(missing_ok=True)  # the file is removed first, because closing fails on a full disk
             self._stream.close()
 
     def _go_on(self, first: SampleBatch, n_samples: int) -> None:
-        """Keep the first `n_samples` of the file and cut off the rest."""
+        """Keep the first `n_samples` samples of the file, and cut off the other samples."""
         begin = self._encoded(first)
         left = n_samples * self._form.sample_bytes
         found = 0
@@ -157,7 +157,8 @@ class SigmfWriter:
     def append(self, batch: SampleBatch) -> None:
         """Write the samples of the next batch.
 
-        Raises `ValueError` if the batch is of another band or rate, or does not follow on the counter.
+        Raises `ValueError` if the batch has another band, rate or centre frequency, or does not begin at the sample
+        after the previous batch.
         """
         if self._first is None:
             self._first = batch
@@ -199,7 +200,7 @@ class SigmfWriter:
             f"{NAMESPACE}:start_gst": exact_gst(first.start),
         }
         utc = first.start.utc
-        if abs(GalileoTime.from_utc(utc) - first.start) < 1e-3:  # false within a leap second
+        if abs(GalileoTime.from_utc(utc) - first.start) < 1e-3:  # a datetime cannot express a leap second
             capture["core:datetime"] = utc.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
         recording.add_capture(0, metadata=capture)
         recording.validate()
@@ -208,7 +209,7 @@ class SigmfWriter:
 
 
 def write_sigmf(base: Path, batches: Iterable[SampleBatch], *, form: SampleFormat, **options: Any) -> Path:
-    """Write a whole recording of a band and return the path of its metadata; options are as for `SigmfWriter`."""
+    """Write a whole recording of a band, and return the path of its metadata; `SigmfWriter` explains the options."""
     with SigmfWriter(base, form=form, **options) as writer:
         for batch in batches:
             writer.append(batch)
@@ -216,7 +217,7 @@ def write_sigmf(base: Path, batches: Iterable[SampleBatch], *, form: SampleForma
 
 
 def write_collection(base: Path, metas: Sequence[Path]) -> Path:
-    """Write `base.sigmf-collection` that ties recordings in the same folder together, and return its path.
+    """Write `base.sigmf-collection`, which names recordings in the same folder, and return its path.
 
     Raises `InputFileError` if a collection of that name exists. Raises `ValueError` if a recording is in another
     folder.

@@ -1,8 +1,8 @@
 """Reader and writer of the CSV files with I/NAV pages of the official OSNMA test vectors.
 
 The first line is `SVID,NumNavBits,NavBitsHEX`. Each further line has all pages of a satellite, 60 hexadecimal digits
-each, a page every 2 s. All lines begin at the same time. The file does not state that time; words 0 and 5 of the
-satellites tell the time.
+each, a page every 2 s. All lines begin at the same time. The file does not state the time of the first page, but words
+0 and 5 of the satellites tell the time.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from vestige.navigation.inav.words import time_in_word
 from vestige.time import GalileoTime
 
 HEADER = "SVID,NumNavBits,NavBitsHEX"
-_MAX_FILE_BYTES = 500_000_000  # size of a week of all satellites; the file is read at once
+_MAX_FILE_BYTES = 500_000_000  # largest size: a week of 27 satellites; the file is read at once
 
 _UNPLACED = GalileoTime(0, 1)
 
 
 def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[InavPage]:
-    """Yield the pages of a test-vector file in the order of time, all satellites at each time.
+    """Yield the pages of a test-vector file in the order of time; for each time the pages of all satellites.
 
     `start` is the start of the first page. By default the start is read from the navigation words.
 
@@ -66,7 +66,7 @@ def write_test_vector(path: Path, pages: Mapping[int, Sequence[InavPage]]) -> No
 def write_test_vector_in_parts(
     path: Path, n_pages: Mapping[int, int], parts: Iterable[Mapping[int, Sequence[InavPage]]]
 ) -> None:
-    """Write the pages of some satellites, of which only a part is in memory at a time.
+    """Write the pages of some satellites in parts, so that only one part is in memory at a time.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def write_test_vector_in_parts(
     n_pages
         Number of pages of each satellite, by SVID.
     parts
-        Successive pages, by SVID, in the order of time. All parts together are the `pages` of `write_test_vector`, and
-        raise the same errors.
+        Successive pages, by SVID, in the order of time. All parts together correspond to `pages` of
+        `write_test_vector`, which has the same errors.
     """
     places, done, start = dict[int, int](), dict.fromkeys(n_pages, 0), None
     with path.open("wb") as stream:
@@ -129,7 +129,7 @@ def _read_line(path: Path, number: int, line: str) -> tuple[int, bytes]:
         raise InputFileError(path, f"{place}, SVID", svid, f"1 to {MAX_SVID}")
     if not re.fullmatch(r"[0-9A-Fa-f]*", digits):
         wrong = re.search(r"[^0-9A-Fa-f]", digits)
-        assert wrong is not None  # noqa: S101  (the line before found one)
+        assert wrong is not None  # noqa: S101  (`fullmatch` found a wrong digit)
         raise InputFileError(path, f"{place}, digit {wrong.start() + 1}", wrong[0], "a hexadecimal digit")
     if not re.fullmatch(r"[0-9]{1,12}", n_bits) or int(n_bits) != 4 * len(digits):
         raise InputFileError(
@@ -141,7 +141,7 @@ def _read_line(path: Path, number: int, line: str) -> tuple[int, bytes]:
 
 
 def _start(path: Path, satellites: Mapping[int, bytes]) -> GalileoTime:
-    """Return the start of the first page, on which most of the words that tell the time agree."""
+    """Return the start of the first page: the start that most of the words with a time give."""
     votes: Counter[int] = Counter()
     for svid, data in satellites.items():
         for index in range(len(data) // PAGE_BYTES):

@@ -19,13 +19,13 @@ _MIXED_S = 120  # largest age in s of words that are combined; an issue is sent 
 class EphemerisCollector:
     """Collector of the ephemerides in the messages of all satellites, page by page.
 
-    Words 1 to 4 that were lost are restored from the parity words 17 to 20 [OS-ICD, FEC2]. Word 5, with the health,
-    must have been received.
+    Words 1 to 4 that were lost are restored from the parity words 17 to 20 [OS-ICD, FEC2]. Word 5, which contains the
+    health, must have been received.
 
     Parameters
     ----------
     most_issues
-        Number of the newest issues of a satellite that are kept; None for all.
+        Number of the newest issues of a satellite that are kept; None keeps all issues.
     """
 
     def __init__(self, most_issues: int | None = None) -> None:

@@ -1,9 +1,10 @@
 """Tracking of E1 in a recording from the first sample to the last.
 
 The result is the same as from a receiver beside the recorder: observations and the navigation pages. The pages tell the
-time. Before the first such page, pseudoranges refer to the time tag of the samples, modulo 100 ms. When the whole
-recording is tracked, the message corrects these pseudoranges. A satellite whose own message has told the time is never
-corrected by the messages of other satellites. So the observations show a replay with a delay of seconds.
+time. Before the first page with a time, pseudoranges refer to the time tag of the samples, modulo 100 ms. When the
+whole recording is tracked, the message corrects these pseudoranges. A satellite whose own message has told the time is
+never corrected by the messages of other satellites. So a replay with a delay of seconds stays visible in the
+observations.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from vestige.sample_processor.tracking.settings import TrackingSettings
 from vestige.sample_processor.tracking.tracking_receiver import EPOCHS_PER_S, TRACKED_STRETCH_S, TrackingReceiver
 from vestige.time import GalileoTime
 
-_LOOK_S = 0.02  # time between two looks at a pipe
-MIN_TRACKED_S = 2.0  # in a shorter recording the loops would hardly settle; E1 is measured around each RECS
+_LOOK_S = 0.02  # time between two checks of a pipe
+MIN_TRACKED_S = 2.0  # shortest tracked recording, because loops need time to settle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +38,8 @@ class TrackedRecording:
     pages
         I/NAV pages with good checksums, with the time that the message tells.
     time_tag_error_s
-        Error of the samples' time tag in s from the message, positive if ahead of Galileo System Time, uncertain by
-        10 ms of travel time. None if no message told the time.
+        Error of the samples' time tag in s, from the message; positive if the time tag is ahead of Galileo System Time.
+        The travel time makes the error uncertain by 10 ms. None if no message contained the time.
     """
 
     epochs: tuple[ObservationEpoch, ...]
@@ -72,7 +73,7 @@ def track_recording(
     workers
         Number of threads.
     progress
-        Called with the name of the step, the amount that is done and the whole amount.
+        Function that is called with the name of the step, the finished amount and the whole amount.
 
     Raises
     ------
@@ -109,9 +110,9 @@ def track_batches(
     batches
         Consecutive pieces of samples.
     settings, epochs_per_s, workers
-        The same as for `track_recording`.
+        These are arguments of `track_recording`.
     progress
-        Called with the number of stretches of `TRACKED_STRETCH_S` that are done.
+        Function that is called with the number of tracked pieces of `TRACKED_STRETCH_S`.
 
     Raises
     ------
@@ -144,7 +145,7 @@ def tracked_batches(reader: SampleReader) -> Iterator[SampleBatch]:
 
 
 def streamed_batches(stream: SampleStream) -> Iterator[SampleBatch]:
-    """Yield samples from a pipe as they come, in pieces as `tracked_batches`, and drop them from the buffer.
+    """Yield samples from a pipe in pieces of the size of `tracked_batches`, and drop yielded samples from the buffer.
 
     Raises `InputFileError` if reading fails.
 
@@ -174,7 +175,7 @@ def early_recs_warning(count: int, first: GalileoTime) -> str:
     Parameters
     ----------
     count
-        Number of the RECS, at least 1.
+        Number of these RECS, at least 1.
     first
         Time of the first epoch with an observation, by the clock of the signal.
 
@@ -190,7 +191,7 @@ def early_recs_warning(count: int, first: GalileoTime) -> str:
 
 
 def tracked_since(first: GalileoTime, time_tag_error_s: float) -> GalileoTime:
-    """Return the first time of transmission from which RECS have observations.
+    """Return the earliest time of transmission at which a RECS has observations.
 
     Parameters
     ----------

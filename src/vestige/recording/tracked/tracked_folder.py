@@ -2,10 +2,10 @@
 
 | file | content |
 |---|---|
-| `observations.rnx` | RINEX 3.05 observations of E1-C, ten a second or the requested number |
+| `observations.rnx` | RINEX 3.05 observations of E1-C, ten epochs a second or the requested number |
 | `navigation.rnx` | RINEX navigation: the ephemerides in the message |
 | `inav_pages.csv` | I/NAV pages in the format of the official OSNMA test vectors; a missing page is zero |
-| `taps.csv` | correlators of E1-C over 100 ms: time, satellite, then in-phase and quadrature part of each |
+| `taps.csv` | correlators of E1-C over 100 ms: time, satellite, then in-phase and quadrature part of each correlator |
 | `power.csv` | C/N0 and power of E1-C over 100 ms, and the power of all samples, for each satellite |
 """
 
@@ -34,7 +34,7 @@ _CLOCK_IS_SET_S = 1.0  # a clock with a larger error is set to the message's sec
 
 
 def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float) -> tuple[Path, ...]:
-    """Write the files of the module's table that have content, and return them.
+    """Write the files of the module's table that have content, and return their paths.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float
 
 
 def clock_set_s(tracked: TrackedRecording) -> int:
-    """Return by how many whole seconds the clock of the recording is ahead of Galileo System Time.
+    """Return the whole seconds by which the clock of the recording is ahead of Galileo System Time.
 
     The result is negative if the clock is behind, and 0 if the error is too small to be corrected.
     """
@@ -88,7 +88,7 @@ def _with_clock_set(epoch: ObservationEpoch, offset_s: int) -> ObservationEpoch:
 
 
 def _earlier(time: GalileoTime, seconds: int) -> GalileoTime:
-    """Return a time whole seconds earlier, with the same fraction to the bit."""
+    """Return the time that is earlier by whole seconds, with exactly the same fraction of a second."""
     return GalileoTime.normalized(time.week, time.second - seconds, time.fraction)
 
 
@@ -105,7 +105,7 @@ def _write_taps(path: Path, epochs: Sequence[ObservationEpoch], offset_s: int) -
 
 
 def signal_power_db(prompt: complex, samples_power_db: float, sample_rate_hz: float) -> float:
-    """Return the power of E1-C in dB relative to one unit of the samples' numbers squared; NaN without a signal.
+    """Return the power of E1-C in dB relative to one squared unit of the sample values; NaN without a signal.
 
     The sum of N noise samples of power p has a variance of N p/2 per dimension. A signal of power C gives a prompt of
     √C N. So the prompt z in standard deviations has a mean square of 2 C N/p + 2.

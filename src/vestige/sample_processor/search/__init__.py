@@ -1,1 +1,1 @@
-"""Vestigial signal searches: every signal of a satellite on E1, and the encrypted signal on E6 [WFO, Sec. III-D, E]."""
+"""Searches for vestigial signals: all signals of a satellite on E1, and the encrypted signal on E6 [WFO, Sec. III]."""

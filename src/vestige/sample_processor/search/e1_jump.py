@@ -1,16 +1,17 @@
-"""Distinguish two signals at once from one signal that jumps; a sum over code periods does not show the difference.
+"""Distinguish two simultaneous signals from one signal that jumps to another code phase.
 
 Theory of operation
 -------------------
 If a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and finds two
 peaks, as under spoofing. But these peaks are never present at the same time. So for two peaks of a satellite the power
-of every single period is measured at both code phases. Against noise of variance 1 per dimension the power is
+of every single period is measured at both code phases. If the noise has variance 1 per dimension, the power is
 chi-squared with ν = 2 · components degrees of freedom. The distribution is non-central by λ while the signal is
-present. Each peak may be present all the time, only before some period k, or only from k on. λ follows from the mean
-power of the peak in that time. The most likely of these patterns decides. If one peak is present before k and the other
-from k on, both are one signal, and the stronger peak represents it.
+present. Each peak may be present in all periods, only before some period k, or only from period k on. λ follows from
+the mean power of the peak in the periods in which the peak is present. The most likely pattern is chosen. If
+one peak is present before k and the other peak from k on, the peaks belong to one signal. The stronger peak then
+represents this signal.
 
-A second signal that appears or ends while the first stays is a signal of its own.
+If a second signal appears or ends while the first signal stays, there are two signals.
 """
 
 from __future__ import annotations
@@ -38,9 +39,9 @@ class Jump:
     Attributes
     ----------
     at_s
-        Time of the jump after the first sample, exact to a code period.
+        Time of the jump after the first sample in s, exact to a code period.
     by_s
-        Increase of the delay, modulo 4 ms, between ±2 ms; negative if samples are missing.
+        Increase of the delay in s, modulo 4 ms, from −2 to 2 ms; negative if samples are missing.
     """
 
     svid: int
@@ -51,7 +52,7 @@ class Jump:
 def find_jump(
     batch: SampleBatch, one: Acquisition, other: Acquisition, signals: tuple[SignalDefinition, ...], periods: int
 ) -> Jump | None:
-    """Return the jump by which two peaks of a satellite are one signal; None if they are two signals.
+    """Return the jump between two peaks if the peaks belong to one signal; None if the peaks are two signals.
 
     Parameters
     ----------
@@ -80,7 +81,10 @@ def find_jump(
 
 
 def _patterns(n: int) -> Iterator[tuple[tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]], int, bool]]:
-    """Yield the periods with each of two peaks, the period of the jump or 0, and whether the first peak is earlier."""
+    """Yield the periods in which each of two peaks is present, the period of a jump or 0, and a flag.
+
+    The flag is True if there is a jump from the first peak to the second peak.
+    """
     always = np.ones(n, bool)
     yield (always, always), 0, False
     for k in range(1, n):
@@ -94,7 +98,7 @@ def _patterns(n: int) -> Iterator[tuple[tuple[Bool[np.ndarray, " n"], Bool[np.nd
 def _log_likelihood(power: Float64[np.ndarray, " n"], on: Bool[np.ndarray, " n"], freedom: int) -> float:
     """Return the logarithm of the likelihood ratio of powers: a signal in some periods against no signal.
 
-    The likelihood ratio is the density of the non-central chi-squared distribution over that of the central
+    The likelihood ratio is the density of the non-central chi-squared distribution over the density of the central
     distribution.
     """
     x = power[on]

@@ -1,7 +1,7 @@
 """Measurements of all signals on E1 at one time, which `vestige search e1` lists.
 
 `search_e1` finds signals on a grid of 125 Hz and a quarter of a chip. This module measures each signal (`measure_e1`)
-over the same samples, and refers all signals to the first of these samples. If samples are missing, every signal jumps.
+over the same samples, and refers all signals to the first sample. If samples are missing, every signal jumps.
 Then only the longer part, before or after the jump, is used, so that all signals come from the same part.
 """
 
@@ -19,19 +19,19 @@ from vestige.sample_processor.search.e1_search import search_e1
 from vestige.signals.definitions import E1C
 
 GUARD_S = 2 * E1_CODE_PERIOD_S  # margin around a jump, whose time is known to a code period
-_MOST_JUMPS = 4  # in 100 ms; with more jumps, the remaining parts are too short
-_SAME_CHIPS = 1.0  # a measured code phase at a larger distance from the found code phase belongs to another signal
+_MOST_JUMPS = 4  # largest number of jumps in 100 ms; with more jumps, the remaining parts are too short
+_SAME_CHIPS = 1.0  # largest distance in chips from the found to the measured code phase of the same signal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Signal:
     """One signal on E1 at the first sample of `E1Signals.batch`."""
 
-    found: Acquisition  # the cell of the search
+    found: Acquisition  # cell in which the search found the signal
     code_start_s: float  # time from the first sample to the start of the first code period, [0, 4 ms)
     doppler_hz: float
     cn0_dbhz: float  # C/N0 of E1-C alone
-    # satellite time of transmission of the first sample, modulo 100 ms; None without a measurement
+    # satellite time at which the first sample was transmitted, in s, modulo 100 ms; None without a measurement
     transmit_phase_s: float | None
 
     @property
@@ -41,7 +41,7 @@ class E1Signal:
 
     @property
     def is_measured(self) -> bool:
-        """Whether the values are measured; else they come from the grid: Doppler to ±63 Hz, C/N0 up to 4 dB low."""
+        """Whether the values are measured; else the values come from the search: Doppler to ±63 Hz, C/N0 to 4 dB."""
         return self.transmit_phase_s is not None
 
 
@@ -50,8 +50,8 @@ class E1Signals:
     """The signals of all satellites at the time of the first sample of `batch`."""
 
     batch: SampleBatch  # the samples that were used, which contain no jump
-    signals: tuple[E1Signal, ...]  # sorted by satellite, and for each satellite from the strongest down
-    jumps: tuple[Jump, ...]  # jumps found in the given samples
+    signals: tuple[E1Signal, ...]  # signals sorted by satellite, and for each satellite from strong to weak
+    jumps: tuple[Jump, ...]  # jumps that the search found in the given samples
 
 
 def list_e1(
@@ -70,7 +70,7 @@ def list_e1(
     batch
         E1 samples, at least 8 ms; up to 100 ms are used, and 60 ms without a jump are needed for measured values.
     overall_pfa, doppler_span_hz, periods, progress
-        The same as for `search_e1`.
+        These are arguments of `search_e1`.
     """
     jumps: list[Jump] = []
     wanted = tuple(svids)
@@ -131,7 +131,7 @@ def _measured(batch: SampleBatch, found: Acquisition) -> E1Signal:
 
 
 def _longest_part(batch: SampleBatch, jumps: tuple[Jump, ...]) -> SampleBatch:
-    """Return the longest part of a batch without a jump in it."""
+    """Return the longest part of a batch that contains no jump."""
     end_s = batch.samples.size / batch.sample_rate_hz
     times = sorted(jump.at_s for jump in jumps)
     begins = [0.0, *(at_s + GUARD_S for at_s in times)]

@@ -2,25 +2,26 @@
 
 Theory of operation
 -------------------
-The powers are those of `vestige.sample_processor.acquisition` at every code phase and Doppler bin. One code period (4
-ms) is added coherently, and K periods and the components E1-B and E1-C non-coherently. Signals are taken from the
-powers, the strongest first. The following parts of a taken signal do not count as a second signal:
+`vestige.sample_processor.acquisition` computes the powers at every code phase and Doppler bin. The sum over one code
+period (4 ms) is coherent. The sum over K periods and the components E1-B and E1-C is non-coherent. Signals are taken
+from the powers, the strongest first. The following parts of a taken signal are not taken as a second signal:
 
-* its own correlation peak: all cells within `BLIND_CHIPS`. The peak ends one chip away, with the side peaks of BOC(1,1)
-  and CBOC at ±½ chip. The code Doppler of a wrong bin widens the peak by 0.6 chip over 100 ms and 10 kHz;
+* the correlation peak of the signal: all cells within `BLIND_CHIPS`. The peak ends one chip away, with the side peaks
+  of BOC(1,1) and CBOC at ±½ chip. The code Doppler of a wrong bin widens the peak by 0.6 chip over 100 ms and 10 kHz;
 * the Doppler side lobes of the signal (−13 dB, −18 dB, …) at its code phase: the same cells at *every* Doppler;
-* its code side lobes, at any code phase: at most −20 dB for one code period of a memory code at a wrong Doppler, or
-  with a symbol that changes. So a signal that is `CROSS_CORRELATION_DB` below the taken signal does not count.
+* the code side lobes of the signal, at any code phase. These side lobes have at most −20 dB for one code period of a
+  memory code at a wrong Doppler, or with a symbol that changes. So a signal that is `CROSS_CORRELATION_DB` below the
+  taken signal is left out.
 
-At most `MAX_SIGNALS` of a satellite are taken. More peaks are interference: a swept jammer correlates with the code at
-a thousand code phases.
+At most `MAX_SIGNALS` signals of a satellite are taken. More peaks are interference: a swept jammer correlates with the
+code at a thousand code phases.
 
 A peak may be present only while a stronger peak is absent. Such a peak is the same signal after a jump, because samples
-are missing (`e1_jump`). A jump turns one peak into two, but with `MAX_SIGNALS` peaks the search does not look for
-jumps.
+are missing (`e1_jump`). A jump turns one peak into two peaks. If there are `MAX_SIGNALS` peaks, the search does not
+look for jumps.
 
 The search cannot separate a second signal within 2 chips (586 m) in code phase modulo 4 ms. The correlator bank and the
-range checks detect such a signal. A signal 16 dB below the strongest is not found either.
+range checks detect such a signal. The search also does not find a signal 16 dB below the strongest signal.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from vestige.sample_processor.acquisition import (
 from vestige.sample_processor.search.e1_jump import Jump, find_jump
 from vestige.signals.definitions import E1B, E1C, SignalDefinition
 
-BLIND_CHIPS = 2.0  # see above
+BLIND_CHIPS = 2.0  # distance in chips around a peak in which no second signal is taken
 # largest number of signals of a satellite; the time of the searches on E6 grows with this number
 MAX_SIGNALS = 8
 
@@ -58,7 +59,7 @@ def search_e1(
     progress: Callable[[int, int], None] | None = None,
     jumped: Callable[[Jump], None] | None = None,
 ) -> tuple[Acquisition, ...]:
-    """Return every signal of `svids` on E1 in `batch`, in the order of `svids`, the strongest of a satellite first.
+    """Return every signal of `svids` on E1 in `batch`, in the order of `svids` and from strong to weak.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def search_e1(
     signals
         Components whose powers are added.
     progress
-        Function that is called with the number of finished satellites, and of all satellites, during the search.
+        Function that is called with the number of finished satellites and the number of all satellites.
     jumped
         Function that is called with every jump of a signal whose second peak was left out.
     """
@@ -102,7 +103,7 @@ def search_e1(
 
 def separate(powers: CellPowers) -> tuple[Acquisition, ...]:
     """Return the signals in the powers of one satellite, the strongest first, `MAX_SIGNALS` at most."""
-    # maximum over Doppler, because a signal occupies its code phases at every Doppler
+    # maximum over Doppler, because a signal occupies the same code phases at every Doppler
     best = np.max(powers.powers, axis=0)
     blind = int(np.ceil(BLIND_CHIPS / E1C.chip_rate_hz * powers.rate_hz))
     found: list[Acquisition] = []

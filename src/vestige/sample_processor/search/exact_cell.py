@@ -18,13 +18,13 @@ from vestige.sample_processor.search.peak import Peak, peak_at
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
-_PIECE = 165  # chips; divides 1 ms, 5115 chips
-_FINE_BINS = np.linspace(-1.0, 1.0, 33)  # in units of 1/(2 T)
+_PIECE = 165  # number of chips in a piece; 1 ms has 5115 chips, which are 31 pieces
+_FINE_BINS = np.linspace(-1.0, 1.0, 33)  # Doppler offsets in units of 1/(2 T)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """Code offset at the Doppler of a pass.
+    """Cell of the exhaustive search: a code offset at the Doppler of a pass.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Cell:
 def exact_peak(
     source: SampleSource, cell: Cell, bins_hz: Float64[np.ndarray, " bins"], threshold: float
 ) -> Peak | None:
-    """Return the peak at a cell, interpolated in Doppler and code phase, if one of its bins is above the threshold.
+    """Return the peak at a cell, interpolated in Doppler and code phase; None if no bin is above the threshold.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def exact_peak(
 
 
 def wiped_chips(source: SampleSource, cell: Cell) -> tuple[Complex128[np.ndarray, " chips"], float]:
-    """Return the samples of each chip of the segment times that chip, and Σ|chip|², the noise power of the sum."""
+    """Return the sum of the samples in each chip, times the chip (±1), and the noise power of the sum of all chips."""
     n = cell.code.n_chips
     head = source.read(source.first_sample, 1)
     rate, carrier_hz = head.sample_rate_hz, CARRIER_HZ[head.band]

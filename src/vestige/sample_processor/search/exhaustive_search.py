@@ -4,12 +4,14 @@ Theory of operation
 -------------------
 The samples are summed into chips on two grids half a chip apart (`half_chip_kernel`) and scaled to int8. An engine
 receives the chips in blocks of code offsets and returns the largest power over the Doppler bins for every offset. So a
-file is read piece by piece, and a block's chips serve all codes. Blocks are searched in order of time. Therefore the
-earliest signal found is the true signal even in an interrupted search, and such a search can be continued.
+file is read piece by piece, and all codes use the same chips of a block. Blocks are searched in order of time.
+Therefore even an interrupted search finds the earliest signal first, which is the true signal under Assumption 2. An
+interrupted search can be continued.
 
 **Code Doppler.** A replica without code Doppler slides by f_d/f_c · R_c · T chips, 0.32 chip at 5 kHz and 16 ms, and
 loses up to 0.72 dB. If the loss exceeds 0.3 dB, the span is cut into passes. Each pass removes the Doppler of its own
-middle from carrier *and* code: two passes for 8 ms, three for 16 ms. The remaining loss is at most 0.24 dB.
+middle from carrier *and* code. A span of ±5 kHz needs two passes for 8 ms and three passes for 16 ms. The remaining
+loss is at most 0.24 dB.
 
 **Decision.** If a power comes within an engine's loss and `SCREEN_MARGIN_DB` of the threshold, the cell is computed
 again. The exact value is the largest magnitude over all Doppler bins, computed in complex128. This magnitude is divided
@@ -38,11 +40,12 @@ from vestige.sample_processor.search.peak import Peak, separated, shortened
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
-SCREEN_MARGIN_DB = 1.0  # 3 σ of the difference between engine's and exact sum, at the threshold of 30 s
-_CLUSTER_CHIPS = 2.0  # offsets above the screen that are closer together than this form a cluster
+# 3 σ of the difference between an engine's sum and the exact sum, at the threshold of a search over 30 s
+SCREEN_MARGIN_DB = 1.0
+_CLUSTER_CHIPS = 2.0  # largest distance in chips between two neighbouring offsets of a cluster
 _CELLS_OF_CLUSTER = 4  # cells tried per cluster: the exact sum may be just below the threshold in the strongest cell
-_TRIANGLE_CHIPS = 1.25  # a signal next to a cell ends at this distance: ¼ chip off, and a chip wide
-_AHEAD = 2  # blocks per worker that are read in advance
+_TRIANGLE_CHIPS = 1.25  # distance in chips at which a peak ends: up to ¼ chip off its cell, plus 1 chip
+_AHEAD = 2  # number of blocks per worker that are read in advance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,14 +55,14 @@ class SearchState:
     Attributes
     ----------
     done, total
-        Numbers of hypotheses: tested so far, and of the whole search.
+        Number of hypotheses that were tested so far, and number of hypotheses of the whole search.
     peaks
         Signals found so far, in order of time.
     block_start
         Time of the first code offset of the last block.
     block_magnitude
-        Magnitude of the strongest cell in that block, as computed by the engine; 0 if the engine left out all cells.
-        The unit is the standard deviation of the noise per dimension.
+        Magnitude of the strongest cell in the last block, as computed by the engine; 0 if the engine left out all
+        cells. The unit is the standard deviation of the noise per dimension.
     blocks
         Number of searched blocks from the first block on.
     """
@@ -79,13 +82,13 @@ class ExhaustiveSearch:
     Attributes
     ----------
     integration_s
-        T_I: 1, 2, 4, 8 or 16 ms of the beginning of a RECS.
+        Integration time T_I in s: the first 1, 2, 4, 8 or 16 ms of a RECS.
     doppler_span_hz
         Half width of the Doppler search, which goes from −span to +span.
     engine
-        `fft` is the reference, `segment` is fast, `cuda` is for a GPU. `auto` takes the fastest that this machine runs.
-        With every engine exact cells decide. `segment` leaves out a few of the weakest signals
-        (`theory/screen_loss.py`).
+        `fft` is the reference, `segment` is fast, `cuda` is for a GPU. `auto` takes the fastest engine that this
+        machine runs. With every engine, only exactly computed cells decide. `segment` misses a few of the weakest
+        signals (`theory/screen_loss.py`).
     workers
         Number of threads; None for all cores. The result does not depend on this number.
     """
@@ -108,20 +111,20 @@ class ExhaustiveSearch:
 
     @property
     def passes_hz(self) -> tuple[float, ...]:
-        """Middles of the passes."""
+        """Doppler in the middle of each pass in Hz."""
         count = int(np.ceil(self.doppler_span_hz / GRIDS[self.n_chips].half_width_hz - 1e-9))
         width = 2 * self.doppler_span_hz / count
         return tuple(-self.doppler_span_hz + (k + 0.5) * width for k in range(count))
 
     @property
     def bins_hz(self) -> Float64[np.ndarray, " bins"]:
-        """Doppler bins of a pass relative to its middle; they reach half a bin beyond the pass."""
+        """Doppler bins of a pass relative to its middle in Hz; the bins reach half a bin beyond the pass."""
         bins = GRIDS[self.n_chips].bins_hz
         half = self.doppler_span_hz / len(self.passes_hz) + 0.25 / self.integration_s
         return bins[np.abs(bins) <= half * (1 + 1e-9)]
 
     def hypotheses(self, uncertainty_s: float, n_codes: int = 1) -> float:
-        """Return the number of hypotheses: two offsets a chip times the bins of all passes times the codes."""
+        """Return the number of hypotheses: offsets (two for each chip) · bins of all passes · codes."""
         return max(uncertainty_s, 0.0) * 2 * CHIP_RATE_HZ * self.bins_hz.size * len(self.passes_hz) * n_codes
 
     def run(
@@ -136,13 +139,13 @@ class ExhaustiveSearch:
     ) -> Iterator[SearchState]:
         """Yield the state of the search after each block; a caller that stops early keeps the signals so far.
 
-        After an interrupt from the keyboard, the method lets the workers end their blocks, yields once more and passes
-        the interrupt on.
+        After an interrupt from the keyboard, the method lets the workers end their blocks, yields once more, and raises
+        the interrupt again.
 
         Parameters
         ----------
         source
-            E6 samples. Only offsets with the whole sum in the samples are searched.
+            E6 samples. An offset is searched only if the samples contain the whole sum.
         codes
             Decrypted RECS, of one or more satellites, each with at least the chips of the integration time.
         first_start, last_start
@@ -197,7 +200,7 @@ class ExhaustiveSearch:
                 yield state
         except KeyboardInterrupt:
             pool.shutdown(wait=True, cancel_futures=True)
-            for block, future in waiting:  # blocks that the workers have begun are not lost; workers begin in order
+            for block, future in waiting:  # the results of started blocks are used; blocks start in order
                 if future.cancelled():
                     break
                 state = _next(state, block, *future.result(), done)
@@ -224,9 +227,9 @@ def _next(
 def searchable(
     source: SampleSource, integration_s: float, first_start: GalileoTime, last_start: GalileoTime
 ) -> tuple[GalileoTime, float]:
-    """Return the range of starts for which the samples have the whole sum: first start, and width in s."""
+    """Return the range of start times for which the samples contain the whole sum: first time, and width in s."""
     head = source.read(source.first_sample, 1)
-    # a few chips for the code Doppler and the last half chip
+    # two chips are a margin for the code Doppler and the last half chip
     length_s = (source.end_sample - source.first_sample) / head.sample_rate_hz - integration_s - 2 / CHIP_RATE_HZ
     begin_s = max(first_start - head.start, 0.0)
     return head.start + begin_s, min(last_start - head.start, length_s) - begin_s
@@ -247,7 +250,7 @@ class _Block:
     ) -> tuple[list[Peak], float]:
         """Return the peaks of the block, and the magnitude of its strongest cell."""
         chips = self._chips(source)
-        noise = chip_variance(chips) * self.search.n_chips  # variance per dimension
+        noise = chip_variance(chips) * self.search.n_chips  # noise variance per dimension
         if noise == 0:
             return [], 0.0
         screen = threshold**2 * noise * 10 ** (-(engine.loss_db + SCREEN_MARGIN_DB) / 10)
@@ -314,7 +317,7 @@ class _Block:
 
 
 def _clusters(powers: Float32[np.ndarray, "grids offsets"], screen: float) -> list[list[float]]:
-    """Return the code offsets in chips whose power is above `screen`, in clusters, the strongest of each first."""
+    """Return clusters of code offsets in chips with a power above `screen`, the strongest offset of a cluster first."""
     grid, offset = np.nonzero(powers > screen)
     place = offset + 0.5 * grid
     order = np.argsort(place)

@@ -1,9 +1,9 @@
-"""Samples summed into half chips, the first step of both searches in E6.
+"""Samples summed into half chips, the first step of the hand-over search and the exhaustive search in E6.
 
-A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t². The sample is added, free of its
-carrier, to half chip ⌊2u⌋. The correlator at a delay of any multiple of half a chip is then a signed sum of these
-numbers. The signed sum equals the sum over samples, because `vestige.sample_processor.correlator` finds the same chip
-for every sample.
+A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t². The carrier is removed from the
+sample, and the sample is added to half chip ⌊2u⌋. The correlator at a delay of any multiple of half a chip is then a
+signed sum of the half chips. The signed sum equals the sum over samples, because `vestige.sample_processor.correlator`
+finds the same chip for every sample.
 
 Phases of code and carrier are computed in float64 for each block of 1024 samples. Inside a block the code phase is an
 integer with 40 fraction bits, and the carrier is a table.
@@ -24,7 +24,7 @@ _UNSIGNED_BITS = np.uint64(_PHASE_BITS)
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _wipe(x, cos, sin, places, turn_re, turn_im, slope, curve, y_re, y_im):
-    """Rotate samples by the conjugate rotator, the block's phase and the small angle slope · k + curve · k²."""
+    """Remove the carrier, the block's phase and the small angle slope · k + curve · k² from samples."""
     for i in range(y_re.size):
         a, b = x[2 * i], x[2 * i + 1]
         re = a * cos[i] + b * sin[i]
@@ -47,9 +47,9 @@ def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, fi
     t0, dt
         Time of the first sample after the start of half chip 0, and the sampling interval, in s.
     code_rate, code_rate_rate
-        Received chips/s at t = 0, and its rate of change in chips/s².
+        Received chip rate at t = 0 in chips/s, and the change of this rate in chips/s².
     if_hz, doppler_rate
-        Carrier frequency in the samples at t = 0 in Hz, and its rate of change in Hz/s.
+        Carrier frequency in the samples at t = 0 in Hz, and the change of this frequency in Hz/s.
     first_half
         Number of the half chip in the first element.
     """
@@ -112,7 +112,7 @@ def chip_sums(halves, even, odd):
     even
         float32[n].
     odd
-        float32[n], or float32[0] if it is not needed.
+        float32[n], or float32[0] if `odd` is not needed.
     """
     total = 0.0
     for first in range(0, even.size, BLOCK):

@@ -7,18 +7,19 @@ phase of the secondary code is known. So the first chip of a RECS can arrive at 
 
     u(τ) = R_c (1 + f_d/f_c) τ + ½ R_c (ḟ_d/f_c) τ²        u(τ_m) = m · period · R_c
 
-The grid is thus the *received* period. At a Doppler of 1 kHz a grid of nominal 4 ms would be 120 chips off after 30 s.
+The grid spacing is thus the *received* period. At a Doppler of 1 kHz, a grid with the nominal period of 4 ms would be
+wrong by 120 chips after 30 s.
 
-The samples are summed into chips along u, free of their carrier (`half_chip_kernel`), on two grids half a chip apart. A
-row has 4 ms of chips. A RECS of 16 ms has four rows, and hypothesis m + 1 shares three of them with hypothesis m. So
-every row is multiplied only once with all quarters of the RECS at all taps (`row_kernel`), on one of the two grids of
-chips:
+The carrier is removed from the samples. The samples are then summed into chips along u (`half_chip_kernel`), on two
+grids half a chip apart. A row has 4 ms of chips. A RECS of 16 ms has four rows, and hypothesis m + 1 shares three rows
+with hypothesis m. So every row is multiplied only once by all quarters of the RECS at all taps (`row_kernel`), on one
+of the two grids of chips:
 
     Y[row, quarter, tap] = Σ_j row[j] · chip[quarter, j − tap]        S[m, tap] = Σ_q Y[m + q, q, tap]
 
 Carrier and code phase are continuous through all rows, so no phases have to be joined. At a tap k half chips from the
-middle, the k/2 outermost chips of the RECS are left out (0.0001 dB). The noise of each hypothesis is Σ|chip sum|² of
-its rows, see `vestige.sample_processor.correlator`.
+middle, the k/2 outermost chips of the RECS are left out, which costs 0.0001 dB. The noise of each hypothesis is
+Σ|chip sum|² of its rows, see `vestige.sample_processor.correlator`.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ from vestige.sample_processor.search.row_kernel import OFFSETS_AT_ONCE, row_prod
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
-_CHUNK = 960  # positions whose rows are computed together
-_ROWS = 32  # rows whose samples are read at once
+_CHUNK = 960  # number of positions whose rows are computed together
+_ROWS = 32  # number of rows whose samples are read at once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateEpochs:
-    """Possible arrivals of the chips by one signal on E1: a known moment and every period before and after it.
+    """Possible arrival times of the chips from one signal on E1: a known time, and steps of a period from this time.
 
     Attributes
     ----------
@@ -53,7 +54,7 @@ class CandidateEpochs:
     period_s
         Period of 4 ms, or a multiple of 4 ms, on the satellite's clock.
     doppler_hz, doppler_rate_hz_per_s
-        Doppler and its rate on the E6 carrier at `anchor`.
+        Doppler in Hz and Doppler rate in Hz/s on the E6 carrier at `anchor`.
     """
 
     svid: int
@@ -71,7 +72,7 @@ class CandidateEpochs:
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """Conversion of chips to seconds and back, both after the anchor of a line, for the received code."""
+    """Conversion of received chips to seconds and back, both counted from `CandidateEpochs.anchor`."""
 
     code_rate: float
     code_rate_rate: float
@@ -93,20 +94,20 @@ def search_handover(
     taps: int = 5,
     trace: Callable[[GalileoTime, float], None] | None = None,
 ) -> tuple[Peak, ...]:
-    """Return the signals at the positions that a line allows, in order of time.
+    """Return the signals at the possible arrival times of `line`, in order of time.
 
     Parameters
     ----------
     source
-        E6 samples. Positions without the whole segment in the samples are not searched.
+        E6 samples. A position is searched only if the samples contain the whole segment.
     line
-        Hand-over from one signal on E1.
+        Possible arrival times from one signal on E1.
     first_start, last_start
         Time uncertainty: earliest and latest arrival of the first chip.
     threshold
         Threshold on the magnitude, in standard deviations of the noise per dimension.
     taps
-        Number of code offsets, half a chip apart, that are tested at each possible arrival; odd.
+        Number of code offsets, half a chip apart, that are tested at each possible arrival; an odd number.
     trace
         Function that is called for each position with its time and the magnitude of its strongest tap, in standard
         deviations of the noise.
@@ -131,7 +132,7 @@ def search_handover(
 def handover_positions(
     source: SampleSource, line: CandidateEpochs, first_start: GalileoTime, last_start: GalileoTime
 ) -> Int64[np.ndarray, " places"]:
-    """Return the numbers m of the searched positions: in the time uncertainty, with all rows in the samples."""
+    """Return the numbers m of the positions in the time uncertainty whose rows are all in the samples."""
     scale, rows = _scale(source, line), _rows(line.chips)
     head = source.read(source.first_sample, 1)
     begin_s = head.start - line.anchor
@@ -190,7 +191,7 @@ class _Replica:
         """Return real and imaginary part of each of `n` rows times each quarter and tap, and Σ|chip|² of each row."""
         products = np.empty((2, n, self.n_quarters, self.tap_of[0].size + self.tap_of[1].size), np.float32)
         noise = np.empty(n)
-        # some quarters are computed twice if their number is not a multiple of OFFSETS_AT_ONCE
+        # some quarters are computed twice if the number of quarters is not a multiple of OFFSETS_AT_ONCE
         padded = [np.resize(one, -(-one.size // OFFSETS_AT_ONCE) * OFFSETS_AT_ONCE) for one in self.offsets]
         for begin in range(0, n, _ROWS):
             end = min(begin + _ROWS, n)
@@ -235,7 +236,7 @@ def _fill(
 
 
 def _handover(source: SampleSource, line: CandidateEpochs, place: int, tap: int) -> Handover:
-    """Return the hypothesis at a position and tap."""
+    """Return the hand-over of the hypothesis at a position and tap."""
     scale = _scale(source, line)
     chips = place * line.period_s * line.chips.chip_rate_hz + tap / 2
     at_s = scale.time_of(chips)

@@ -13,8 +13,8 @@ from vestige.sample_processor.correlator import correlate
 from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 
-_FINE_CHIPS = np.arange(-25, 26) / 20  # 0.05 chip apart, ±1.25 chips: the cell is within a chip of the peak
-_MARGIN_S = 1e-6  # duration of samples on either side of the segment
+_FINE_CHIPS = np.arange(-25, 26) / 20  # taps 0.05 chip apart; the peak is within a chip of its cell
+_MARGIN_S = 1e-6  # duration of additional samples on each side of the segment
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,11 +26,11 @@ class Peak:
     start_time
         Receiver-clock time at which the first chip arrives.
     doppler_hz
-        Carrier Doppler on E6 at that time.
+        Carrier Doppler on E6 at `start_time`.
     magnitude
         Magnitude at the interpolated position, in standard deviations of the noise per dimension.
     threshold
-        Detection threshold in the same unit; the tested grid cell exceeded it.
+        Detection threshold in the unit of the magnitude; the tested grid cell exceeded this threshold.
     cn0_dbhz
         C/N0 of E6-C that corresponds to the magnitude.
     """
@@ -63,7 +63,7 @@ def peak_at(source: SampleSource, handover: Handover, threshold: float) -> Peak 
     if count <= 0:
         return None
     batch = source.read(first, count)
-    # at an end of the samples only the taps of one side fit
+    # at an end of the samples only the taps on one side lie in the samples
     for offsets in (_FINE_CHIPS, _FINE_CHIPS[_FINE_CHIPS >= 0], _FINE_CHIPS[_FINE_CHIPS <= 0]):
         bank = correlate(batch, handover, offsets / chips.chip_rate_hz * SPEED_OF_LIGHT_MPS)
         if bank is not None:
@@ -94,10 +94,10 @@ def shortened(chips: ChipSequence, n_chips: int) -> ChipSequence:
 
 
 def separated(peaks: Iterable[Peak]) -> tuple[Peak, ...]:
-    """Return the peaks in order of time; a peak within one chip of a stronger peak of its satellite is the same signal.
+    """Return the peaks in order of time, without peaks within one chip of a stronger peak of the same satellite.
 
-    A triangle is two chips wide, and all Doppler side lobes of a signal lie at its code offset. So a weaker peak within
-    a chip is part of the stronger peak, at any Doppler.
+    The correlation triangle is two chips wide, and all Doppler side lobes of a signal lie at its code offset. So a
+    weaker peak within a chip is part of the stronger peak, at any Doppler.
     """
     kept: list[Peak] = []
     for peak in sorted(peaks, key=lambda one: -one.magnitude):

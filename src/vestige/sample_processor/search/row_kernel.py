@@ -1,9 +1,10 @@
-"""Samples summed into rows of chips, and each row multiplied with a code at many offsets, for the hand-over search.
+"""Samples summed into rows of chips, and each row multiplied by a code at many offsets, for the hand-over search.
 
 All taps and all quarters of a RECS are the same code at different offsets. So a single code of 330 kB replaces the
-matrix of replicas that a matrix product would need. Each row is summed from its samples and multiplied before the next
-row is begun, a block at a time with all offsets. Written data thus stay in the second-level cache until they are read,
-and data that are read again stay in the first-level cache. Blocks also keep the rounding error of float32 low.
+matrix of replicas that a matrix product would need. Each row is summed from the samples, and then multiplied by the
+code before the next row begins. The row is multiplied in blocks, each block at all offsets. Written data thus stay in
+the second-level cache until the data are read. Data that are read again stay in the first-level cache. Blocks also
+limit the rounding error of float32.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -15,9 +16,9 @@ import numpy as np
 from vestige.kernel_cache import njit
 from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chip_sums
 
-OFFSETS_AT_ONCE = 4  # times real and imaginary part: eight independent sums
-_BLOCK = 1000  # chips
-_INVERSION_STEPS = 4  # steps of the inversion of u(t); each step gains five decimals
+OFFSETS_AT_ONCE = 4  # number of offsets in a loop; real and imaginary parts are eight independent sums
+_BLOCK = 1000  # number of chips in a block
+_INVERSION_STEPS = 4  # number of steps of the inversion of u(t); each step gives five more decimals
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
@@ -73,18 +74,18 @@ def time_of(chips, code_rate, code_rate_rate):
 def row_products(
     x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, first_row, n, code, offsets, odd_offsets, out, odd, noise
 ):
-    """Fill `out` and `odd` with the products of rows of `n` chips and the code, on two grids; `noise` with Σ|chip|².
+    """Fill `out` and `odd` with products of rows of `n` chips and the code on two grids, and `noise` with Σ|chip|².
 
     Parameters
     ----------
     x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate
-        The same as for `half_chip_sums`; chip 0 is the first chip of row 0.
+        These are arguments of `half_chip_sums`. Chip 0 is the first chip of row 0.
     first_row
         Number of the row in the first element.
     code
-        float32; every offset + n lies within the code.
+        float32; the code has at least n chips after every offset.
     offsets, odd_offsets
-        int64[multiple of `OFFSETS_AT_ONCE`], for the chips and for the chips half a chip later; may be empty.
+        int64[multiple of `OFFSETS_AT_ONCE`], offsets for the chips and for the chips half a chip later; may be empty.
     out, odd
         float32[2, rows, offsets], real and imaginary part.
     noise

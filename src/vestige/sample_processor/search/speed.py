@@ -23,7 +23,7 @@ def expected_seconds(search: ExhaustiveSearch, hypotheses: float) -> float:
     engine = make_engine(search.engine, codes)
     limit = search_budget(hypotheses, search.integration_s).threshold
     chips = rng.integers(-20, 21, (1, 2, search.n_chips + engine.block), dtype=np.int16)
-    engine.powers(chips[:, :, : search.n_chips + 1], 1, limit)  # compiles
+    engine.powers(chips[:, :, : search.n_chips + 1], 1, limit)  # the first call compiles the engine
     clock = time.thread_time if engine.uses_cores else time.perf_counter
     begin = clock()
     engine.powers(chips, engine.block, limit)

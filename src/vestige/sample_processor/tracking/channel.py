@@ -38,7 +38,7 @@ from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11, CBOC_MINUS, Pulse, band_limited_correlation
 
 MAX_SPACING_CHIPS = 1 / 3  # largest distance of a correlator from the prompt: the end of BOC(1,1)'s main peak
-# at a lower rate, a correlator one sample from the prompt is outside the main peak
+# at a lower sampling rate, a correlator one sample from the prompt is outside the main peak
 MIN_SAMPLE_RATE_HZ = E1C.chip_rate_hz / MAX_SPACING_CHIPS
 _SLOPE_STEP_CHIPS = 1e-4
 
@@ -49,7 +49,7 @@ def correlator_lags(settings: TrackingSettings, sample_rate_hz: float) -> list[i
     Parameters
     ----------
     settings
-        Number of correlators, and requested distance from early to late.
+        Settings with the number of correlators and the requested distance from early to late.
     sample_rate_hz
         Sampling rate in Hz.
 
@@ -83,7 +83,7 @@ def code_discriminator_scale(settings: TrackingSettings, sample_rate_hz: float, 
     Parameters
     ----------
     settings
-        Distance of the correlators, and the replica.
+        Settings with the distance of the correlators and the replica.
     sample_rate_hz
         Sampling rate in Hz.
     bandwidth_hz
@@ -127,18 +127,18 @@ class Channel:
     batch
         Samples of the acquisition. Only the rate, the centre frequency and the counter of these samples are used.
     settings
-        Loops and correlators.
+        Settings of loops and correlators.
     bandwidth_hz
         Two-sided bandwidth of the front end in Hz; None for the sampling rate.
 
     Raises
     ------
     VestigeError
-        If the sampling rate is too low for the correlators, or if a loop cannot have its bandwidth.
+        If the sampling rate is too low for the correlators, or if a loop cannot have the requested bandwidth.
 
     Notes
     -----
-    `run` takes consecutive samples. The channel keeps no samples, only the sums over the code period that is not yet
+    `run` takes consecutive samples. The channel stores no samples, only the sums over the code period that is not yet
     complete.
     """
 
@@ -268,7 +268,7 @@ def track_together(
         raise ValueError(f"samples begin with number {first}, but a channel needs {needed}")
     x: Float32[np.ndarray, " n"] = samples.view(np.float32)
     constants, states = np.zeros(len(channels), CONSTANTS), np.zeros(len(channels), CHANNEL_STATE)
-    for i, channel in enumerate(channels):  # faster than np.concatenate, which compares field types
+    for i, channel in enumerate(channels):  # a loop is faster than np.concatenate, which compares field types
         constants[i], states[i] = channel._constants[0], channel._state[0]
     pilots = np.stack([channel._pilot for channel in channels])
     totals = np.stack([channel._total for channel in channels])

@@ -19,7 +19,8 @@ momentary rate.
 
 Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 and the phase lock. The phase lock (I² −
 Q²)/(I² + Q²) of the sum of these prompts estimates cos 2φ [VAN-DIERENDONCK96]. C/N0 is S/(2 V T). S is the square of
-the mean in-phase part, less its noise, and V is the variance of the in-phase part. Both S and V are smoothed over 1 s.
+the mean in-phase part minus the noise in this square, and V is the variance of the in-phase part. S and V are smoothed
+over 1 s.
 The quadrature part is not used, because it contains the loop's own phase noise, which would reduce the C/N0 by 0.3 dB.
 """
 
@@ -40,46 +41,46 @@ from vestige.sample_processor.tracking.correlator_bank_kernel import (
 )
 from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY, PLL_DISCRIMINATORS
 
-CODE_LENGTH = 4092.0  # chips of E1-B and E1-C
+CODE_LENGTH = 4092.0  # number of chips of the codes of E1-B and E1-C
 PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
-ARCTAN = PLL_DISCRIMINATORS.index("arctan")  # the discriminator for which half a cycle is no error
-_LARGEST_RATE = 1.001  # largest code rate over its nominal value: a Doppler of 1.5 MHz on E1
+ARCTAN = PLL_DISCRIMINATORS.index("arctan")  # the discriminator that ignores errors of half a cycle
+_LARGEST_RATE = 1.001  # largest code rate over the nominal code rate: a Doppler of 1.6 MHz on E1
 _AMPLITUDE_TIME_S = 0.2  # time over which the amplitude of the prompt is smoothed
-_CN0_SHARE = 0.1  # share of the newest 100 ms in the smoothed signal and noise: 1 s
-_TURNED = 0.3  # share of the amplitude; a smaller in-phase part means that the carrier has slipped, or is about to slip
-_IN_PHASE_SHARE = 0.2  # share of a new prompt in the smoothed in-phase part: 20 ms
-_LOCK_SHARE = 0.3  # share of a new value in the smoothed phase lock: 0.3 s
+_CN0_SHARE = 0.1  # share of the newest 100 ms in the smoothed signal and noise, for a time constant of 1 s
+_TURNED = 0.3  # share of the amplitude; a smaller in-phase part shows that the carrier has slipped or is about to slip
+_IN_PHASE_SHARE = 0.2  # share of a new prompt in the smoothed in-phase part, for a time constant of 20 ms
+_LOCK_SHARE = 0.3  # share of a new value in the smoothed phase lock, for a time constant of 0.3 s
 
 # state that a channel carries from period to period
 CHANNEL_STATE = np.dtype(
     [
         ("first_sample", "i8"),  # first sample of the present code period
-        ("next_sample", "i8"),  # first sample of that period that has not been correlated
+        ("next_sample", "i8"),  # first sample of the present code period that has not been correlated
         ("data", "c16"),  # prompt of E1-B, from `first_sample` to `next_sample`
         ("code_phase", "f8"),  # code phase of `first_sample`, in chips
-        ("code_rate", "f8"),  # chips per sample
+        ("code_rate", "f8"),  # code rate in chips per sample
         ("carrier_cycles", "f8"),  # carrier phase of `first_sample`
-        ("carrier_step", "f8"),  # cycles per sample
+        ("carrier_step", "f8"),  # carrier frequency in cycles per sample
         ("doppler_hz", "f8"),  # integrator of the carrier loop
         ("doppler_rate", "f8"),  # second integrator of an order-3 loop, in Hz/s
         ("code_drift", "f8"),  # integrator of the code loop in chips/s; not used by order 1
         ("period", "i8"),  # number of the present code period; 0 starts a secondary code
         ("mode", "i8"),
-        ("integrated", "i8"),  # periods in the present integration
-        ("pulled_in", "i8"),  # integrations since the channel started
+        ("integrated", "i8"),  # number of code periods in the present integration
+        ("pulled_in", "i8"),  # number of integrations since the channel started
         ("amplitude", "f8"),  # smoothed amplitude of the prompt of an integration
         ("last_re", "f8"),
         ("last_im", "f8"),
         ("sum_re", "f8"),  # sum of the prompts of the present secondary code
         ("sum_im", "f8"),
-        ("sum_in_phase", "f8"),  # sum of the squares of the in-phase parts of these prompts
+        ("sum_in_phase", "f8"),  # sum of the squares of the in-phase parts of the prompts
         ("summed", "i8"),
         ("signal", "f8"),  # square of the mean in-phase part, smoothed
         ("noise", "f8"),  # variance of the in-phase part, smoothed; 0 before the first value
         ("cn0_dbhz", "f8"),
         ("phase_lock", "f8"),  # phase lock of the last secondary code
         ("mean_lock", "f8"),  # smoothed phase lock
-        ("bad", "i8"),  # secondary codes in a row below the thresholds
+        ("bad", "i8"),  # number of secondary codes in a row below the thresholds
         ("slipped", "i8"),  # whether the phase of the last secondary code is unreliable
         ("in_phase", "f8"),  # in-phase part of the prompts, smoothed over 20 ms
         ("turned", "i8"),  # whether `in_phase` was far below the amplitude in the present secondary code
@@ -94,22 +95,22 @@ CONSTANTS = np.dtype(
         ("carrier_hz", "f8"),
         ("intermediate_hz", "f8"),  # frequency of the carrier in the samples without Doppler
         ("interval_s", "f8"),  # integration time
-        ("periods", "i8"),  # code periods in an integration
+        ("periods", "i8"),  # number of code periods in an integration
         ("pll", "f8", (3,)),
         ("dll", "f8", (3,)),
         ("fll", "f8"),
         ("code_scale", "f8"),  # 1 / (4 R R') in chips; for the dot product 1 / (2 R(0) R')
         ("phase_kind", "i8"),  # index in `PLL_DISCRIMINATORS`
         ("code_kind", "i8"),  # index in `DLL_DISCRIMINATORS`
-        ("early", "i8"),  # index of the correlator in the bank
+        ("early", "i8"),  # index of the early correlator in the bank
         ("prompt", "i8"),
         ("late", "i8"),
-        ("pull_in", "i8"),  # number of integrations
+        ("pull_in", "i8"),  # number of integrations of the pull-in
         ("min_cn0_dbhz", "f8"),
         ("min_phase_lock", "f8"),
         ("slip_phase_lock", "f8"),
-        ("patience", "i8"),  # number of secondary codes
-        ("segments", "i8"),  # segments of the replica in a half chip
+        ("patience", "i8"),  # largest number of bad secondary codes in a row before the signal is lost
+        ("segments", "i8"),  # number of segments of the replica in a half chip
     ]
 )
 
@@ -119,9 +120,9 @@ PERIOD = np.dtype(
         ("number", "i8"),
         ("first_sample", "i8"),
         ("code_phase", "f8"),  # code phase of the first sample, in chips
-        ("code_rate", "f8"),  # chips per sample
+        ("code_rate", "f8"),  # code rate in chips per sample
         ("carrier_cycles", "f8"),  # carrier phase of the first sample
-        ("carrier_step", "f8"),  # cycles per sample
+        ("carrier_step", "f8"),  # carrier frequency in cycles per sample
         ("doppler_rate", "f8"),
         ("data", "c16"),  # prompt of E1-B
         ("cn0_dbhz", "f8"),
@@ -135,10 +136,10 @@ PERIOD = np.dtype(
 def track_channels(
     x, x_first, shift, secondary, replicas, lags, starts, slots, constants, states, pilots, totals, periods, banks, done
 ):
-    """Correlate all samples with the replicas of some channels, and close their loops.
+    """Correlate all samples with the replicas of some channels, and update the loops of the channels.
 
-    All channels process a piece of the samples before any channel goes to the next piece, because they share the
-    running sums of the samples.
+    All channels process a piece of the samples before any channel goes to the next piece, because the channels share
+    the running sums.
 
     Parameters
     ----------
@@ -151,11 +152,11 @@ def track_channels(
     secondary
         float64[channel, 25], the secondary codes of E1-C.
     replicas
-        float32[channel, 2, segment], `bank_replicas` of E1-C and E1-B.
+        float32[channel, 2, segment], replicas of E1-C and E1-B from `bank_replicas`.
     lags
         int64[channel, k], the positions of the correlators in samples.
     starts, slots
-        `bank_vectors` of the lags of each channel.
+        Vectors from `bank_vectors` for the lags of each channel.
     constants, states
         `CONSTANTS`[channel] and `CHANNEL_STATE`[channel]; the states are updated.
     pilots, totals
@@ -256,7 +257,7 @@ def _track_piece(
 
 @njit(cache=True, nogil=True)
 def _update(c, s, total):
-    """Close the loops with the bank of one integration."""
+    """Update the loops with the bank of one integration."""
     early, prompt, late = total[c.early], total[c.prompt], total[c.late]
     t = c.interval_s
     # the mean in-phase part contains no noise, but is no measure of the amplitude while the phase is not locked
@@ -270,7 +271,7 @@ def _update(c, s, total):
         if s.pulled_in > 0:
             cross = prompt.imag * s.last_re - prompt.real * s.last_im
             dot = prompt.real * s.last_re + prompt.imag * s.last_im
-            gain = 1.0 / (1.0 / c.fll + s.pulled_in)  # decreases, so that the whole pull-in is averaged
+            gain = 1.0 / (1.0 / c.fll + s.pulled_in)  # the gain decreases, so that the whole pull-in is averaged
             s.doppler_hz += gain * np.arctan2(cross, dot) / (2 * np.pi * t)
         s.pulled_in += 1
         if s.pulled_in == c.pull_in:
@@ -278,7 +279,7 @@ def _update(c, s, total):
             s.in_phase = s.amplitude / c.periods
             # the PLL starts without a phase error
             s.carrier_cycles += np.arctan2(prompt.imag, prompt.real) / (2 * np.pi)
-            # measurements during the pull-in, with the carrier still rotating, do not count
+            # measurements during the pull-in are not used, because the carrier still rotates
             s.noise, s.signal, s.mean_lock = 0.0, 0.0, 0.0
             s.sum_re, s.sum_im, s.sum_in_phase, s.summed = 0.0, 0.0, 0.0, 0
     else:
@@ -321,10 +322,10 @@ def _phase_error(kind, prompt, amplitude):
 
 @njit(cache=True, nogil=True)
 def _lock(c, s, prompt):
-    """Add a prompt to the sums of its secondary code; at the end determine C/N0, phase lock and loss of signal.
+    """Add a prompt to the sums of its secondary code; after 25 prompts compute C/N0, phase lock and loss of signal.
 
-    Return whether the carrier was turned by half a cycle at the end. A loop with the arctangent also locks half a cycle
-    away. Then the known secondary code has the wrong sign.
+    Return whether the carrier was then turned by half a cycle. A loop with the arctangent also locks half a cycle away
+    from the carrier. Then the prompts have the opposite sign of the known secondary code.
     """
     s.sum_re += prompt.real
     s.sum_im += prompt.imag
@@ -356,7 +357,7 @@ def _lock(c, s, prompt):
             s.slipped = 1 if unlocked else 0
             s.turned = 0
     elif s.summed == PERIODS_PER_SECONDARY:
-        s.bad += 1  # there is no power
+        s.bad += 1  # the prompts have no power
     if s.bad > c.patience:
         s.mode = LOST
     opposite = c.phase_kind == ARCTAN and s.mode == TRACKING and s.sum_re < -abs(s.sum_im)

@@ -32,9 +32,9 @@ class Observables:
     transmit_s
         Satellite time of transmission, in s after the transmission of the channel's code period 0.
     carrier_phase_cycles
-        Accumulated carrier phase in cycles; it grows when the range grows.
+        Accumulated carrier phase in cycles; the phase grows when the range grows.
     doppler_hz
-        Mean Doppler over `DOPPLER_SPAN_S` around the moment.
+        Mean Doppler in Hz over `DOPPLER_SPAN_S` around the moment.
     cn0_dbhz
         C/N0 of E1-C.
     """
@@ -60,7 +60,7 @@ class ChannelTrack:
     Attributes
     ----------
     zero
-        Time of transmission of code period 0, once a message has given it; None before.
+        Time of transmission of code period 0; None until a message has given this time.
     """
 
     def __init__(self, channel: Channel, sample_rate_hz: float, center_frequency_hz: float) -> None:
@@ -78,7 +78,7 @@ class ChannelTrack:
         return self.channel.svid
 
     def take(self, tracked: TrackedPeriods) -> list[ReceivedPage]:
-        """Store the tracked periods; return the pages that they complete."""
+        """Store the tracked periods; return the pages that the periods complete."""
         kept = np.searchsorted(self._past["first_sample"], self._oldest(tracked), side="left")
         past = np.empty(self._past.size - kept + tracked.periods.size, PERIOD)
         past[: self._past.size - kept], past[self._past.size - kept :] = self._past[kept:], tracked.periods
@@ -98,7 +98,7 @@ class ChannelTrack:
         return float(self.channel.first_sample) - DOPPLER_SPAN_S / 2 * self._rate_hz
 
     def newest(self) -> tuple[int, float] | None:
-        """Return the first sample of the newest code period and its time of transmission, locked or not.
+        """Return the first sample of the newest code period, and its time of transmission, even without lock.
 
         The time is in s after the transmission of the channel's code period 0. The result is None if no period was
         tracked yet.
@@ -117,8 +117,8 @@ class ChannelTrack:
         page
             A page of this channel.
         near
-            Time near the reception. Its error may be up to 2047 weeks if the word has a week number, otherwise up to
-            half a week.
+            Time near the reception. The error of this time may be up to 2047 weeks if the word has a week number,
+            otherwise up to half a week.
         """
         unplaced = InavPage(svid=self.svid, time=GalileoTime(near.week, 0), data=page.data)
         time = None if unplaced.is_alert else time_in_word(unplaced.word)

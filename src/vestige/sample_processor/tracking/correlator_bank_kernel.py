@@ -1,4 +1,4 @@
-"""Correlate samples with the replicas of E1-C and E1-B: the compiled inner loops of a tracking channel.
+"""The compiled inner loops of a tracking channel, which correlate samples with the replicas of E1-C and E1-B.
 
 Theory of operation
 -------------------
@@ -8,8 +8,8 @@ each segment, which is the difference of two running sums. The running sums are 
 work for a satellite grows with the number of edges, and not with the sampling rate.
 
 **Correlators at whole samples.** An early or late correlator has the same replica, moved by some samples. So the
-segments of this replica begin and end some samples later in the same running sums, and one vector reads two
-correlators.
+segments of this replica begin and end some samples earlier or later in the same running sums. A vector reads the sums
+of two correlators at once.
 
 **Carrier.** A segment has one carrier phase, the phase at its middle. With a residual frequency of 10 kHz the carrier
 turns by 0.005 cycles in half a chip. This rotation reduces the amplitude by (0.005 π)² / 6 = 4·10⁻⁵, which is 0.0004
@@ -32,12 +32,12 @@ from jaxtyping import Float32, Int8, Int64
 from vestige.kernel_cache import njit
 from vestige.sample_processor.tracking.correlator_bank_vectors import SUMS, VECTORS, bank_sums
 
-PIECE = 8192  # largest number of samples with common running sums: 64 kB, which the second-level cache holds
-_MARGIN = 64  # segments before and after the code period that a replica contains
+PIECE = 8192  # largest number of samples with common running sums: 64 kB, which fit the second-level cache
+_MARGIN = 64  # number of segments of a replica before the code period and after the code period
 _SEGMENTS = 1024  # largest number of segments in a piece; a power of two, as `_carrier` needs
-_PAD = 2  # places before and after the running sums; a vector reads at most one of them
+_PAD = 2  # number of elements before and after the running sums; a vector reads at most one of these elements
 _LOW, _HIGH = np.sqrt(10 / 11), np.sqrt(1 / 11)  # amplitudes of CBOC [OS-ICD, 2.3.3]
-REMOVED_STEPS = float(1 << 32)  # steps in a cycle of the frequency that is removed from all samples
+REMOVED_STEPS = float(1 << 32)  # number of phase steps in a cycle of the frequency that is removed from all samples
 
 
 def segments_in_half_chip(replica: str) -> int:
@@ -50,8 +50,8 @@ def bank_replicas(
 ) -> Float32[np.ndarray, "2 n"]:
     """Return the values of the replicas of E1-C and E1-B in each segment, continued beyond both ends of the period.
 
-    CBOC adds BOC(6,1) on E1-B and subtracts it on E1-C [OS-ICD, 2.3.3]. BOC(1,1) changes its sign from one half of a
-    chip to the other. BOC(6,1) has three cycles in each half.
+    CBOC adds BOC(6,1) on E1-B and subtracts BOC(6,1) on E1-C [OS-ICD, 2.3.3]. BOC(1,1) changes its sign in the middle
+    of a chip. BOC(6,1) has three cycles in each half of a chip.
     """
     n = segments_in_half_chip(replica)
     rows = []
@@ -66,7 +66,7 @@ def bank_replicas(
 def bank_vectors(lags: Int64[np.ndarray, " k"]) -> tuple[Int64[np.ndarray, " n"], Int64[np.ndarray, " k"]]:
     """Return the first sample of each vector of the passes of `bank_sums`, and the position of each lag in the sums.
 
-    A vector contains two samples; consecutive correlators share a vector. The first pass contains the lag 0 in
+    A vector contains two samples, and consecutive correlators share a vector. The first pass contains the lag 0 in
     `DATA_VECTOR`.
     """
     dense = bool(np.all(np.diff(lags) == 1))
@@ -129,7 +129,7 @@ def running_sums(x, first_sample, shift, work):
     shift
         Frequency that is removed, in 2⁻³² cycles per sample.
     work
-        `bank_workspace`; its running sums are filled.
+        Arrays from `bank_workspace`, whose running sums are filled.
     """
     running, _, carrier, _ = work
     re, im = np.float32(0.0), np.float32(0.0)
@@ -166,19 +166,20 @@ def add_to_bank(work, begin, count, replicas, phase, step, cycles, cycles_per_sa
     Parameters
     ----------
     work
-        `bank_workspace` with the running sums of a piece.
+        Arrays from `bank_workspace` with the running sums of a piece.
     begin, count
-        First sample, counted from the beginning of the piece, and number of samples, at most `piece_length`.
+        Number of the first sample, counted from the beginning of the piece, and number of samples, at most
+        `piece_length`.
     replicas
-        `bank_replicas`.
+        Replicas from `bank_replicas`.
     phase, step
-        Code phase of the first sample and its step, in segments; the phase is in the code period.
+        Code phase of the first sample, and its step per sample, in segments; the phase lies in the code period.
     cycles, cycles_per_sample
-        Carrier phase of the first sample and its step, in cycles, less the cycles of the removed frequency.
+        Carrier phase of the first sample, and its step per sample, in cycles, without the removed frequency.
     lags
         int64[k], the delay of the replica of each correlator in samples, in ascending order.
     starts, slots
-        `bank_vectors` of the lags.
+        Vectors from `bank_vectors` for the lags.
     bank
         complex128[k], to which the sums over the samples are added.
     """
@@ -194,7 +195,7 @@ def add_to_bank(work, begin, count, replicas, phase, step, cycles, cycles_per_sa
     per_segment = cycles_per_sample * samples_per_segment
     _carrier(per_segment, carrier)
     replica_at = low + _MARGIN
-    # segments that some correlator has only in part
+    # head and tail: segments that are incomplete for some correlator
     head, tail = 0, n
     while head < n and edges[head] - reach < zero:
         head += 1
@@ -233,7 +234,7 @@ def _sum_at(sums, slot):
 
 @njit(cache=True, nogil=True)
 def _lag_turn(cycles_per_sample, lag):
-    """Return the rotation of the carrier at a correlator: its samples come later by the lag."""
+    """Return the rotation of the carrier over a lag, because the samples of a correlator come later by the lag."""
     angle = -2 * np.pi * cycles_per_sample * lag
     return complex(np.cos(angle), np.sin(angle))
 

@@ -1,7 +1,7 @@
-"""Vector instructions for the correlator bank, written as LLVM code: products of running sums with two replicas.
+"""Compute the sums of the correlator bank with vector instructions, which are written as LLVM code.
 
-`vestige.sample_processor.tracking.correlator_bank_kernel` explains what is computed. The lanes of a vector are the real
-and imaginary parts at two consecutive samples, which are two correlators of a bank.
+`vestige.sample_processor.tracking.correlator_bank_kernel` explains the computation. A vector has four lanes: the real
+and imaginary parts of two correlators of the bank, which lie at consecutive samples.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -15,9 +15,9 @@ from numba.extending import intrinsic
 
 from vestige.vector_code import Lanes, splat
 
-VECTORS = 3  # vectors of a pass; each contains two consecutive samples
-DATA_VECTOR = 1  # the vector whose first sample gives the correlator of the data signal
-SUMS = 4 * 2 * (VECTORS + 1)  # numbers that a pass stores
+VECTORS = 3  # number of vectors of the pilot; each vector contains two consecutive samples
+DATA_VECTOR = 1  # index of the vector whose first sample gives the correlator of the data signal
+SUMS = 4 * 2 * (VECTORS + 1)  # count of the numbers that `bank_sums` stores
 _INDEX = ir.IntType(64)
 _VECTOR = ir.VectorType(ir.FloatType(), 4)
 _FLAGS = ("contract",)  # LLVM may fuse a product and a sum into a single instruction
@@ -27,11 +27,12 @@ _FLAGS = ("contract",)  # LLVM may fuse a product and a sum into a single instru
 def bank_sums(typing_context, running, edges, replicas, replica_at, carrier, first, end, starts, starts_at, out):
     """Store the sums over the segments j = first … end − 1 of the pilot's and the data signal's replica.
 
-    Segment j has D(l) = running[edges[j + 1] + l] − running[edges[j] + l], where `running` contains pairs of a real and
-    an imaginary part. Vector v contains D at l = starts[starts_at + v] and at l + 1. The replicas have the values
-    replicas[0, replica_at + j] (pilot) and replicas[1, replica_at + j] (data signal). The carrier has the cosine
-    carrier[0, j] and the sine carrier[1, j]. `out` gets four numbers for each vector of the pilot and for `DATA_VECTOR`
-    of the data signal. All sums with the cosine come first, then all sums with the sine.
+    The samples of segment j, moved by l samples, have the sum D(l) = running[edges[j + 1] + l] − running[edges[j] + l].
+    `running` contains the running sums as pairs of a real and an imaginary part. Vector v contains D at l =
+    starts[starts_at + v] and at l + 1. In segment j, the replicas have the values replicas[0, replica_at + j] (pilot)
+    and replicas[1, replica_at + j] (data signal). The carrier has the cosine carrier[0, j] and the sine carrier[1, j].
+    `out` gets four numbers for each vector of the pilot and for `DATA_VECTOR` of the data signal. All sums with the
+    cosine come first, then all sums with the sine.
     """
 
     def codegen(context, builder, signature, arguments):

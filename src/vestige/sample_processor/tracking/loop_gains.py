@@ -1,21 +1,22 @@
-"""Gains of a digital tracking loop that has exactly the requested noise bandwidth.
+"""Compute the gains of a digital tracking loop that has exactly the requested noise bandwidth.
 
 Theory of operation
 -------------------
-The loop measures the error e_k of phase k (code or carrier) over an integration time T. The loop then sets the rate of
-its oscillator for the next integration:
+In integration k, of length T, the loop measures the phase error e_k of the code or the carrier. The loop then sets the
+rate of its oscillator for the next integration:
 
     a_{k+1} = a_k + γ₃ e_k / T²        order 3
     f_{k+1} = f_k + a_{k+1} T + γ₂ e_k / T        order 2 and 3
     r_{k+1} = f_{k+1} + γ₁ e_k / T        rate of the oscillator
 
 The correlator measures the oscillator's phase at the middle of an integration: φ_{k+1} = φ_k + T (r_k + r_{k+1})/2. The
-noise n_k is white from one integration to the next. With φ = Σ h_j n_{k−j}, the one-sided noise bandwidth is B = Σ h_j²
-/ (2T), so that σ_φ² = 2 B T σ_n² is exact.
+noise n_k of the measured phase is independent from one integration to the next. With the impulse response h_j of the
+loop, the noise of φ is Σ h_j n_{k−j}. The one-sided noise bandwidth is B = Σ h_j² / (2T), so that σ_φ² = 2 B T σ_n² is
+exact.
 
-The gains are γ₁ = b₁ x, γ₂ = b₂ x², γ₃ = x³ with x = ω T: damping 1/√2 for order 2, and (b₁, b₂) = (2.4, 1.1) for order
-3 [KAPLAN06, Table 5.6]. The textbook gives B as a function of ω for T → 0. Here ω is chosen so that the digital loop
-with its delay has the requested B.
+The gains are γ₁ = b₁ x, γ₂ = b₂ x², γ₃ = x³ with x = ω T and the natural frequency ω. A loop of order 2 has the damping
+1/√2. A loop of order 3 has (b₁, b₂) = (2.4, 1.1) [KAPLAN06, Table 5.6]. The textbook gives B as a function of ω for T →
+0. This module chooses ω so that the digital loop with its delay has the requested B.
 """
 
 from __future__ import annotations
@@ -48,14 +49,14 @@ def noise_bandwidth_hz(gains: tuple[float, float, float], interval_s: float) -> 
         Integration time T in s.
     """
     g1, g2, g3 = gains
-    # State (φ, r, f, a), all in units of T. Each step is φ' = φ + (r + r')/2 with e = n − φ.
+    # The state is (φ, r, f, a), with T as the unit of time. Each step is φ' = φ + (r + r')/2 with e = n − φ.
     e = np.array([-1.0, 0.0, 0.0, 0.0])
     rate_rate = np.array([0.0, 0.0, 0.0, 1.0]) + g3 * e
     frequency = np.array([0.0, 0.0, 1.0, 0.0]) + rate_rate + g2 * e
     rate = frequency + g1 * e
     phase = np.array([1.0, 0.5, 0.0, 0.0]) + rate / 2
     step = np.stack((phase, rate, frequency, rate_rate))
-    kept = [0, 1] + [2] * (g2 > 0) + [3] * (g3 > 0)  # without the integrators that a lower order does not have
+    kept = [0, 1] + [2] * (g2 > 0) + [3] * (g3 > 0)  # indices of the states that a loop of this order has
     noise = np.array([(g1 + g2 + g3) / 2, g1 + g2 + g3, g2 + g3, g3])[kept]
     step = step[np.ix_(kept, kept)]
     if np.max(np.abs(np.linalg.eigvals(step))) >= 1.0:
@@ -100,5 +101,5 @@ def loop_gains(order: int, bandwidth_hz: float, interval_s: float) -> tuple[floa
             f"tracking: a loop of order {order} with {bandwidth_hz:g} Hz cannot be updated every "
             f"{1e3 * interval_s:g} ms; take a smaller bandwidth or a shorter integration time"
         )
-    smallest = 0.1 * bandwidth_hz * interval_s  # T → 0: x is 1.3 to 4 times B T
+    smallest = 0.1 * bandwidth_hz * interval_s  # for small T, x is 1.3 to 4 times B T
     return gains_of(order, float(optimize.brentq(misfit, smallest, largest, xtol=1e-15)))

@@ -1,12 +1,12 @@
-"""Satellites that a tracking receiver should look for: the satellites above its horizon, by the almanac.
+"""Choose the satellite that a tracking receiver searches next, from the elevations that the almanac gives.
 
-Every satellite sends the almanac of all satellites in words 7 to 10, three satellites a minute [OS-ICD, 5.1.10]. With
-the ranges of four satellites, coarse orbits give the position to some kilometres, and elevations to a tenth of a
-degree. So within seconds the receiver finds a satellite that has risen. A search of all satellites in turn may take
-minutes.
+Every satellite sends the almanac of all satellites in words 7 to 10, three satellites a minute [OS-ICD, 5.1.10]. From
+the almanac's coarse orbits and the ranges of four satellites, the receiver computes its position to some kilometres.
+This position gives elevations to a tenth of a degree. So within seconds the receiver finds a satellite that has risen.
+A search of all satellites in turn may take minutes.
 
-The almanac only decides which satellites are tried first. A message may be forged, and an almanac may be old, so every
-fourth search is for another satellite. No verdict depends on the almanac.
+The almanac only decides which satellites are tried first. A message may be forged, and an almanac may be old. So every
+fourth search is for a satellite that is not known to be above the horizon. No verdict depends on the almanac.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ class Outlook:
     Attributes
     ----------
     position_m
-        ECEF position to some kilometres; None while it is unknown.
+        ECEF position in m, correct to some kilometres; None while the position is unknown.
     """
 
     def __init__(self) -> None:
         self.position_m: Float[np.ndarray, " 3"] | None = None
-        self._words: dict[int, tuple[int, dict[int, int]]] = {}  # satellite: minute, and words of the almanac in it
+        self._words: dict[int, tuple[int, dict[int, int]]] = {}  # minute and almanac words of that minute, by satellite
         self._orbits: dict[int, Ephemeris] = {}
-        self._searched: dict[int, int] = {}  # satellite: number of its last search
+        self._searched: dict[int, int] = {}  # number of the last search, by satellite
         self._n_searches = 0
         self._above: set[int] = set()
         self._looked_at: GalileoTime | None = None
@@ -57,7 +57,7 @@ class Outlook:
         return frozenset(self._orbits)
 
     def take(self, page: InavPage) -> None:
-        """Take the next page with a good checksum."""
+        """Store the almanac words of the next page, which must have a good checksum."""
         kind = word_type(page.word)
         if page.is_alert or kind not in ALMANAC_WORDS:
             return
@@ -68,14 +68,14 @@ class Outlook:
         self._words[page.svid] = minute, words
         try:
             found = AlmanacSet.from_words(words, page.time)
-        except ValueError:  # a time of the almanac that lies in no week
+        except ValueError:  # the almanac's reference time is after the end of a week
             return
         for entry in () if found is None else found.entries:
             if found is not None and 1 <= entry.svid <= MAX_SVID:
                 self._orbits[entry.svid] = entry.ephemeris(found.t0a)
 
     def locate(self, epoch: ObservationEpoch) -> None:
-        """Compute the position from an epoch; no effect if fewer than four of its satellites are in the almanac."""
+        """Compute the position from the ranges of an epoch, if the almanac has at least four of the satellites."""
         svids = sorted(self.known & set(epoch.observations))
         if len(svids) < UNKNOWNS:
             return
@@ -97,8 +97,8 @@ class Outlook:
     def next_search(self, unseen: Collection[int], time: GalileoTime) -> int | None:
         """Return the satellite to look for next; None if all satellites are tracked.
 
-        Three of four searches are for satellites above `HORIZON_DEG`, as long as there are any. The satellite with the
-        oldest search comes first.
+        Three of four searches are for satellites above `HORIZON_DEG`, if any of these satellites is untracked. In each
+        of the two groups, the satellite with the oldest search comes first.
 
         Parameters
         ----------

@@ -1,8 +1,8 @@
-"""Decoder from the E1-B prompts of a tracking channel to I/NAV pages.
+"""Decode the I/NAV pages of a satellite from the E1-B prompts of its tracking channel.
 
-A code period of E1-B is a symbol, so the code loop gives the clock of the symbols. A half-page begins with a period of
-the secondary code of E1-C, because both begin with the Galileo second. So of the 500 positions at which a page may
-begin, 20 remain. At each position, the sign of the symbols follows from the synchronisation pattern. The checksum tells
+Each code period of E1-B carries one symbol, so the code loop also gives the clock of the symbols. Every Galileo second
+begins with a half-page and with a period of the secondary code of E1-C. So a page can begin at only 20 of 500
+positions. At each position, the sign of the symbols follows from the synchronisation pattern. The checksum tells
 whether the position is right [OS-ICD, 4.3.2]. After that, pages are read every 500 symbols, until `LOST_PAGES` in a row
 have a bad checksum.
 """
@@ -19,17 +19,17 @@ from vestige.navigation.inav.page import InavPage
 from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 from vestige.time import GalileoTime
 
-LOST_PAGES = 15  # without a good page in 30 s the position of the pages is searched again
+LOST_PAGES = 15  # after 30 s without a good page, the position of the pages is searched again
 _PATTERN = 1.0 - 2.0 * np.array(SYNC_PATTERN, np.float64)
-_MAX_SYNC_ERRORS = 3  # errors in both patterns of a page, 20 symbols; pages with more errors are not decoded
-_ANY_TIME = GalileoTime(0, 1)  # start of a page whose time is not known yet
+_MAX_SYNC_ERRORS = 3  # largest number of wrong symbols in the two patterns (20 symbols) of a decoded page
+_ANY_TIME = GalileoTime(0, 1)  # placeholder for the start of a page whose time is not known yet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedPage:
     """A page with a good checksum."""
 
-    period: int  # number of the code period, in its channel, with which the page begins
+    period: int  # number of the channel's code period at which the page begins
     data: bytes  # 30 bytes, the even half first
 
 
@@ -42,19 +42,20 @@ class PageSync:
     svid
         SVID of the satellite.
     tried, good
-        Pages decoded since the position of the pages is known, and pages with a good checksum among them.
+        Number of pages decoded since the position of the pages is known, and number of these pages with a good
+        checksum.
     """
 
     svid: int
     tried: int = 0
     good: int = 0
     _soft: Float[np.ndarray, " n"] = field(default_factory=lambda: np.empty(0))
-    _first: int = 0  # number of the period of the first kept symbol
-    _place: int | None = None  # period with which the next page begins, once it is known
-    _bad: int = 0  # pages in a row without a good checksum
+    _first: int = 0  # number of the code period of the first kept symbol
+    _place: int | None = None  # number of the code period at which the next page begins; None if unknown
+    _bad: int = 0  # number of consecutive pages with a bad checksum
 
     def take(self, numbers: Int64[np.ndarray, " n"], prompts: Complex[np.ndarray, " n"]) -> list[ReceivedPage]:
-        """Return the pages that some prompts complete.
+        """Return the pages that are complete with the next prompts.
 
         Parameters
         ----------
@@ -107,7 +108,7 @@ class PageSync:
         self._first = until
 
     def _decode(self, at: int) -> bytes:
-        """Return the page that begins with a period; empty if its checksum is bad."""
+        """Return the data of the page that begins at a code period; empty if the checksum is bad."""
         soft = self._soft[at - self._first : at - self._first + PAGE_SYMBOLS]
         signs = np.sign(soft.reshape(2, HALF_SYMBOLS)[:, : _PATTERN.size]) * _PATTERN
         if abs(signs.sum()) < signs.size - 2 * _MAX_SYNC_ERRORS:

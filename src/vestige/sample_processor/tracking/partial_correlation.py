@@ -1,8 +1,9 @@
 """Detect replayed E1-B symbols from correlations over their beginnings.
 
-An attacker who replays E1-B without delay has to estimate each unpredictable symbol while it arrives. So the beginning
-of the symbol is wrong more often than its rest [SECO-GRANADOS20]. A receiver that tracks E1-B correlates both parts,
-wipes them with the decoded symbol, and compares the beginnings with one of two references.
+An attacker who replays E1-B without delay has to estimate each unpredictable symbol while the symbol arrives. So the
+beginning of a symbol is wrong more often than its rest [SECO-GRANADOS20]. A receiver that tracks E1-B correlates the
+beginning and the rest of each symbol. The receiver removes the sign of the decoded symbol, and compares the beginnings
+with one of two references.
 
 **The later parts of the same symbols** (`symbol_replay_test`). Let the signal have the amplitude 1 and C/N0 = c. The
 mean over a part of w seconds then has noise of variance 1/(2 c w) per dimension. For n unpredictable symbols b_k, with
@@ -11,21 +12,22 @@ the carrier in phase, the test uses
     d_k = b_k Re(later_k − first_k)        T = √n mean(d) / std(d)
 
 Without an attack d_k is Gaussian of mean 0. So T has Student's distribution with n − 1 degrees of freedom, for any C/N0
-and signal strength. The test raises an alarm if T > t, where P(T > t) = P_fa. A narrow filter of the front end violates
-this assumption. The filter affects the first chips of a symbol differently from the average chip. So the mean of d_k is
-not 0.
+and signal strength. The test raises an alarm if T > t, where P(T > t) = P_fa. A narrow filter of the front end affects
+the first chips of a symbol differently from the average chip. With such a filter the mean of d_k is not 0, and the
+threshold is not exact.
 
-**The beginnings of predictable symbols** (`predictable_reference_test`). The attacker knows these symbols in time. The
-filter has the same effect on predictable symbols, so this effect cancels. `vestige.theory.scer.partial_correlations`
-has the metrics of this test, the thresholds, and the detection probabilities of both tests.
+**The beginnings of predictable symbols** (`predictable_reference_test`). The attacker knows predictable symbols in
+time, so their beginnings are as strong as the rest. The filter has the same effect on predictable and unpredictable
+symbols, so the effect cancels. `vestige.theory.scer.partial_correlations` has the metrics of this test, the thresholds,
+and the detection probabilities of both tests.
 
-**Unpredictable symbols** are symbols that nobody can predict; an attacker knows all other symbols.
-`unpredictable_symbols` returns the unpredictable symbols of an I/NAV page: 32 of 500 in a page, or 480 in an OSNMA
-subframe of 30 s.
+**Unpredictable symbols** are symbols that nobody can know before reception. An attacker knows all other symbols.
+`unpredictable_symbols` returns the 32 unpredictable symbols among the 500 symbols of an I/NAV page. An OSNMA subframe
+of 30 s has 480 unpredictable symbols.
 
-**Limit of these tests**: they cannot detect a spoofing signal whose delay is longer than an attacker needs to learn a
-symbol. The same test on chips of E6-C is not possible. The attacker estimates a whole chip of 195 ns and transmits the
-estimate when the chip is over. So all parts of a transmitted chip are equally good.
+**Limit of the tests**: the tests cannot detect a spoofing signal whose delay gives the attacker enough time to learn a
+symbol. The same tests on chips of E6-C are not possible. The attacker estimates a whole chip of 195 ns and transmits
+the estimate when the chip is over. So all parts of a transmitted chip are equally good.
 """
 
 from __future__ import annotations
@@ -46,7 +48,7 @@ from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.theory.scer.partial_correlations import FIRST_CHIPS, ReferenceMetric, metric_threshold, metric_value
 
-MIN_SYMBOLS = 10  # symbols of a test; fewer symbols cannot give their own scatter
+MIN_SYMBOLS = 10  # smallest number of symbols in a test; fewer symbols do not give a reliable standard deviation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +60,7 @@ class PartialPrompts:
     numbers
         Numbers of the code periods, counted by the channel.
     first, later
-        Correlation of the first chips and of the rest of the period, for each sample.
+        Correlation of the first chips, and of the rest of the period, divided by the number of samples.
     """
 
     numbers: Int64[np.ndarray, " n"]
@@ -68,7 +70,10 @@ class PartialPrompts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SymbolReplayTest:
-    """Result of the test: a replay if `statistic` exceeds `threshold`; `n_symbols` unpredictable symbols were used."""
+    """Result of a test for replayed symbols; the test fails if `statistic` exceeds `threshold`.
+
+    `n_symbols` is the number of unpredictable symbols in the test.
+    """
 
     statistic: float
     threshold: float
@@ -76,7 +81,7 @@ class SymbolReplayTest:
 
     @property
     def failed(self) -> bool:
-        """Whether the beginnings of the symbols are weaker than by chance."""
+        """Whether the beginnings of the symbols are too weak for a signal without replay."""
         return self.statistic > self.threshold
 
 
@@ -160,10 +165,10 @@ def symbol_replay_test(
     Parameters
     ----------
     first, later
-        Mean correlations of the two parts of each symbol, the carrier in phase (`PartialPrompts`).
+        Mean correlations of the two parts of each symbol, with the carrier in phase (`PartialPrompts`).
     symbols
-        The symbols, ±1, as in a page with a good checksum; a wrong sign of all symbols together does not matter. None
-        takes the sign of the later part, which is right from an E1-B C/N0 of 33 dBHz on.
+        The symbols, ±1, as in a page with a good checksum; a wrong sign of all symbols together does not matter. With
+        None, the test uses the sign of the later part. This sign is reliable if the C/N0 of E1-B is 33 dBHz or more.
     p_fa
         False-alarm probability.
 
@@ -205,7 +210,8 @@ def predictable_reference_test(
     Parameters
     ----------
     first, later, symbols
-        The same as for `symbol_replay_test`, for symbols of both kinds. The later parts give the amplitude.
+        Correlations and symbols as in `symbol_replay_test`, for predictable and unpredictable symbols. The later parts
+        give the amplitude.
     unpredictable
         Symbols that nobody can predict.
     metric
@@ -217,7 +223,7 @@ def predictable_reference_test(
     Raises
     ------
     ValueError
-        If there are fewer than `MIN_SYMBOLS` symbols of either kind.
+        If there are fewer than `MIN_SYMBOLS` predictable or unpredictable symbols.
 
     Examples
     --------
@@ -244,7 +250,7 @@ def predictable_reference_test(
 
 
 def _signs(later: Complex128[np.ndarray, " n"], symbols: Float[np.ndarray, " n"] | None) -> Float[np.ndarray, " n"]:
-    """Return the symbols with the sign of the later parts."""
+    """Return the symbols, with their common sign taken from the later parts."""
     return np.sign(later.real) if symbols is None else symbols * np.sign(np.sum(symbols * later.real))
 
 
@@ -252,11 +258,11 @@ def _signs(later: Complex128[np.ndarray, " n"], symbols: Float[np.ndarray, " n"]
 def unpredictable_symbols() -> Bool[np.ndarray, " 500"]:
     """Return which symbols of an I/NAV page nobody can predict, in the order of transmission.
 
-    The 32 bits of a page's MACK message are taken as unknown, and all other bits as known. Every symbol that depends on
-    unknown bits is a sum of some of them, because the code and the checksum are linear. A symbol may follow from sums
-    of earlier symbols. An attacker who has received the earlier symbols then knows this symbol, so there are as many
-    unpredictable symbols as unknown bits. Some bits of the MACK message do not change between subframes (the header of
-    each tag), so fewer symbols are really unpredictable.
+    The 32 bits of a page's MACK message are taken as unknown, and all other bits as known. The code and the checksum
+    are linear. So every symbol that depends on unknown bits is a sum of some of these bits. A symbol may follow from
+    sums of earlier symbols. An attacker who has received the earlier symbols then knows the later symbol. So there are
+    as many unpredictable symbols as unknown bits. Some bits of the MACK message, such as the header of each tag, do not
+    change between subframes. So the true number of unpredictable symbols is smaller.
 
     Examples
     --------
@@ -266,7 +272,7 @@ def unpredictable_symbols() -> Bool[np.ndarray, " 500"]:
     """
     plain = page_symbols(encode_page(0))
     depends = [page_symbols(encode_page(0, osnma=(1 << bit).to_bytes(OSNMA_BYTES, "big"))) ^ plain for bit in range(32)]
-    basis: dict[int, int] = {}  # known sums, by their highest bit
+    basis: dict[int, int] = {}  # sums of unknown bits that the attacker has learned, by their highest bit
     found = np.zeros(plain.size, np.bool_)
     for place, column in enumerate(np.array(depends).T):
         rest = sum(int(one) << bit for bit, one in enumerate(column))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from vestige.errors import VestigeError
 
-PERIODS_PER_SECONDARY = 25  # code periods of E1-C in a period of its secondary code [OS-ICD, 3.5]
+PERIODS_PER_SECONDARY = 25  # number of code periods of E1-C in a period of its secondary code [OS-ICD, 3.5]
 REPLICAS = ("BOC(1,1)", "CBOC")
 PLL_DISCRIMINATORS = ("normalized quadrature", "arctan2", "arctan")
 DLL_DISCRIMINATORS = ("early-minus-late power", "dot product")
@@ -32,15 +32,15 @@ class TrackingSettings:
     pll_discriminator
         Measure of the phase error, from the in-phase part I and the quadrature part Q of the prompt. `normalized
         quadrature` is Q/A with the smoothed amplitude A, linear in the noise. `arctan2` is the angle of the prompt,
-        linear up to half a cycle. `arctan` is arctan(Q/I), which ignores a sign, so half a cycle is no error.
+        linear up to half a cycle. `arctan` is arctan(Q/I), which does not see a phase error of half a cycle.
     dll_discriminator
         Measure of the code error, from the early, prompt and late correlators. `early-minus-late power` is |L|² − |E|².
-        `dot product` is Re((L − E) P*), which loses less to noise because the prompt is stronger.
+        `dot product` is Re((L − E) P*), which is less noisy because the prompt is stronger.
     integration_periods
-        Code periods of 4 ms that are added coherently before the loops are updated: 1 or 5.
+        Number of code periods of 4 ms that are added coherently before the loops are updated, 1 or 5.
     early_late_chips
-        Requested distance from the early to the late correlator in chips. Correlators lie at whole samples from the
-        prompt, so the nearest possible distance is used.
+        Requested distance from the early to the late correlator in chips. The distance of a correlator from the prompt
+        is a whole number of samples, so the nearest possible distance is used.
     n_correlators
         Number of correlators in the bank, 5 to 11 and odd. The correlators are spaced around the prompt by half of the
         early-late distance.
@@ -49,11 +49,11 @@ class TrackingSettings:
     pull_in_s
         Time for which the FLL runs before the PLL takes over.
     min_cn0_dbhz, min_phase_lock
-        Lower limits of C/N0 and phase lock (mean of cos 2φ, over about 0.3 s). A channel that stays below a limit for
-        `patience_s` is lost.
+        Lower limits of C/N0 and phase lock (mean of cos 2φ, over about 0.3 s). A channel that stays below one of the
+        two limits for `patience_s` is lost.
     slip_phase_lock
-        Lower limit of the phase lock of 100 ms for observations; the first phase after a lower value is flagged as
-        slipped.
+        Lower limit of the phase lock, averaged over 100 ms, for observations. The first carrier phase after a lower
+        value is flagged as slipped.
     """
 
     pll_bandwidth_hz: float = 15.0

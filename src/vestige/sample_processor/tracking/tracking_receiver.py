@@ -1,15 +1,15 @@
-"""A receiver of E1: it acquires satellites in a stream of samples, tracks them, and reads their message.
+"""Acquire satellites in a stream of E1 samples, track the satellites, and read their messages.
 
-Samples are given in consecutive stretches; the result does not depend on the lengths of the stretches. The receiver
-looks for all satellites at the beginning. Then the receiver looks for an untracked satellite every 5 s. Satellites
-above the horizon by the almanac of the message come first (`outlook.py`). Lost satellites are searched every second for
-two minutes, around their last Doppler. Observables are computed `epochs_per_s` times a second at whole fractions of a
-second of the receiver's clock.
+Samples are given in consecutive stretches. The result does not depend on the lengths of the stretches. The receiver
+looks for all satellites at the beginning. After that, the receiver looks for an untracked satellite every 5 s.
+Satellites above the horizon by the almanac of the message come first (`outlook.py`). Lost satellites are searched every
+second for two minutes, around their last Doppler. Observables are computed `epochs_per_s` times a second at whole
+fractions of a second of the receiver's clock.
 
-The time of transmission becomes known in steps. The secondary code gives this time modulo 100 ms; the message gives it
-completely, after up to 30 s. Until a message of some satellite has given the time, the receiver's clock resolves the
-ambiguity (`time_tag_error_s`). After that the median of the satellites with a known time resolves the ambiguity of all
-other satellites, because the travel times differ by less than 25 ms.
+The time of transmission becomes known in steps. The secondary code gives the time of transmission modulo 100 ms. The
+message gives the complete time after up to 30 s. Until a message of some satellite has given the time, the receiver's
+clock resolves the ambiguity (`time_tag_error_s`). After that, the median of the satellites with a known time resolves
+the ambiguity of all other satellites. The median is close enough, because the travel times differ by less than 25 ms.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ from vestige.signals.definitions import E1C
 from vestige.time import GalileoTime
 
 EPOCHS_PER_S = 10
-# duration of samples between two looks at the loops; longer batches would need new memory each time
+# duration in s of the samples that are tracked in one call; longer stretches would need new memory in each call
 TRACKED_STRETCH_S = 0.2
-_SEARCHED_PERIODS = 8  # code periods in which satellites are searched: enough for 30 dBHz
-_LOST_EVERY = 5  # stretches from one search for lost satellites to the next
-_LARGEST_SAMPLE = 1e12  # the power of a second of such samples is far below the largest float32
+_SEARCHED_PERIODS = 8  # number of code periods in which satellites are searched; 8 periods are enough for 30 dBHz
+_LOST_EVERY = 5  # number of stretches from a search for lost satellites to the next search
+_LARGEST_SAMPLE = 1e12  # the sum of the squares of a second of such samples is far below the largest float32
 _FORGOTTEN_S = 120.0  # time after which a lost satellite counts as untracked, because its Doppler has changed
-_MAX_WAITING = 60  # pages of a satellite that wait for the time: two minutes
+_MAX_WAITING = 60  # number of pages of a satellite that wait for the time, sent in two minutes
 _LOST_SPAN_HZ = 500.0  # half width of the search around the last Doppler of a lost satellite, in 100 ms of samples
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackedStretch:
-    """Products of tracking some samples: observations, and the pages whose time is known."""
+    """Results of a tracked stretch of samples: observations, and the pages whose time is known."""
 
     epochs: list[ObservationEpoch]
     pages: list[InavPage]
@@ -77,7 +77,7 @@ class TrackingReceiver:
     search_every_s
         Time between two searches for an untracked satellite.
     outlook
-        Almanac of the message and the position that follows from it.
+        Choice of the next searched satellite, from the almanac of the message and the position of the receiver.
     """
 
     svids: tuple[int, ...] = tuple(range(1, MAX_SVID + 1))
@@ -91,16 +91,16 @@ class TrackingReceiver:
     tracks: dict[int, ChannelTrack] = field(default_factory=dict)
     time_is_told: bool = False  # whether a message has given the time
     _stretch: int = 0
-    _end_sample: int | None = None  # number of the last sample plus 1
+    _end_sample: int | None = None  # number of the last tracked sample plus 1
     _origin: tuple[int, GalileoTime] | None = None  # number and time of the first sample
-    _next_epoch: int | None = None  # in 1/epochs_per_s since the GST epoch
+    _next_epoch: int | None = None  # number of the next epoch, in units of 1/`epochs_per_s` since the GST epoch
     _waiting: dict[int, list[ReceivedPage]] = field(default_factory=dict)  # pages without a time
     _seen: set[int] = field(default_factory=set)  # satellites in the previous epoch
     _lost_at: dict[int, int] = field(default_factory=dict)  # stretch in which each satellite was first found to be lost
     _last_epoch: ObservationEpoch | None = None
 
     def run(self, batches: Iterable[SampleBatch]) -> Iterator[TrackedStretch]:
-        """Yield the results of each stretch of samples, `TRACKED_STRETCH_S` long; the last stretch is shorter.
+        """Yield the results of each stretch of samples, `TRACKED_STRETCH_S` long; the last stretch may be shorter.
 
         Parameters
         ----------
@@ -120,14 +120,14 @@ class TrackingReceiver:
         piece
             Samples of E1, `TRACKED_STRETCH_S` long. A stretch before an end or a gap may be shorter.
         pool
-            Executor that runs channels in parallel; None to run them one after the other.
+            Executor that runs channels in parallel; None to run channels one after the other.
         """
         if self._end_sample is not None and piece.first_sample != self._end_sample:
             self._start_anew()
         self._end_sample = piece.first_sample + piece.samples.size
         self._origin = self._origin or (piece.first_sample, piece.start)
         first, start = self._origin
-        # from the first sample, so that the time has the same bits for any cut of the samples
+        # `start` is computed from the first sample, so that `start` has the same bits for any division of the samples
         start = start + (piece.first_sample - first) / piece.sample_rate_hz
         samples, power = _usable(piece.samples)
         batch = replace(piece, samples=samples, start=start)
@@ -139,7 +139,7 @@ class TrackingReceiver:
     def _start_anew(self) -> None:
         """Forget the channels, because the next samples are not connected to the previous samples.
 
-        The known error of the time tag is kept, because it is the best estimate. But pages and ranges wait until a
+        The known error of the time tag is kept, because there is no better estimate. Pages and ranges wait until a
         message gives the time again.
         """
         self.tracks.clear()
@@ -200,7 +200,7 @@ class TrackingReceiver:
             self._waiting.pop(measured.svid, None)
 
     def _forget_lost(self) -> None:
-        """Forget the satellites that were lost long ago; they are then searched like satellites never seen."""
+        """Forget the satellites that were lost long ago, so that they are searched like satellites never seen."""
         lost = {svid for svid, track in self.tracks.items() if track.channel.lost}
         self._lost_at = {svid: self._lost_at.get(svid, self._stretch) for svid in sorted(lost)}
         for svid, stretch in tuple(self._lost_at.items()):
@@ -253,7 +253,7 @@ class TrackingReceiver:
         return GalileoTime.normalized(near.week, near.second, round(near.fraction / SECONDARY_PERIOD_S) / 10)
 
     def _epochs(self, whole: SampleBatch, power: float) -> list[ObservationEpoch]:
-        """Return the epochs up to which all channels have been tracked."""
+        """Return the new epochs that lie in the samples that all channels have tracked."""
         alive = self._alive()
         step = 1.0 / self.epochs_per_s
         reach = min((track.reach for track in alive), default=float(whole.first_sample + whole.samples.size))
@@ -278,7 +278,7 @@ class TrackingReceiver:
         at = np.array(places)
         rows = {track.svid: (self._zero(track, whole), track.observables(at)) for track in self.tracks.values()}
         epochs = [self._epoch(number, row, rows) for row, number in enumerate(numbers)]
-        # the noise of a sum over 100 ms of samples, per dimension, if the samples are noise
+        # standard deviation, per dimension, of a sum over 100 ms of samples that are only noise
         sigma = math.sqrt(max(power, 1e-30) / 2 * SECONDARY_PERIOD_S * whole.sample_rate_hz)
         chips = tuple(self._tap_chips(whole.sample_rate_hz))
         return [
@@ -331,13 +331,13 @@ def _usable(samples: Complex64[np.ndarray, " n"]) -> tuple[Complex64[np.ndarray,
 
 
 def recut(batches: Iterable[SampleBatch], duration_s: float) -> Iterator[SampleBatch]:
-    """Yield the same samples in pieces of one length; the last piece before the end or a gap is shorter.
+    """Yield the same samples in pieces of equal length; the last piece before the end or a gap may be shorter.
 
     Parameters
     ----------
     batches
-        Samples in their original order. There is a gap if the first number of a piece does not follow the previous
-        piece.
+        Samples in their original order. There is a gap if the number of a piece's first sample does not follow the last
+        number of the previous piece.
     duration_s
         Length of a piece in s.
     """

@@ -1,1 +1,1 @@
-"""Tables of the broadcast of a sky's satellites, and of its delay in the atmosphere."""
+"""Scenario tables for the broadcast of the satellites, and for its delay in the atmosphere."""

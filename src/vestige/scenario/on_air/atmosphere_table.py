@@ -1,4 +1,4 @@
-"""The table `[atmosphere]` of a sky: troposphere and broadcast ionosphere, both off by default."""
+"""The table `[atmosphere]` of a scenario: troposphere and broadcast ionosphere, both off by default."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ class NtcmIonosphereTable(Section):
     Attributes
     ----------
     ai0_sfu, ai1_sfu_per_deg, ai2_sfu_per_deg2
-        Coefficients of the effective ionisation level in solar flux units over the modified dip latitude in degrees.
+        Coefficients of the effective ionisation level in solar flux units, as a polynomial of the modified dip latitude
+        in degrees.
     """
 
     kind: Literal["ntcm-g"]
@@ -27,22 +28,22 @@ class NtcmIonosphereTable(Section):
     ai2_sfu_per_deg2: Annotated[float, Field(ge=-0.25, le=0.2499)] = 0.0
 
     def model(self) -> BroadcastIonosphere:
-        """Return the model with the coefficients as the satellites send them."""
+        """Return the model with the coefficients that the satellites send."""
         return BroadcastIonosphere(
             ai0_sfu=self.ai0_sfu, ai1_sfu_per_deg=self.ai1_sfu_per_deg, ai2_sfu_per_deg2=self.ai2_sfu_per_deg2
         ).as_sent()
 
 
 class AtmosphereTable(Section):
-    """Models of the atmosphere that delays the signals of a sky; a model that is left out has no effect.
+    """Models of the atmosphere, which delays the signals; a model that is left out has no effect.
 
     Attributes
     ----------
     troposphere
-        Delay of the troposphere, the same on both bands.
+        Model of the tropospheric delay, which is the same on E1 and E6.
     ionosphere
-        Delay of the ionosphere that the message's coefficients describe, in addition to the residual of
-        `receiver.ionosphere`.
+        Model of the ionospheric delay that the coefficients in the message describe. The residual delay of
+        `receiver.ionosphere` is added.
     """
 
     troposphere: SaastamoinenTroposphere | None = None

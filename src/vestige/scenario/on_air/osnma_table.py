@@ -1,4 +1,4 @@
-"""The table `[osnma]` of a sky: events and keys of the OSNMA operator."""
+"""The table `[osnma]` of a scenario: events and keys of the OSNMA operator."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from vestige.scenario.toml.toml_file import InconsistentSettingsError, Section
 from vestige.time import GalileoTime
 
 _STEPS = ("start_s", "in_force_s", "stop_s")
-# events that need a key, or a notice, which the user's tree does not contain
+# events that need a key or an alert message that the user's Merkle tree does not contain
 _NEW_LEAVES = (OsnmaEventKind.KEY_RENEWAL, OsnmaEventKind.KEY_REVOCATION, OsnmaEventKind.ALERT)
 
 Seconds = Annotated[float, Field(ge=0, le=1e9)]
@@ -40,7 +40,7 @@ class OsnmaEventTable(Section):
     stop_s
         Time from which the status is nominal again, or OSNMA is silent after an alert.
     svids
-        For silence only: the satellites without OSNMA; an empty list means all.
+        SVIDs of the satellites without OSNMA, for a silence only; an empty list means all satellites.
     """
 
     kind: OsnmaEventKind
@@ -101,16 +101,17 @@ class OsnmaEventTable(Section):
 
 
 class OsnmaTable(Section):
-    """The OSNMA operator of a sky; by default the keys follow from the seed, and there are no events.
+    """The OSNMA operator of a scenario; by default the keys follow from the seed, and there are no events.
 
     Attributes
     ----------
     event
-        Events of the broadcast, a table `[[osnma.event]]` for each.
+        Events of the broadcast, each in a table `[[osnma.event]]`.
     private_key
-        PEM file of the signing key, on P-256 and without a password; a relative path starts at the scenario file.
+        PEM file of the signing key, for the curve P-256 and without a password. A relative path starts at the scenario
+        file.
     merkle_tree
-        XML file of a Merkle tree that contains the public key of `private_key`; by default the operator makes a tree
+        XML file of a Merkle tree that contains the public key of `private_key`. By default the operator makes a tree
         with this public key.
     """
 
@@ -121,7 +122,7 @@ class OsnmaTable(Section):
     _key: OperatorKey | None = PrivateAttr(None)
 
     def model_post_init(self, context: Any) -> None:
-        """Read the files; the context of the validation gives the folder of the scenario."""
+        """Read the files of the keys; the context of the validation gives the folder of the scenario."""
         folder = context["folder"] if context else Path()
         if self.private_key is None:
             if self.merkle_tree is not None:
@@ -143,14 +144,14 @@ class OsnmaTable(Section):
     @computed_field  # type: ignore[prop-decorator]
     @cached_property
     def key_sha256(self) -> str | None:
-        """Digest of key and tree, which are part of the scenario's identity."""
+        """Digest of the private key and the Merkle tree, which are part of the scenario's identity."""
         return None if self._key is None else hashlib.sha256(repr(self._key).encode()).hexdigest()
 
     def service(self, start: GalileoTime, duration_s: float) -> OsnmaService:
         """Return the actions of the operator in a scenario that starts at `start` and lasts for `duration_s`.
 
-        Raises `InconsistentSettingsError` if an event does not fit into the run, begins before another event ends, or
-        needs a key that the operator does not have.
+        Raises `InconsistentSettingsError` if an event does not fit into the run, or begins before another event ends.
+        The same error is raised if an event needs a key that the operator does not have.
         """
         events = tuple(
             table.event(f"osnma.event.{number}", start, duration_s) for number, table in enumerate(self.event)

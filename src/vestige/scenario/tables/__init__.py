@@ -1,1 +1,1 @@
-"""Tables of a campaign scenario."""
+"""Tables that a scenario file of a campaign may contain."""

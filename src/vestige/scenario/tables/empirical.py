@@ -1,4 +1,4 @@
-"""The table of a measured ionosphere: a file of residuals beside the scenario."""
+"""The table of a measured ionosphere, whose residuals are in a file beside the scenario."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vestige.scenario.toml.toml_file import Section
 
 
 class EmpiricalIonosphereTable(Section):
-    """An `EmpiricalIonosphere` whose samples are in a CSV file (`e6_minus_e1_m`, then a number in each line).
+    """An `EmpiricalIonosphere` with its samples in a CSV file: the header `e6_minus_e1_m`, then a number in m per line.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class EmpiricalIonosphereTable(Section):
     _samples_m: Float[np.ndarray, " n"] = PrivateAttr()
 
     def model_post_init(self, context: Any) -> None:
-        """Read the file; the context of the validation gives the folder of the scenario."""
+        """Read the samples; the context of the validation gives the folder of the scenario."""
         folder = context["folder"] if context else Path()
         self._samples_m = read_residuals(folder / self.path)
 
@@ -47,7 +47,7 @@ class EmpiricalIonosphereTable(Section):
         return hashlib.sha256(self._samples_m.tobytes()).hexdigest()
 
     def model(self) -> EmpiricalIonosphere:
-        """Return the model."""
+        """Return the model of the ionosphere."""
         return EmpiricalIonosphere(
             samples_m=self._samples_m, correlation=self.correlation, tau_s=self.tau_s, code_only=self.code_only
         )

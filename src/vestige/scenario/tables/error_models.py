@@ -1,4 +1,4 @@
-"""The tables of a scenario for the errors of a receiver: models of vestige, their presets, or models of a user."""
+"""The tables of a scenario for the errors of a receiver: models of vestige, their presets, or a user's models."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Tables of a scenario whose kind is a user's own class: `kind = "my_module:MyAttack"`.
 
-The other keys of such a table are the fields of the class, a frozen dataclass. These keys are checked like the keys of
-vestige's own kinds. An unknown key, a missing key or a value of another type gives a message of one line with its
-position.
+The class is a frozen dataclass, and all other keys of the table are its fields. The other keys are checked like the
+keys of vestige's own kinds. An unknown key, a missing key or a value of another type gives a one-line error message
+with the position in the file.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class NamedKind(BaseModel):
 class OrOwn:
     """Annotation of a field with a model, whose table may name a user's own class in place of vestige's kinds.
 
-    `base` is the protocol that the class has to satisfy, or its base; None to keep only the name (`NamedKind`).
+    `base` is the protocol or base class that the class must have. With None, only the name is kept (`NamedKind`).
     """
 
     base: type | None
@@ -63,7 +63,7 @@ class OrOwn:
     def _made(self, value: Any, info: ValidationInfo) -> Any:
         """Return the object that a table describes."""
         if not isinstance(value, dict):
-            return value  # the object was made in Python
+            return value  # a Python program gave the object itself
         kind = value["kind"]
         if self.base is None:
             return NamedKind(kind=kind)
@@ -83,7 +83,7 @@ class OrOwn:
 
 
 def named_part(kind: str, base: type, place: str = "") -> Any:
-    """Return the class that a kind names; errors have the form of errors about a value of a scenario."""
+    """Return the class that a kind names; an error is reported like an error in a value of a scenario."""
     try:
         return part(kind, base)
     except OwnPartError as error:
@@ -91,17 +91,17 @@ def named_part(kind: str, base: type, place: str = "") -> Any:
 
 
 def _adapter(cls: Any) -> TypeAdapter[Any]:
-    """Return the validator of the fields of a class; an unknown key is an error, as in a `Section`."""
+    """Return the validator for the fields of a class; an unknown key is an error, as in a `Section`."""
     return TypeAdapter(create_model("Own", __base__=Section, part=(cls, ...)))
 
 
 def _tables(value: Any) -> Any:
-    """Return an object of a user's class as a table."""
+    """Return the table that describes an object of a user's class."""
     return {"kind": kind_of(type(value))} | TypeAdapter(type(value)).dump_python(value, mode="json")
 
 
 def whose(value: Any) -> str:
-    """Return whether a table, or an object, is of a user's own kind or of a kind of vestige."""
+    """Return `OWN` if a table or an object has a user's own kind, and `OURS` if the kind is a kind of vestige."""
     if isinstance(value, dict):
         return OWN if is_own(value.get("kind")) else OURS
     return OURS if type(value).__module__.partition(".")[0] in ("vestige", "builtins") else OWN

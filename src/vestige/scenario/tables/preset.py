@@ -1,4 +1,4 @@
-"""Presets, which are names for the numbers of a model: `preset = "2014"` in a table stands for a whole model.
+"""Replace presets by the numbers of a model: `preset = "2014"` in a table means all numbers of that model.
 
 Other keys of the table replace single values of the preset. The table is expanded before the check, so the scenario
 contains the numbers and never the name.
@@ -15,21 +15,22 @@ from pydantic_core import CoreSchema, core_schema
 
 from vestige.scenario.toml.toml_file import InconsistentSettingsError
 
-_LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # range of elevation of a preset
+_LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # range of the elevation of a preset, in degrees
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Presets:
     """Annotation of a field with a model, whose table may name a preset.
 
-    `named` are models by the name that the key `preset` gives. `at_elevation` is the model for the key `elevation_deg`.
+    `named` has the models by their names, which the key `preset` gives. `at_elevation` makes the model for an
+    elevation, which the key `elevation_deg` gives.
     """
 
     named: Mapping[str, Callable[[], Any]]
     at_elevation: Callable[[float], Any] | None = None
 
     def expand(self, table: Any) -> Any:
-        """Return a table with its preset replaced by numbers; any other value unchanged.
+        """Return a table with its preset replaced by numbers, or any other value unchanged.
 
         Raises `InconsistentSettingsError` if the preset does not exist, or the table names two presets.
         """
@@ -66,7 +67,7 @@ class Presets:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         reference = handler(schema)
         model = handler.resolve_ref_schema(reference)
-        if "properties" not in model:  # `OrOwn`: the model, or a class of the user's
+        if "properties" not in model:  # the schema of `OrOwn`, with the model and the user's own class
             model = handler.resolve_ref_schema(model["oneOf"][0])
         keys: dict[str, Any] = {"preset": {"enum": list(self.named), "title": "Preset", "type": "string"}}
         if self.at_elevation is not None:

@@ -1,4 +1,4 @@
-"""The `[processor]` table of a campaign: the receiver's processing, and data sheets of its parts."""
+"""The `[processor]` table of a campaign: the receiver's processing, and the data sheets of the receiver's parts."""
 
 from __future__ import annotations
 
@@ -48,9 +48,10 @@ class InertialTable(Section):
 class E6CarrierTable(Section):
     """Table that turns on the monitors of the phase and of the fading of E6, at every level.
 
-    Both monitors use the last `window` RECS of a satellite. `ray_life_s` is the lifetime of a reflection in s: 0 if
-    each RECS has other reflections. By default the lifetime is unknown, and the thresholds allow for a lasting
-    reflection. `change_mps` is the fastest change of E6 − E1 by the ionosphere.
+    The phase monitor and the fading monitor use the last `window` RECS of a satellite. `ray_life_s` is the lifetime of
+    a reflection in s. The lifetime is 0 if each RECS has other reflections. By default the lifetime is unknown, and the
+    thresholds allow for a lasting reflection. `change_mps` is the fastest change in m/s of the range difference E6 − E1
+    that the ionosphere causes.
     """
 
     window: Annotated[int, Field(ge=4, le=1000)] = E6PhaseMonitor().window
@@ -59,28 +60,29 @@ class E6CarrierTable(Section):
 
 
 class ProcessorTable(Section):
-    """The processing of a campaign; both detectors are evaluated, and `detector` gives the verdicts.
+    """The processing of a campaign; vestige evaluates its two detectors, and `detector` gives the verdicts.
 
     `detector` may name a user's own class, `module:Name`, which is then evaluated in addition to the two detectors of
     vestige. `checks` names a user's own checks, which are run after the checks of the levels.
 
-    The bank has `n_taps` correlators around the prediction, and further correlators at the same spacing up to
+    The bank has `n_taps` correlators around the predicted range. Further correlators at the same spacing lie up to
     `early_reach_m` before the prediction.
 
     `alarms_per_day` is the number of false alarms a day that the whole level may raise. All thresholds follow from this
-    number, including the limit of the range check and the number of E6 misses in a row for an alarm. Without this
-    number κ applies, and every single miss is an alarm.
+    number, including the limit of the range check. The number of consecutive E6 misses for an alarm also follows from
+    this number. Without this number, `kappa` gives the limit of the range check, and every single miss is an alarm.
 
     `search_s` is the time in s between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is
-    the multipath power at 16° elevation for which the check for a second signal allows. The expected misses of E6 also
-    follow from this power. The values of this table do not follow from the errors that a scenario gives its receiver.
-    So a better or worse oscillator must also be stated in this table.
+    the power of the reflections at 16° elevation, relative to the direct signal in dB. The check for a second signal
+    allows for reflections of this power. The expected misses of E6 also follow from this power. The values of this
+    table do not follow from the errors that a scenario gives its receiver. So a better or worse oscillator must also be
+    stated in this table.
 
     `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith. The defaults
     of these two C/N0 are the values of `[receiver]`, because a receiver knows its antenna. `e6_over_e1_db` is the
-    expected C/N0 of E6-C over that of E1-C of each satellite, by default the difference of the two expected C/N0.
-    `expected_satellites` is the number of satellites that the receiver expects in view, by default the number above the
-    mask at the first epoch.
+    expected C/N0 of E6-C minus the expected C/N0 of E1-C, by default the difference of the two values above.
+    `expected_satellites` is the number of satellites that the receiver expects in view. By default this number is the
+    number of satellites above the mask at the first epoch.
 
     `e6_carrier` turns on the monitors of the phase and of the fading of E6, which are off by default.
     """
@@ -110,7 +112,7 @@ class ProcessorTable(Section):
     _own_checks: tuple[OwnCheck, ...] = PrivateAttr(())
 
     def model_post_init(self, _context: Any) -> None:
-        """Import the user's own detector and checks; worker processes get both through this table."""
+        """Import the user's own detector and checks; worker processes get these classes through this table."""
         if is_own(self.detector):
             self._own_detector = named_part(self.detector, object, "detector")
         elif self.detector not in DETECTORS:
@@ -124,7 +126,7 @@ class ProcessorTable(Section):
 
     @property
     def detectors(self) -> dict[str, Callable[[], Detector]]:
-        """Factory of each evaluated detector by name: both detectors of vestige, and the user's own."""
+        """Factory of each evaluated detector by name: the two detectors of vestige, and the user's own detector."""
         ours: dict[str, Callable[[], Detector]] = {
             name: partial(detector, spacing=self.spacing) for name, detector in DETECTORS.items()
         }
@@ -139,12 +141,12 @@ class ProcessorTable(Section):
             raise InconsistentSettingsError(
                 "kappa", f"{self.kappa:g} beside alarms_per_day", "one of the two: κ follows from alarms_per_day"
             )
-        self.processor()  # raises ValueError if the bank of correlators is impossible
+        self.processor()  # raises a ValueError if the bank of correlators is impossible
         return self
 
     @model_serializer(mode="wrap")
     def _without_what_follows(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave κ out if it follows from `alarms_per_day`, so that the written table can be read."""
+        """Leave κ out if κ follows from `alarms_per_day`, so that the written table can be read."""
         table: dict[str, Any] = dump(self)
         if self.alarms_per_day is not None:
             table.pop("kappa", None)

@@ -22,11 +22,11 @@ from vestige.recording.numeric_csv import WAYPOINTS, read_numeric_csv
 from vestige.scenario.toml.toml_file import InconsistentSettingsError, Section
 from vestige.time import GalileoTime
 
-_GRID_S = 60.0  # a satellite that is above the mask for a shorter time may be left out
+_GRID_S = 60.0  # a satellite that is above the mask for a shorter time than 60 s may be left out
 _MOST_TIMES = 3000
 _LARGEST_SPEED_MPS = 1000.0
-_LARGEST_ACCELERATION_MPS2 = 100.0  # 10 g
-_AFTER_S = 1.0  # longer than the travel time of the signals of the last epoch
+_LARGEST_ACCELERATION_MPS2 = 100.0  # 10 times the acceleration of gravity
+_AFTER_S = 1.0  # time in s after the last epoch, longer than the travel time of the signals
 
 Degrees = Annotated[float, Field(ge=-360, le=360)]
 Latitude = Annotated[float, Field(ge=-90, le=90)]
@@ -89,7 +89,7 @@ class WalkerConstellation(Constellation):
 class RinexConstellation(Constellation):
     """The satellites of a RINEX navigation file; a relative path starts at the scenario file.
 
-    Satellites whose E1-B is out of service in the file are left out, because no receiver uses them.
+    Satellites whose E1-B is out of service in the file are left out, because no receiver uses these satellites.
     """
 
     kind: Literal["rinex"]
@@ -138,7 +138,7 @@ AnyConstellation = Annotated[WalkerConstellation | RinexConstellation, Field(dis
 
 
 class StaticTable(Section):
-    """A static receiver; latitude and longitude in degrees, height above the ellipsoid in m."""
+    """A static receiver, given by latitude and longitude in degrees and by height above the ellipsoid in m."""
 
     kind: Literal["static"]
     latitude_deg: Latitude
@@ -223,7 +223,7 @@ class WaypointsTable(Section):
 
 
 class PositionTable(Section):
-    """Assumed errors of E1 pseudoranges beside the tracking noise.
+    """Assumed errors of E1 pseudoranges in addition to the tracking noise.
 
     Attributes
     ----------
@@ -237,8 +237,8 @@ class PositionTable(Section):
     floor_sigma_m
         Standard deviation of all other errors in m.
     p_fa
-        Value without effect: RAIM takes its share of the false alarms of a day. The key remains so that older scenarios
-        and results can be read.
+        Value without effect, because RAIM takes its share of the false alarms of a day. The key remains so that older
+        scenarios and results can be read.
     """
 
     ionosphere_sigma_m: Annotated[float, Field(ge=0, le=1000)] = 0.0
@@ -256,13 +256,13 @@ def satellites_in_view(
 ) -> tuple[ElevationEffects, ...]:
     """Return the satellites that are above the mask at some time of a run, by ascending SVID.
 
-    The elevation is tested every minute, in long runs less often.
+    The elevation is tested every minute, or less often in long runs.
 
-    `longest_delay_s` is the longest delay of an attacker's recording. Raises `InconsistentSettingsError` if no
-    satellite is in view, or the trajectory does not cover the whole run.
+    `longest_delay_s` is the longest delay in s with which an attacker replays signals. Raises
+    `InconsistentSettingsError` if no satellite is in view, or the trajectory does not cover the whole run.
     """
     trajectory = table.trajectory(-longest_delay_s, duration_s + _AFTER_S)
-    # the scenes of a threat table need the same elevations again and again
+    # the scenes of a threat table need the same elevations many times, so the elevations are cached
     elevations_rad = _kept_elevations_rad if isinstance(trajectory, StaticTrajectory) else _elevations_rad
     antenna = ElevationCn0(zenith_dbhz=0.0, fall_db=constellation.cn0_fall_db)
     found = []

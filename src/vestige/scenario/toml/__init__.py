@@ -1,1 +1,1 @@
-"""Readers and writers of TOML."""
+"""Read and write the TOML files of scenarios."""

@@ -1,4 +1,4 @@
-"""The scenario in the results of a campaign as a TOML file that reproduces these results."""
+"""Write the scenario in the results of a campaign as a TOML file that reproduces these results."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from vestige.scenario.toml.toml_text import toml_text
 def campaign_toml(text: str) -> str:
     """Return a scenario as TOML with all its defaults; `load_scenario` then gives a scenario with the same digest.
 
-    `text` is JSON, the attribute `scenario` of the results.
+    `text` is the attribute `scenario` of the results, in JSON.
     """
     tables = json.loads(text)
     tables["attack"] = [_without_power(attack) for attack in tables["attack"]]
     if tables.get("constellation"):
-        del tables["line_of_sight"]  # a sky has no line of sight, not even the default
+        del tables["line_of_sight"]  # a scenario with a sky has no table `line_of_sight`, not even the default
     return toml_text(_stated(tables))
 
 
@@ -28,7 +28,7 @@ def _without_power(attack: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _stated(value: Any) -> Any:
-    """Return tables without empty keys and without digests of files, each with its kind first."""
+    """Return tables without empty keys and without digests of files; in each table the key `kind` comes first."""
     if isinstance(value, list):
         return [_stated(inner) for inner in value]
     if not isinstance(value, Mapping):

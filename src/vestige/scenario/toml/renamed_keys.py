@@ -1,4 +1,4 @@
-"""Renamed keys and values of scenario files. An old name works for one release, with a warning."""
+"""Translate renamed keys and values of scenario files. An old name works for one release, with a warning."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 from vestige.errors import VestigeWarning
 from vestige.own_parts import is_own
 
-NEW_NAMES = {"own_data": "forged_nav_data"}  # new key by the name in version 0.1
+NEW_NAMES = {"own_data": "forged_nav_data"}  # new name of a key by its name in version 0.1
 NEW_VALUES = {("scer", "symbols", "estimated"): "hard"}  # new value by kind, key and value in version 0.2
 
 
 def with_new_names(value: Any) -> Any:
     """Return a TOML table with the new names of keys and values; warn of each old name.
 
-    A table of a user's own part (`kind = "module:Name"`) stays as it is, because the user chose its names.
+    A table of a user's own part (`kind = "module:Name"`) is not changed, because the user chose the names in the table.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""TOML scenario files: reading, values from the command line, and errors with their position in the file."""
+"""Read TOML scenario files, with values from the command line, and report errors with their position in the file."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Section(BaseModel):
 
 
 class InconsistentSettingsError(SettingError):
-    """Error about values that do not fit together.
+    """Error that reports values that do not fit together.
 
-    `place` is the key with the error, relative to the checked table: `receiver.clock`.
+    `place` is the key with the error, relative to the checked table, for example `receiver.clock`.
     """
 
 
@@ -47,16 +47,16 @@ def read_toml(path: Path) -> dict[str, Any]:
     """
     try:
         return parse_toml(read_text(path, at_most=_MAX_FILE_BYTES, expected="a TOML file"))
-    except ValueError as error:  # errors of tomllib, and integers of 5000 digits
+    except ValueError as error:  # tomllib raises this error for invalid TOML, and Python for integers of 5000 digits
         raise InputFileError(path, "TOML", str(error), "valid TOML") from error
 
 
 def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
     """Return the tables with values replaced; each setting is `table.key=value`, with the value in TOML.
 
-    A bare word is taken as text: `fidelity=samples`, `processor.detector=my_module:MyDetector`.
+    A bare word is read as text: `fidelity=samples`, `processor.detector=my_module:MyDetector`.
 
-    TOML has no null value. So the bare word `none`, which is no TOML value, removes a key or a whole table:
+    TOML has no null value. So the bare word `none`, which is not a TOML value, removes a key or a whole table:
     `receiver.multipath=none`. A removed key gets its default, and a removed model has no effect.
 
     Raises `VestigeError` if a setting has another form, or the key to remove does not exist.
@@ -100,9 +100,10 @@ def _value(setting: str, text: str) -> Any:
 
 
 def _inside(place: Any, name: str) -> Any:
-    """Return the table `name` of a table, which is made if it is missing.
+    """Return the inner table `name` of a table; a missing inner table is made.
 
-    In an array of tables, `name` is the number of a table, counted from 0; None if there is no such table.
+    In an array of tables, `name` is the number of a table, counted from 0. The result is None if the array has no such
+    table.
     """
     if isinstance(place, dict):
         return place.setdefault(name, {})
@@ -119,7 +120,7 @@ def _copy(value: Any) -> Any:
 def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> Any:
     """Return the object that the tables describe, or raise the first error with its position.
 
-    Text and truth values are not converted to numbers. The models have tuples and objects where TOML and JSON have
+    Strings and Boolean values are not converted to numbers. The models have tuples and objects where TOML and JSON have
     lists and tables, so the tables are validated as JSON.
 
     Raises `InputFileError` for an unknown key, a missing key, or a value of another type or outside its range.
@@ -133,10 +134,10 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
 
 
 def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> InconsistentSettingsError:
-    """Return the first error of tables in the words of vestige.
+    """Return the first error in the tables, in the words of vestige.
 
-    A misspelt key gives two errors: an unknown key and a missing key. The unknown key is reported, because it tells
-    more.
+    A misspelt key gives two errors: an unknown key and a missing key. The unknown key is reported, because this error
+    shows the misspelling.
     """
     first = min(error.errors(), key=lambda one: one["type"] not in _UNKNOWN_KEY)
     place = _place(raw, first["loc"])
@@ -145,7 +146,7 @@ def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[st
         return InconsistentSettingsError(
             ".".join(part for part in (place, cause.place) if part), cause.found, cause.expected
         )
-    if first["type"].startswith("union_tag"):  # `kind` is missing, or unknown
+    if first["type"].startswith("union_tag"):  # the key `kind` is missing or unknown
         if near := difflib.get_close_matches("kind", set(_table_of(raw, first["loc"])) - {"kind"}):
             return InconsistentSettingsError(place or "top level", f"an unknown key {near[0]}", "kind")
         kinds = first["ctx"].get("expected_tags")
@@ -167,7 +168,7 @@ def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[st
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 _KEYS_LISTED = "`vestige check --schema` and docs/scenarios.md list them"
 _NUMBER, _WHOLE, _TRUTH = "a number", "a whole number", "true or false"
-# type of an error of pydantic: the expected value in the words of vestige
+# expected value in the words of vestige, by the type of the pydantic error
 _EXPECTED = {
     "missing": "a value: the key is needed",
     "greater_than_equal": "at least {ge:g}",
@@ -200,7 +201,7 @@ def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], raw: Map
         keys = _keys_of_table(schema, raw, tuple(loc))
         if near := difflib.get_close_matches(str(unknown), keys, n=1) or _longer(str(unknown), keys):
             return f"an unknown key {unknown}", near[0]
-        if "kind" in table or unknown in _keys(schema):  # the key may belong to another table, or another kind
+        if "kind" in table or unknown in _keys(schema):  # the key may belong to another table or another kind
             kind = f" of kind {table['kind']}" if "kind" in table else ""
             return f"an unknown key {unknown}", f"a key of this table{kind}: {_KEYS_LISTED}"
         return f"an unknown key {unknown}", f"one of the keys: {_KEYS_LISTED}"
@@ -219,19 +220,19 @@ def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], raw: Map
 
 
 def _inside_of(raw: Any, part: int | str) -> bool:
-    """Return whether a part of a position is a key or a number in the file; the names of kinds are not."""
+    """Return whether a part of a position is a key or a number in the file, and not the name of a kind."""
     return part in raw if isinstance(raw, dict) else isinstance(raw, list) and part in range(len(raw))
 
 
 def _table_of(raw: Any, loc: tuple[int | str, ...]) -> Mapping[str, Any]:
-    """Return the table at a position."""
+    """Return the table at a position in the tables."""
     for part in loc:
         raw = raw[part] if _inside_of(raw, part) else raw
     return raw if isinstance(raw, dict) else {}
 
 
 def _keys_of_table(schema: Mapping[str, Any], raw: Any, loc: tuple[int | str, ...]) -> set[str]:
-    """Return the keys that a JSON schema permits in the table at a position, of the kind that the table names."""
+    """Return the keys that a JSON schema permits in the table at a position, for the kind that the table names."""
     definitions = schema.get("$defs", {})
     tables = _variants(schema, definitions, raw)
     for part in loc:
@@ -245,7 +246,7 @@ def _keys_of_table(schema: Mapping[str, Any], raw: Any, loc: tuple[int | str, ..
 
 
 def _variants(schema: Mapping[str, Any], definitions: Mapping[str, Any], raw: Any) -> list[Mapping[str, Any]]:
-    """Return the schemas that may describe a value; if the value names a kind, only the schemas of this kind."""
+    """Return the schemas that may describe a value; a value with a kind gets only the schemas of this kind."""
     if "$ref" in schema:
         return _variants(definitions[schema["$ref"].rpartition("/")[2]], definitions, raw)
     inner = [one for name in ("anyOf", "oneOf", "allOf") for one in schema.get(name, ())]
@@ -265,12 +266,12 @@ def _keys(schema: Any) -> set[str]:
 
 
 def _longer(beginning: str, keys: Iterable[str]) -> list[str]:
-    """Return the shortest key that continues an incomplete key: `cn0` is continued by `cn0_dbhz`; [] if none does."""
+    """Return the shortest key that begins with an incomplete key, such as `cn0_dbhz` for `cn0`; [] if none does."""
     return sorted((key for key in keys if key.startswith(f"{beginning}_")), key=lambda key: (len(key), key))[:1]
 
 
 def _unknown_at_the_top(adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return an unknown top-level key of a file without `kind`, and the nearest key of all kinds of scenario."""
+    """Return an unknown top-level key of a file without `kind`, and the most similar key of all kinds of scenario."""
     schema = adapter.json_schema()
     kinds = schema.get("discriminator", {}).get("mapping", {}).values()
     tables = [schema.get("$defs", {}).get(ref.rpartition("/")[2], {}) for ref in kinds]
@@ -295,24 +296,24 @@ def _check_values(value: Any, place: str, path: Path, depth: int = 0) -> None:
     elif isinstance(value, list):
         for index, inner in enumerate(value):
             _check_values(inner, f"{place}.{index}", path, depth + 1)
-    elif isinstance(value, date | time):  # includes datetime
+    elif isinstance(value, date | time):  # `date` includes `datetime`
         raise InputFileError(path, place, value, "a text in quotes, or a number")
     elif isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
         if value == -math.inf and _POWER_OF_AN_ATTACK.fullmatch(place):
-            return  # −inf dB: no power
-        finite = isinstance(value, int) or math.isfinite(value)  # a whole number may be too large for a float
+            return  # a power of −inf dB is allowed, and means no signal
+        finite = isinstance(value, int) or math.isfinite(value)  # an integer may be too large for `math.isfinite`
         expected = f"a number between {-LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}" if finite else "a finite number"
         raise InputFileError(path, place, value, expected)
 
 
 def _place(raw: Any, loc: tuple[int | str, ...]) -> str:
-    """Return the dotted keys of a position, without the names of kinds that the validator adds between them."""
+    """Return the dotted keys of a position, without the names of kinds that the validator adds between the keys."""
     parts = []
     for part in loc:
         if part in (OURS, OWN) or (isinstance(raw, dict) and part not in raw and raw.get("kind") == part):
             continue
         if isinstance(raw, str | int | float):
-            break  # the rest lists the possible kinds
+            break  # the rest of the position lists the possible kinds
         parts.append(str(part))
         inside = raw.get(part) if isinstance(raw, dict) else None
         raw = raw[part] if isinstance(raw, list) and isinstance(part, int) and part < len(raw) else inside

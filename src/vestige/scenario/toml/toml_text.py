@@ -1,4 +1,4 @@
-"""Writer of TOML, which the standard library only reads."""
+"""Write TOML, because the standard library can only read TOML."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Security code estimation and replay: the attacker's estimates, and the partial correlations that show them."""
+"""Theory of security code estimation and replay: the attacker's estimates, and their detection."""

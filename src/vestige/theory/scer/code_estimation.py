@@ -1,13 +1,15 @@
-"""Estimation of unpredictable chips and symbols by an attacker who has received part of them.
+"""Compute how well an attacker estimates unpredictable chips and symbols from the part that is already received.
 
 Security code estimation and replay (SCER) is an attack [HUMPHREYS13]. The attacker receives an unpredictable signal
-with a separate antenna, estimates its signs as they arrive, and transmits the estimates. This module computes the
-quality of these estimates. The decisions on chips of E6-C are the hard and soft decisions of [ANDERSON25].
+with a separate antenna. The attacker estimates the signs of this signal during reception, and transmits the estimates.
+This module computes the quality of these estimates. The decisions on chips of E6-C are the hard and soft decisions of
+[ANDERSON25].
 
 Theory of operation
 -------------------
-A sign s = ±1 is received for the time t with the attacker's C/N0 = κ, its carrier phase known. The matched filter gives
-y = s + n with n Gaussian of variance 1/(2γ), γ = E/N0 = κ t. The attacker can transmit one of three functions x of y:
+The attacker receives a sign s = ±1 for the time t with the C/N0 κ, and knows the carrier phase. The matched filter
+gives y = s + n. The noise n is Gaussian of variance 1/(2γ), with γ = E/N0 = κ t. The attacker can transmit one of three
+functions x of y:
 
     repeated     x = y                  in phase and in quadrature, as a repeater does
     hard         x = sign y             P(error) = P_e = Q(√(2γ)) = ½ erfc √γ
@@ -19,18 +21,19 @@ The share of the power of x that correlates with the true signs is ρ² = E[x s]
     hard         ρ² = (1 − 2 P_e)²
     soft         ρ² = E[tanh(2γ + √(2γ) z)]        z standard normal; for the estimate E[x s] = E[x²]
 
-The rest of the power is noise: 1/ρ² − 1 times the part that correlates.
+The rest of the power is noise, which has 1/ρ² − 1 times the power of the part that correlates.
 
-**Chips of E6-C.** Each chip lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. Let the matching part of the spoofing
-signal have η times the power of the true signal. The rest is noise behind the victim's correlator, because its chips do
-not match. The density of this noise is
+**Chips of E6-C.** Each chip lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. Let the part of the spoofing signal that
+correlates have η times the power of the true signal. The rest is noise after the victim's correlator, because the wrong
+chips do not correlate. The density of this noise is
 
     N/N0 = η (Ec/N0 of the victim) (1/ρ² − 1)
 
-The density is η/G for a repeater whose C/N0 is G times the C/N0 of the victim. An attacker who drops the quadrature of
-the repeated signal halves the noise without any decision: 1/ρ² − 1 = 1/(2γ).
+The density is η/G for a repeater whose C/N0 is G times the C/N0 of the victim. An attacker who repeats only the
+in-phase part halves the noise without any decision: 1/ρ² − 1 = 1/(2γ).
 
-**Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol: t is the time since the symbol began.
+**Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol. In this case t is the time since the symbol
+began.
 """
 
 from __future__ import annotations
@@ -50,7 +53,7 @@ Estimation = Literal["repeated", "hard", "soft"]
 # nodes and weights of the mean over a standard normal variable
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(201)
 _WEIGHTS /= _WEIGHTS.sum()
-_LINE = np.linspace(-9.0, 9.0, 1801)  # values of a standard normal variable, for integrands with a step
+_LINE = np.linspace(-9.0, 9.0, 1801)  # values of a standard normal variable, for integrals over functions with a step
 
 
 def chip_energy_over_n0(cn0_dbhz: Reals) -> Reals:
@@ -116,7 +119,7 @@ def matching_share(energy_over_n0: Reals, estimation: Estimation) -> Reals:
 
 
 def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimation: Estimation) -> float:
-    """Return N/N0, the noise density in a spoofing signal of E6-C, for a matching part as strong as the true signal.
+    """Return N/N0, the noise density of an E6-C spoofing signal whose correlating part is as strong as the true signal.
 
     Parameters
     ----------
@@ -129,7 +132,7 @@ def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimatio
 
     Examples
     --------
-    With a dish of 25 dB, decisions leave a fifth of the noise that a repeater has.
+    With a dish antenna of 25 dB gain, hard decisions make the noise a fifth of a repeater's noise.
 
     >>> [f"{10 * np.log10(estimation_noise(45.0, 25.0, name)):.1f} dB" for name in ("repeated", "hard", "soft")]
     ['-25.0 dB', '-31.9 dB', '-33.2 dB']
@@ -142,27 +145,27 @@ def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimatio
 def replayed_mean(
     cn0_dbhz: float, head_start_s: float, n_chips: int, decision: Decision = "hard"
 ) -> Float[np.ndarray, " n_chips"]:
-    """Return the mean of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
+    """Return the mean of each of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
 
-    The attacker renews the estimate with each transmitted chip. Chip j then uses the signal received in j chips and the
-    head start. Without any reception the estimate is a guess, of mean 0.
+    The attacker updates the estimate for each transmitted chip. So the estimate of chip j uses the signal that is
+    received in j chips and in the head start. Without a received signal the estimate is a random guess, with mean 0.
 
     Parameters
     ----------
     cn0_dbhz
         C/N0 of E1-B of the attacker's reception in dBHz.
     head_start_s
-        Duration of the symbol that the attacker has received when the spoofing signal's own symbol begins, in s. The
-        duration is the delay of the spoofing signal less the attacker's latency. If the value is negative, the attacker
-        guesses for that duration.
+        Duration of the symbol that the attacker has received when the spoofing signal's own symbol begins, in s. This
+        duration is the delay of the spoofing signal minus the attacker's latency. If the value is negative, the
+        attacker guesses for that duration.
     n_chips
-        Chips from the beginning of the symbol, of 0.98 µs each, 1 to 4092.
+        Number of chips of 0.98 µs from the beginning of the symbol, 1 to 4092.
     decision
-        Decision of the attacker: hard, ±1, or soft, E[s|y].
+        Decision of the attacker, `hard` (±1) or `soft` (E[s|y]).
 
     Examples
     --------
-    At 45 dBHz and with an antenna of 10 dB, the fourth chip has 83 % of the amplitude.
+    At 45 dBHz and with an antenna of 10 dB gain, the fourth chip has 83 % of the amplitude.
 
     >>> replayed_mean(55.0, 0.0, 4).round(2).tolist()
     [0.0, 0.57, 0.73, 0.83]
@@ -180,13 +183,13 @@ def replayed_covariance(
 
     Examples
     --------
-    The first chip is a guess:
+    The first chip is a random guess, so its variance is 1:
 
     >>> replayed_covariance(55.0, 0.0, 2).round(2).tolist()
     [[1.0, 0.0], [0.0, 0.68]]
     """
     gamma = _received_over_n0(cn0_dbhz, head_start_s, n_chips)
-    if decision == "soft":  # a martingale: E[x_i x_j] = E[x_i²] = E[x_i] for i ≤ j
+    if decision == "soft":  # soft decisions are a martingale: E[x_i x_j] = E[x_i²] = E[x_i] for i ≤ j
         mean = _mean_soft(gamma)
         place = np.arange(n_chips)
         return mean[np.minimum.outer(place, place)] - np.outer(mean, mean)
@@ -201,20 +204,20 @@ def _received_over_n0(cn0_dbhz: float, head_start_s: float, n_chips: int) -> Flo
 
 
 def _mean_soft(gamma: Reals) -> Reals:
-    """Return E[tanh(2γ + √(2γ) z)]."""
+    """Return the mean E[tanh(2γ + √(2γ) z)] of a soft decision."""
     argument = np.multiply.outer(2 * gamma, np.ones(_NODES.size)) + np.multiply.outer(np.sqrt(2 * gamma), _NODES)
     return np.minimum(np.tanh(argument) @ _WEIGHTS, 1.0)
 
 
 def _sign_products(gamma: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n"]:
-    """Return E[sign y_i sign y_j] of one symbol; the later sum is the earlier sum plus the signal received since."""
+    """Return E[sign y_i sign y_j] of one symbol; the later sum contains the earlier sum."""
     density = np.exp(-np.square(_LINE) / 2) / np.sqrt(2 * np.pi) * (_LINE[1] - _LINE[0])
     product = np.eye(gamma.size)
     for i, earlier in enumerate(gamma):
         later = gamma[i + 1 :]
         total = 2 * earlier + np.sqrt(2 * earlier) * _LINE  # 2γ y_i
         since = np.maximum(later - earlier, 1e-300)[:, None]
-        # a guess without reception is independent of the other signs
+        # a random guess without a received signal is independent of the other signs
         sign = np.sign(total) if earlier > 0 else np.zeros(_LINE.size)
         found = erf((total + 2 * since) / np.sqrt(4 * since)) @ (sign * density)
         product[i, i + 1 :] = product[i + 1 :, i] = found

@@ -1,4 +1,4 @@
-"""Partial correlations of E1-B symbols that show a replay: five metrics, their thresholds and detection probabilities.
+"""Detect a replay by partial correlations of E1-B symbols: five metrics, their thresholds and detection probabilities.
 
 The detectors of [SECO-GRANADOS20] compare partial correlations over predictable and unpredictable parts of the signal.
 The attacker knows a predictable symbol from its beginning on and has to estimate an unpredictable symbol. The text of
@@ -7,11 +7,10 @@ the publication was not available, so the formulas are derived here from the ide
 Theory of operation
 -------------------
 The receiver correlates the first w seconds of each symbol and multiplies by the symbol. B_u is the mean over n_u
-unpredictable symbols and B_p the mean over n_p predictable symbols. B_u and B_p are complex. With an authentic signal
-both means have the amplitude A of the signal. The effect of the front end's filter on the beginning of a symbol does
-not matter. The noise of one symbol has the variance s² = A²/(2 c w) per dimension, c = C/N0. The variance is estimated
-from the scatter of the real parts, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics
-are
+unpredictable symbols and B_p the mean over n_p predictable symbols. B_u and B_p are complex. With an authentic signal,
+B_u and B_p have the amplitude A of the signal. The front end's filter affects B_u and B_p in the same way. The noise of
+one symbol has the variance s² = A²/(2 c w) per dimension, with c = C/N0. The receiver estimates this variance from the
+real parts, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics are
 
     real         Re(B_p − B_u) / e             Student's t, ν degrees of freedom
     distance     |B_p − B_u|² / (2 e²)         F with 2 and ν degrees of freedom
@@ -19,20 +18,21 @@ are
     ratio        |B_p| / |B_u|                 ratio of two Rice variables
     paired       √n_u mean(d) / std(d)         Student's t, n_u − 1 degrees of freedom
 
-The `paired` metric needs no predictable symbols: d is the later part of an unpredictable symbol less its first part.
-The alarm is raised above a threshold. The thresholds of `real`, `distance` and `paired` are exact. The thresholds of
-`magnitudes` and `ratio` assume known A and s. A is taken from the later parts. The estimate of s enters as s t/z, where
-t and z are the quantiles of Student's t and of the normal distribution. This form is exact for A ≫ s/√n.
+The `paired` metric needs no predictable symbols: d is the later part of an unpredictable symbol minus its first part. A
+metric above its threshold raises an alarm. The thresholds of `real`, `distance` and `paired` are exact. The thresholds
+of `magnitudes` and `ratio` assume that A and s are known. The receiver estimates A from the later parts. The estimate
+of s is multiplied by t/z, where t and z are the quantiles of Student's t and of the normal distribution. The thresholds
+are then exact for A ≫ s/√n.
 
-**The ratio of Rice variables.** For independent complex Gaussian X and Y with the means x and y and the variances σ²
-and τ² per dimension, S = σ² + τ² [PROAKIS08, app. B]:
+**The ratio of Rice variables.** Let X and Y be independent and complex Gaussian, with the means x and y and the
+variances σ² and τ² per dimension. With S = σ² + τ², the probability that |X| exceeds |Y| is [PROAKIS08, app. B]:
 
     P(|X| > |Y|) = Q₁(α, β) − τ²/S e^{−(α² + β²)/2} I₀(αβ)        α = |x|/√S, β = |y|/√S
 
 **Under attack** the first part of an unpredictable symbol has the mean A m and the additional variance A² V in phase.
-`replayed_mean` and `replayed_covariance` give m and V. `magnitudes` and `ratio` take V in both dimensions, because the
-quadrature changes a magnitude in second order only. `distance`, `magnitudes` and `ratio` take the estimate of s at its
-mean, so n_u + n_p should be 50 or more.
+`replayed_mean` and `replayed_covariance` give m and V. For `magnitudes` and `ratio`, V is used in both dimensions,
+because the quadrature part changes a magnitude in second order only. For `distance`, `magnitudes` and `ratio`, the
+estimate of s is replaced by its mean, so n_u + n_p should be 50 or more.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ from vestige.signals.definitions import E1B
 from vestige.theory.marcum_q import marcum_p, marcum_q
 from vestige.theory.scer.code_estimation import Decision, replayed_covariance, replayed_mean
 
-FIRST_CHIPS = 4  # 3.9 µs: near the best for an attacker with a gain of 10 dB, at 42 dBHz
-PREDICTABLE_EACH = 468 / 32  # predictable symbols of an I/NAV page for each unpredictable symbol
+FIRST_CHIPS = 4  # 3.9 µs, near the best length against an attacker with a gain of 10 dB, at 42 dBHz
+PREDICTABLE_EACH = 468 / 32  # number of predictable symbols per unpredictable symbol of an I/NAV page
 
 ReferenceMetric = Literal["real", "distance", "magnitudes", "ratio"]
 Metric = Literal["paired"] | ReferenceMetric
@@ -158,7 +158,8 @@ def replay_detection_probability(
 ) -> float:
     """Return P_d of a test against an attacker who estimates the unpredictable symbols.
 
-    The spoofing signal is alone in the correlators and as strong as the authentic signal would be. The noise is white.
+    The correlators receive only the spoofing signal, which is as strong as the authentic signal would be, and white
+    noise.
 
     Parameters
     ----------
@@ -167,13 +168,13 @@ def replay_detection_probability(
     reception_gain_db
         G, C/N0 of the attacker's reception over the C/N0 of the victim in dB.
     n_symbols
-        Unpredictable symbols in the test.
+        Number of unpredictable symbols in the test.
     p_fa
         False-alarm probability; below 0.5 except for `paired`.
     metric
         Name of the metric of the partial correlations.
     n_predictable
-        Predictable symbols in the test. None stands for all predictable symbols in the pages of the unpredictable
+        Number of predictable symbols in the test. None means all predictable symbols in the pages of the unpredictable
         symbols.
     head_start_s
         Duration of a symbol that the attacker has received when its transmission begins, in s; negative for a latency.
@@ -184,9 +185,9 @@ def replay_detection_probability(
 
     Examples
     --------
-    The test takes a subframe of 480 symbols at 42 dBHz, P_fa 1e-3. The first attacker has the antenna of the victim,
-    and the second attacker has 10 dB more gain. The third value is for the second attacker, whose spoofing signal is
-    delayed by 3 µs.
+    The tests use a subframe of 480 unpredictable symbols at 42 dBHz, with a P_fa of 1e-3. For the first value, the
+    attacker's antenna is like the victim's antenna. For the second value, the attacker has 10 dB more gain. For the
+    third value, the attacker also delays the spoofing signal by 3 µs.
 
     >>> f"{replay_detection_probability(42.0, 0.0, 480, 1e-3):.3f}"
     '0.999'
@@ -195,8 +196,8 @@ def replay_detection_probability(
     >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3, head_start_s=3e-6):.3f}"
     '0.104'
 
-    The next test compares with the beginnings of predictable symbols. The last test uses the distance, which has no
-    sign:
+    The next value is for the metric `real`, which compares with the beginnings of predictable symbols. The last value
+    is for the metric `distance`, which does not use the sign of the difference:
 
     >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3, metric='real'):.3f}"
     '0.895'
@@ -217,7 +218,7 @@ def replay_detection_probability(
         return float(1 - nctdtr(n_symbols - 1, shift, -stdtrit(n_symbols - 1, p_fa)))
     n_p = round(n_symbols * PREDICTABLE_EACH) if n_predictable is None else n_predictable
     one, freedom = 1 / (2 * cn0 * first_s), n_symbols + n_p - 2  # s², ν
-    estimated = float(np.sqrt(one + own * (n_symbols - 1) / freedom))  # s as estimated by the receiver
+    estimated = float(np.sqrt(one + own * (n_symbols - 1) / freedom))  # estimate of s by the receiver
     threshold = metric_threshold(n_symbols, n_p, p_fa, 1 / estimated, metric)
     spread = estimated * float(np.sqrt(1 / n_symbols + 1 / n_p))
     noise_u, noise_p = float(np.sqrt((one + own) / n_symbols)), float(np.sqrt(one / n_p))
@@ -236,7 +237,7 @@ def replay_detection_probability(
 
 
 def _ratio_exceeds(ratio: float, mean_u: float, noise_u: float, mean_p: float, noise_p: float) -> float:
-    """Return P(|B_p| > ratio |B_u|)."""
+    """Return the probability P(|B_p| > ratio |B_u|)."""
     total = float(np.hypot(ratio * noise_u, noise_p))
     alpha, beta = mean_p / total, ratio * mean_u / total
     share = (ratio * noise_u / total) ** 2
@@ -244,7 +245,7 @@ def _ratio_exceeds(ratio: float, mean_u: float, noise_u: float, mean_p: float, n
 
 
 def _magnitudes_exceed(difference: float, mean_u: float, noise_u: float, mean_p: float, noise_p: float) -> float:
-    """Return P(|B_p| − |B_u| > difference), as an integral over the magnitude that has less noise."""
+    """Return the probability P(|B_p| − |B_u| > difference), as an integral over the magnitude with less noise."""
     mean, noise = (mean_p, noise_p) if noise_p <= noise_u else (mean_u, noise_u)
     low, high = max(mean / noise - _REACH, 0.0), mean / noise + _REACH
     x = (low + high) / 2 + (high - low) / 2 * _NODES
@@ -257,7 +258,7 @@ def _magnitudes_exceed(difference: float, mean_u: float, noise_u: float, mean_p:
 
 
 def _solved(tail: Callable[[float], float], low: float, p_fa: float) -> float:
-    """Return t above `low` with tail(t) = p_fa; the tail decreases."""
+    """Return the threshold t above `low` with tail(t) = p_fa, for a function `tail` that decreases."""
     high = low + 10.0
     while tail(high) > p_fa:
         high = low + 2 * (high - low)

@@ -28,7 +28,7 @@ class Cn0Monitor(LevelMonitor):
 
     name: ClassVar = CheckName.E1_CN0
     sigma_estimator_db: float = 0.3
-    sigma_model_db: float = 1.5  # standard deviation of the true C/N0 about the expectation
+    sigma_model_db: float = 1.5  # standard deviation of the true C/N0 about its expected value
     p_fa: float = 1e-6
 
     @property
@@ -43,7 +43,7 @@ class Cn0Monitor(LevelMonitor):
         return cn0_dbhz - expected_dbhz
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block."""
+        """Return the results of the check for a block of epochs."""
         reference = evidence.references[Quantity.E1_CN0_DBHZ]
         measured = evidence.observed[Quantity.E1_CN0_DBHZ]
         statistic = self.statistic(measured, reference.value)

@@ -1,4 +1,4 @@
-"""Decision regions of the (power, distortion) plane from simulated hypotheses, and the check that uses the regions.
+"""Compute decision regions of the (power, distortion) plane from simulated hypotheses, and check signals with them.
 
 Theory of operation
 -------------------
@@ -65,7 +65,7 @@ class Hypotheses:
         self, truth: SignalClass, rng: np.random.Generator, n: int
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return n pairs of ΔP in dB and D in σ under one hypothesis."""
-        zero = np.zeros(1)  # the same for all draws
+        zero = np.zeros(1)  # value that all draws share
         eta, offset, jam = zero, zero, zero
         if truth is SignalClass.MULTIPATH:
             eta = rng.standard_exponential(n) * 10 ** (self.ray_power_db / 10)
@@ -87,9 +87,9 @@ class Hypotheses:
         return measured_db, np.sqrt(in_phase**2 + quadrature**2) * 10 ** (-rise_db / 20)
 
 
-_POWER_DB = (-3.0, 25.0, 0.25)  # first, last, step of the cells
-_DISTORTION = (0.0, 7.0, 0.07)  # bins of ln(1 + D)
-_SMOOTHING_CELLS = 1.0  # 1σ
+_POWER_DB = (-3.0, 25.0, 0.25)  # first edge, last edge and step of the cells, in dB
+_DISTORTION = (0.0, 7.0, 0.07)  # first edge, last edge and step of the cells, in ln(1 + D)
+_SMOOTHING_CELLS = 1.0  # standard deviation of the smoothing, in cells
 _SECOND_SIGNAL = (SignalClass.MULTIPATH, SignalClass.SPOOFED)  # hypotheses in which D depends on C/N0
 
 
@@ -105,7 +105,7 @@ class DecisionMap:
     def classify(
         self, power_rise_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n"]
     ) -> Int8[np.ndarray, " n"]:
-        """Return the `SignalClass` of each pair."""
+        """Return the `SignalClass` of each pair of ΔP and D."""
         row = np.searchsorted(self.power_edges_db, power_rise_db) - 1
         column = np.searchsorted(self.distortion_edges, distortion) - 1
         a, b = self.classes.shape
@@ -118,8 +118,8 @@ def simulated_decision_map(
 ) -> DecisionMap:
     """Return the map of least expected cost if all four hypotheses are equally likely.
 
-    A false alarm (clean or multipath called an attack) costs `alarm_cost`, and every other error costs 1. `draws` is
-    the number of draws for each hypothesis. The same seed gives the same map.
+    A false alarm (clean or multipath classified as an attack) costs `alarm_cost`, and every other error costs 1.
+    `draws` is the number of draws for each hypothesis. The same seed gives the same map.
     """
     edges = tuple(
         np.arange(round((last - first) / step) + 1) * step + first for first, last, step in (_POWER_DB, _DISTORTION)
@@ -129,7 +129,7 @@ def simulated_decision_map(
         _density(hypotheses if truth in _SECOND_SIGNAL else without_cn0, truth, seed, draws) for truth in SignalClass
     ]
     likelihood = np.stack(densities)
-    cost = 1.0 - np.eye(len(SignalClass))  # [truth, decision]
+    cost = 1.0 - np.eye(len(SignalClass))  # cost of each decision (columns) for each true class (rows)
     cost[: SignalClass.SPOOFED, SignalClass.SPOOFED :] = alarm_cost
     expected = np.einsum("tpd,tc->cpd", likelihood, cost)
     classes = np.argmin(expected, axis=0)
@@ -157,7 +157,7 @@ def _counts(power_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n
 
 
 def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> Int[np.ndarray, "a b"]:
-    """Return the classes; a cell in which nothing was drawn takes the class of a neighbour.
+    """Return the classes; a cell without draws takes the class of a neighbour.
 
     The neighbour of less power comes first, then the neighbour of less distortion. So an attack beyond the range of the
     hypotheses gets the class at the end of that range.
@@ -210,12 +210,12 @@ class PowerDistortionMonitor:
     # hypotheses of the map; the expected C/N0, rounded to `cn0_step_db`, replaces their C/N0
     hypotheses: Hypotheses = field(default_factory=Hypotheses)
     alarm_cost: float = 10.0  # cost of a false alarm over the cost of a miss
-    cn0_step_db: float = 3.0  # steps of C/N0 for which maps are made
+    cn0_step_db: float = 3.0  # step of C/N0 between two maps
     # published false-alarm probability [WESSON18]; the unit tests confirm this value for clean and multipath
     p_fa: float = 0.006
 
     def map_for(self, expected_cn0_dbhz: float) -> DecisionMap:
-        """Return the map for a satellite of this C/N0."""
+        """Return the map for a satellite with this expected C/N0."""
         rounded = round(expected_cn0_dbhz / self.cn0_step_db) * self.cn0_step_db
         return simulated_decision_map(replace(self.hypotheses, cn0_dbhz=rounded), alarm_cost=self.alarm_cost)
 
@@ -232,7 +232,7 @@ class PowerDistortionMonitor:
         return np.array(rates)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block: a class for every epoch at which E1 correlators are known."""
+        """Return the results of the check for a block: a class for every epoch with E1 correlators."""
         measured = self.measured(evidence)
         statistic = np.full(evidence.shape, np.nan)
         known = np.isfinite(measured.map_dbhz) & np.isfinite(measured.distortion) & np.isfinite(measured.rise_db)

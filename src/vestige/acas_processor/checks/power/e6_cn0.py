@@ -2,12 +2,13 @@
 
 A second encrypted signal, stronger or of opposite phase, changes the magnitude of the correlators. The expected
 amplitude is s = √(2 C/N0 T). The largest |c| of the bank, in standard deviations of the noise per dimension, is Rician.
-For a detectable signal |c| is nearly normal about √(s² + 1):
+For a detectable signal |c| has nearly a normal distribution about √(s² + 1):
 
     |c| − √(s² + 1),    | · | ≤ K √(1 + (s (10^(σ_model/20) − 1))²),    K from p_fa, two-sided
 
 σ_model covers fading by reflections, the position between two taps (at most −1.2 dB for taps 15 m apart), antenna and
-satellite. σ_model is the larger part. Its errors are not always present, so `p_fa` is an upper limit.
+satellite. σ_model is the larger part of the standard deviation. The errors that σ_model covers are not always present,
+so `p_fa` is an upper limit.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class E6StrengthMonitor(Monitor):
 
     name: ClassVar = CheckName.E6_CN0
     unit: ClassVar = "sigma"
-    sigma_model_db: float = 1.5  # 1σ of the true C/N0 about the expectation
+    sigma_model_db: float = 1.5  # standard deviation of the true C/N0 about its expected value
     p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, an upper limit
 
     def statistic(
@@ -55,7 +56,7 @@ class E6StrengthMonitor(Monitor):
         return two_sided_factor(self.p_fa) * np.hypot(1.0, spread)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block."""
+        """Return the results of the check for a block of epochs."""
         reference, banks = evidence.references[Quantity.E6_CN0_DBHZ], evidence.measured.banks
         correlated = evidence.measured.availability == Availability.CORRELATED
         noise = np.where(correlated, banks.noise_power, 1.0)

@@ -2,11 +2,12 @@
 
 Theory of operation
 -------------------
-The phase of a second signal of relative amplitude a turns against the true signal. The second signal therefore
-increases the magnitude in some RECS and reduces the magnitude in others. The variance of these changes is a²/2 relative
-to the power of the true signal. The statistic is √(T/(N − 2)). m is the magnitude of the detecting correlator. T is the
-scatter of m about a straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). m is in
-standard deviations of the noise per dimension, and m̄ is its mean. The variance of m is
+The phase of a second signal of relative amplitude a changes relative to the phase of the true signal. The second signal
+therefore increases the magnitude in some RECS and reduces the magnitude in others. The variance of these changes is
+a²/2 relative to the power of the true signal. The statistic is √(T/(N − 2)). m is the magnitude of the detecting
+correlator. T is the scatter of m about a straight line over the last N RECS, relative to the noise
+(`monitoring/recs_windows.py`). m is in standard deviations of the noise per dimension, and m̄ is its mean. The variance
+of m is
 
     σ² = 1 + (ρ m̄)²
 
@@ -65,7 +66,7 @@ class E6FadingMonitor(Monitor):
     p_fa: float = 1e-6
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block: each test is over the last N RECS of a satellite."""
+        """Return the results of the check for a block; each test uses the last N RECS of a satellite."""
         n = self.window
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
         relative = relative_ray_amplitude(evidence.elevation_rad)

@@ -1,4 +1,4 @@
-"""Check for runs of missed E6 signals: step 1 of a level whose false alarms a day are set [WFO, Sec. IV-A].
+"""Check for runs of missed E6 signals: step 1 of a level with a set number of false alarms a day [WFO, Sec. IV-A].
 
 `e6_power.py` raises an alarm with every miss where E1 predicts a detection. Weak satellites are missed by chance
 several times a day. A level with fewer alarms therefore needs several misses in a row. The number of these misses
@@ -6,7 +6,7 @@ follows from C/N0.
 
 Theory of operation
 -------------------
-E1's C/N0 predicts the probability q_k that RECS k of a satellite is missed without an attack. q_k is averaged over
+The C/N0 on E1 predicts the probability q_k that RECS k of a satellite is missed without an attack. q_k is averaged over
 fading by multipath with the configured power (`theory/fading.py`). Misses of different RECS are independent, so a run
 of misses has the probability ∏ q_k. The check fails where
 
@@ -43,7 +43,7 @@ from vestige.acas_processor.monitoring.memory import CheckMemory
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.theory.fading import faded_miss_probability
 
-_CN0_DECIMALS = 2  # same resolution as for the predicted probability of detection
+_CN0_DECIMALS = 2  # decimals of C/N0 in dBHz, the same as for the predicted probability of detection
 _LEAST = 1e-300  # smallest probability of a run of misses, so that JSON can store it
 
 
@@ -53,11 +53,11 @@ class MissPrediction:
 
     min_pd: float = MIN_PD  # a miss counts where E1 predicts at least this probability of detection
     detection_p_fa: float = 1e-7  # false-alarm probability of the detection in one correlator
-    ray_power_db: float = -15.8  # mean power of all reflections over the direct signal
-    e6_over_e1_db: float = 0.0  # expected C/N0 of E6 over the C/N0 of E1
+    ray_power_db: float = -15.8  # mean power of all reflections over the direct signal in dB
+    e6_over_e1_db: float = 0.0  # expected C/N0 of E6 over the C/N0 of E1 in dB
 
     def counting(self, measured: MeasurementBlock) -> Bool[np.ndarray, "n m"]:
-        """Return where a miss counts: where E1 predicts a detection probability of at least `min_pd`."""
+        """Return whether a miss counts: E1 must predict a detection probability of at least `min_pd`."""
         correlated = measured.availability == Availability.CORRELATED
         return correlated & (measured.predicted_pd >= self.min_pd)
 
@@ -74,7 +74,7 @@ class MissPrediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6MissesCheck(Monitor):
-    """Check whether more RECS in a row are missed than happens by chance.
+    """Check whether more RECS in a row are missed than are missed by chance.
 
     The statistic is −log₁₀ of the probability of the misses in a row, 0 after a detection. The check is not run where a
     miss is too probable without an attack.
@@ -86,7 +86,7 @@ class E6MissesCheck(Monitor):
     prediction: MissPrediction = MissPrediction()
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block."""
+        """Return the results of the check for a block of epochs."""
         measured = evidence.measured
         correlated = measured.availability == Availability.CORRELATED
         detected = correlated & (measured.detected.tap >= 0)
@@ -115,13 +115,13 @@ class E6MissesCheck(Monitor):
         return series_of(self, statistic, np.full(evidence.shape, limit), explain)
 
     def remember(self, evidence: Evidence) -> CheckMemory:
-        """Return −log₁₀ of the probability of the misses in a row after a block, of each satellite with misses."""
+        """Return −log₁₀ of the probability of the current run of misses, for each satellite with a run of misses."""
         return {svid: (run,) for svid, run in self._runs(evidence)[1].items()}
 
     def _runs(self, evidence: Evidence) -> tuple[Float[np.ndarray, "n m"], dict[int, float]]:
         """Return −log₁₀ of the probability of each run of misses (NaN without a run), and the runs after the block.
 
-        The sum goes from RECS to RECS in order, so the cut into blocks changes no bit.
+        The sum is made in the order of the RECS, so the division into blocks changes no bit.
         """
         measured = evidence.measured
         detected = (measured.detected.tap >= 0) & (measured.availability == Availability.CORRELATED)
@@ -142,7 +142,7 @@ class E6MissesCheck(Monitor):
 def expected_miss_rate(prediction: MissPrediction, measured: MeasurementBlock) -> float:
     """Return the probability that a test of `E6PowerCheck` fails without an attack: the mean over the tests of a block.
 
-    A test in which a miss does not count never fails. The result is 0 without tests.
+    A test in which a miss does not count never fails. The result is 0 if there are no tests.
     """
     counting = prediction.counting(measured)
     detected = (measured.detected.tap >= 0) & (measured.availability == Availability.CORRELATED)

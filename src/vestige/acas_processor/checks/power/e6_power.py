@@ -40,7 +40,7 @@ class E6PowerCheck:
         return 1 - self.min_pd
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block."""
+        """Return the results of the check for a block of epochs."""
         measured = evidence.measured
         detected = measured.detected.tap >= 0
         correlated = measured.availability == Availability.CORRELATED

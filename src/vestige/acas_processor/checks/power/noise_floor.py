@@ -1,13 +1,13 @@
 """Compare the E6 noise floor, measured with codes that are not in the signal, with its calibration [WFO, Sec. IV-A].
 
-The detection threshold follows this floor, so a higher floor causes misses but no false detections. A rising floor
-explains a miss. The cause is noise on E6, or the self-noise of a strong random code from a spoofer. The mean over all
-wrong codes of N_c chips has the standard deviation 4.343/√N_c dB:
+The detection threshold follows this floor, so a higher floor causes misses but no false detections. A rise of the floor
+explains a miss. The cause of a rise is noise on E6, or the self-noise of a strong random code from a spoofer. The mean
+over all codes of N_c chips that are not in the signal has the standard deviation 4.343/√N_c dB:
 
     ΔN = floor − nominal,    |ΔN| ≤ K √(σ_system² + (4.343 dB)²/N_c),    K from P_fa, two-sided
 
-Both floors are referred to the input of the gain control, because a gain that follows the noise would hide a rise of
-the noise.
+The measured floor and the nominal floor are referred to the input of the gain control. Otherwise a gain that follows
+the noise would hide a rise of the noise.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class NoiseFloorMonitor(LevelMonitor):
     """Monitor that compares the noise floor of the correlators with its value at the receiver's calibration."""
 
     name: ClassVar = CheckName.NOISE_FLOOR
-    n_chips: int = round(16e-3 * E6C.chip_rate_hz)  # N_c, chips of the RECS
-    sigma_system_db: float = 0.3  # drift of gain and temperature, 1σ
+    n_chips: int = round(16e-3 * E6C.chip_rate_hz)  # N_c, number of chips of the RECS
+    sigma_system_db: float = 0.3  # standard deviation of the floor by drift of gain and temperature
     p_fa: float = 1e-6
 
     @property
@@ -48,7 +48,7 @@ class NoiseFloorMonitor(LevelMonitor):
         return LevelMonitor.probability_of_detection(self, rise_db)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block."""
+        """Return the results of the check for a block of epochs."""
         measured, reference = evidence.measured, evidence.references[Quantity.FLOOR_DB]
         correlated = measured.availability == Availability.CORRELATED
         n_chips = np.round(np.where(correlated, measured.banks.integration_s, 1.0) * E6C.chip_rate_hz)

@@ -2,7 +2,8 @@
 
 Theory of operation
 -------------------
-A second signal of power η, offset Δτ and phase Δθ bends the correlation function of the tracked signal and adds power:
+A second signal of power η, offset Δτ and phase Δθ distorts the correlation function of the tracked signal and adds
+power:
 
     D  = |ξ(−τ_d) − ξ(+τ_d)|     symmetric difference of two taps about the prompt, in σ of the noise per dimension
                                  without interference
@@ -29,7 +30,7 @@ from vestige.signals.pulse import BPSK, Pulse, autocorrelation
 def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float:
     """Return v = 2 (1 − R(2τ_d)), the variance per dimension of ξ(−τ_d) − ξ(τ_d) over the variance of a tap.
 
-    `half_spacing_chips` is τ_d, `pulse` is the pulse of the replica.
+    `half_spacing_chips` is τ_d, and `pulse` is the pulse of the replica.
     """
     return 2 * (1 - float(autocorrelation(pulse, np.array([2 * half_spacing_chips]))[0]))
 
@@ -37,7 +38,7 @@ def distortion_variance(half_spacing_chips: float, pulse: Pulse = BPSK) -> float
 def mean_distortion(
     offset_chips: Float[np.ndarray, "*n"], half_spacing_chips: float, pulse: Pulse = BPSK
 ) -> Float[np.ndarray, "*n"]:
-    """Return |R(τ_d + Δτ) − R(τ_d − Δτ)|, the D/s of a second signal with the amplitude of the tracked signal."""
+    """Return |R(τ_d + Δτ) − R(τ_d − Δτ)|, which is D/s for a second signal with the amplitude of the tracked signal."""
     early = autocorrelation(pulse, np.ravel(half_spacing_chips + offset_chips))
     late = autocorrelation(pulse, np.ravel(half_spacing_chips - offset_chips))
     return np.reshape(np.abs(early - late), np.shape(offset_chips))
@@ -49,6 +50,6 @@ def power_rise_db(
     """Return ΔP in dB.
 
     η is the power of each second signal relative to its satellite, the same for all satellites. All arguments are
-    linear, and a value that all elements share may have the length 1.
+    linear ratios, and a value that all elements share may have the length 1.
     """
     return 10 * np.log10((1 + signals_to_noise * (1 + eta) + jam_to_noise) / (1 + signals_to_noise))

@@ -1,12 +1,13 @@
 """Check the received power of a band, or the gain that its AGC sets [AKOS12].
 
-The power before the gain control is averaged over W T independent samples. The average has the standard deviation
-4.343/√(W T) dB, which is 0.03 dB for 2 MHz and 10 ms. Temperature and gain drift are larger, and set the threshold:
+The power before the gain control is averaged over W T independent samples, with the bandwidth W and the averaging time
+T. The average has the standard deviation 4.343/√(W T) dB, which is 0.03 dB for 2 MHz and 10 ms. The drifts by
+temperature and gain (σ_system) are larger, and determine the threshold:
 
     ΔP = P − P_nominal,    |ΔP| ≤ K √(σ_system² + (4.343 dB)²/(W T)),    K from P_fa, two-sided
 
-A gain control keeps the power behind it constant, so a receiver that reports only the gain also reports the power: ΔP =
-−Δgain.
+A gain control keeps the power at its output constant. So a receiver that reports only the gain also reports the power:
+ΔP = −Δgain.
 
 A spoofer adds η times the satellites' power, which lies below the noise. The rise is therefore large only in a narrow
 band.
@@ -25,7 +26,7 @@ from vestige.acas_processor.monitoring.baseline import Quantity
 from vestige.records import Band
 from vestige.records.checks import CheckName, CheckSeries
 
-DB_PER_NEPER = 10 / math.log(10)  # 4.343: dB of a small relative change of a power
+DB_PER_NEPER = 10 / math.log(10)  # 4.343 dB: factor from a small relative change of a power to dB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +34,9 @@ class ReceivedPowerMonitor(LevelMonitor):
     """Monitor that compares the power of a band with its value at the receiver's calibration."""
 
     band: Band
-    sigma_system_db: float = 0.3  # drift of gain and temperature, 1σ
-    bandwidth_hz: float = 2e6  # W of the power measurement
-    averaging_s: float = 0.01  # T of the power measurement
+    sigma_system_db: float = 0.3  # standard deviation of the power by drift of gain and temperature
+    bandwidth_hz: float = 2e6  # W, bandwidth of the power measurement
+    averaging_s: float = 0.01  # T, averaging time of the power measurement
     p_fa: float = 1e-6
 
     @property
@@ -49,7 +50,7 @@ class ReceivedPowerMonitor(LevelMonitor):
         return math.hypot(self.sigma_system_db, DB_PER_NEPER / math.sqrt(self.bandwidth_hz * self.averaging_s))
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the check over a block; the check fails if the front end is saturated, whatever its power is."""
+        """Return the results for a block; the check also fails if the front end is saturated, at any power."""
         quantity = Quantity.E1_POWER_DB if self.band is Band.E1 else Quantity.E6_POWER_DB
         reference = evidence.references[quantity]
         front_end = evidence.measured.snapshots.front_end.get(self.band)

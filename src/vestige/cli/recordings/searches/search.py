@@ -63,8 +63,8 @@ _doppler_span = number_option(
 _recs_options = options_together(
     recording_argument, assistance_option, _svids, start_option, _p_fa, _uncertainty, cipher_mode_option
 )
-_IDENTIFYING_SAMPLES = 65_536  # number of first samples that identify a recording by their noise
-INTERRUPTED = 130  # exit code of the shell for SIGINT
+_IDENTIFYING_SAMPLES = 65_536  # number of samples at the start that identify a recording, because noise is unique
+INTERRUPTED = 130  # exit code after Ctrl-C (SIGINT), as in a shell
 
 
 @click.group()
@@ -98,7 +98,7 @@ def e1(
 ) -> None:
     """List every signal of every satellite on E1 at the start of RECORDING.
 
-    The first 100 ms are searched, and each signal is measured in these samples. All values are for the same time. If
+    The first 100 ms are searched, and each signal is measured in these samples. All values refer to the same time. If
     samples are missing, only the longer part before or after the gap is used.
     """
     from vestige.cli.progress import progress

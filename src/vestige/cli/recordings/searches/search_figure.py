@@ -24,7 +24,7 @@ FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 @dataclass(slots=True)
 class SearchFigure:
-    """Collector that draws the magnitudes of a search in E6; without a file it does nothing."""
+    """Collector that draws the magnitudes of a search in E6; without a file the collector does nothing."""
 
     file: Path | None
     codes: Sequence[ChipSequence]
@@ -43,7 +43,7 @@ class SearchFigure:
             self._points.append((at, magnitude))
 
     def write(self, decisions: Sequence[tuple[VestigialDecision, SearchBudget]]) -> None:
-        """Draw the magnitudes and the decision."""
+        """Draw the magnitudes of the search, and the peaks of the decision."""
         if self.file is None or not decisions:
             return
         from vestige import plots

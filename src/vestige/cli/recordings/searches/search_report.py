@@ -30,11 +30,11 @@ class Answer:
 
     decision: VestigialDecision
     budget: SearchBudget
-    proof: ReceptionProof  # arrivals that were received before the disclosure of the key
+    proof: ReceptionProof  # rule that says which arrivals were received before the disclosure of the key
 
 
 def print_budget(budget: SearchBudget, search: ExhaustiveSearch, engine: EngineChoice) -> None:
-    """Print the cost and the engine of a long search before it starts."""
+    """Print the cost and the engine of a long search before the search starts."""
     from vestige.sample_processor.search.speed import expected_seconds
 
     lines = (
@@ -68,7 +68,7 @@ def follow_search(
     each: Callable[[GalileoTime, float], None],
     keep: Callable[[SearchState], None],
 ) -> tuple[tuple[Peak, ...], GalileoTime | None]:
-    """Return the peaks of a search, and the time from which on samples were not searched; None if none are left.
+    """Return the peaks of a search, and the start of the samples that were not searched; None if all were searched.
 
     Each peak is printed at once. The rate and the remaining time of the search are printed with each peak, and at
     intervals of `REPORT_EVERY_S`.

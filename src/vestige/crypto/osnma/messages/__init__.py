@@ -1,1 +1,1 @@
-"""The messages of OSNMA, field by field."""
+"""Formats of the OSNMA messages, and the verification of the messages."""

@@ -1,8 +1,9 @@
 """The alert message of OSNMA: a DSM-PKR that carries a notice in place of a public key.
 
-The notice is a leaf of the Merkle tree, as a public key is. The leaf is SHA-256 of `type 4 | PKID 4 | notice`. The type
-is 4, and the notice fills the message up to its end [OSNMA-ICD, DSM-PKR]. A notice leads to the root of the tree only
-if the operator put it into the tree. So a verified notice means: stop, and ask the operator [OSNMA-RG, 4.2.3].
+The notice is a leaf of the Merkle tree, as a public key is. The leaf is SHA-256 of `type 4 | PKID 4 | notice`, with
+lengths in bits. The type is 4, and the notice fills the message up to its end [OSNMA-ICD, DSM-PKR]. A notice leads to
+the root of the tree only if the operator put the notice into the tree. After a verified notice, the receiver must stop
+the use of OSNMA, and the user must ask the operator [OSNMA-RG, 4.2.3].
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from vestige.crypto.keys.merkle_tree import LEAF_AT, MerkleTree, path_root, sibl
 from vestige.crypto.osnma.messages.dsm import DSM_BLOCK_BYTES, pkr_blocks
 from vestige.errors import AuthenticationError
 
-ALERT_TYPE = 4  # NPKT [OSNMA-ICD, DSM-PKR]
+ALERT_TYPE = 4  # NPKT of an alert message [OSNMA-ICD, DSM-PKR]
 
 
 def is_alert(message: bytes) -> bool:

@@ -1,7 +1,7 @@
 """Parameters of a TESLA chain from the signed DSM-KROOT: hash and MAC functions, key and tag sizes.
 
-The codes are tables, as in [OSNMA-ICD, DSM-KROOT]. A code that is not in its table is reserved, and raises an
-`UnsupportedError`. SHA3-256 and CMAC-AES are in the tables, but no signal or test vector has used them yet.
+The tables of [OSNMA-ICD, DSM-KROOT] define the meaning of each code. A code that is not in its table is reserved, and
+raises an `UnsupportedError`. SHA3-256 and CMAC-AES are in the tables, but no signal or test vector has used them yet.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from cryptography.hazmat.primitives.cmac import CMAC
 from vestige.crypto.osnma.messages.subframe import MACK_BITS, MACK_TOTAL_BITS
 from vestige.errors import UnsupportedError
 
-ALPHA_BYTES = 6  # random pattern of the chain [OSNMA-ICD, DSM-KROOT]
-TAG_INFO_BITS = 16  # PRN_D 8, ADKD 4, COP 4; for the first tag MACSEQ 12, COP 4 [OSNMA-ICD, MACK]
+ALPHA_BYTES = 6  # length of the random pattern of the chain [OSNMA-ICD, DSM-KROOT]
+# PRN_D 8 bits, ADKD 4 bits, COP 4 bits; for the first tag MACSEQ 12 bits, COP 4 bits [OSNMA-ICD, MACK]
+TAG_INFO_BITS = 16
 
 
 def _hmac_sha256(key: bytes, message: bytes) -> bytes:
@@ -31,18 +32,18 @@ def _cmac_aes(key: bytes, message: bytes) -> bytes:
     return mac.finalize()
 
 
-HASH_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes], hashlib._Hash]]] = {  # HF [OSNMA-ICD, DSM-KROOT]
+HASH_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes], hashlib._Hash]]] = {  # codes HF [OSNMA-ICD, DSM-KROOT]
     0: ("SHA-256", hashlib.sha256),
     2: ("SHA3-256", hashlib.sha3_256),
 }
-MAC_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes, bytes], bytes]]] = {  # MF [OSNMA-ICD, DSM-KROOT]
+MAC_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes, bytes], bytes]]] = {  # codes MF [OSNMA-ICD, DSM-KROOT]
     0: ("HMAC-SHA-256", _hmac_sha256),
     1: ("CMAC-AES", _cmac_aes),
 }
-KEY_BITS: Mapping[int, int] = {  # KS [OSNMA-ICD, DSM-KROOT]
+KEY_BITS: Mapping[int, int] = {  # codes KS [OSNMA-ICD, DSM-KROOT]
     0: 96, 1: 104, 2: 112, 3: 120, 4: 128, 5: 160, 6: 192, 7: 224, 8: 256,
 }  # fmt: skip
-TAG_BITS: Mapping[int, int] = {5: 20, 6: 24, 7: 28, 8: 32, 9: 40}  # TS [OSNMA-ICD, DSM-KROOT]
+TAG_BITS: Mapping[int, int] = {5: 20, 6: 24, 7: 28, 8: 32, 9: 40}  # codes TS [OSNMA-ICD, DSM-KROOT]
 _AES_KEY_BITS = (128, 192, 256)
 
 
@@ -53,10 +54,10 @@ class ChainParameters:
     Raises `UnsupportedError` if a code is reserved.
     """
 
-    hash_function: int = 0  # HF [OSNMA-ICD, DSM-KROOT]
-    mac_function: int = 0  # MF
-    key_size: int = 4  # KS
-    tag_size: int = 9  # TS
+    hash_function: int = 0  # HF, code of the hash function [OSNMA-ICD, DSM-KROOT]
+    mac_function: int = 0  # MF, code of the function for message authentication codes
+    key_size: int = 4  # KS, code of the length of a key
+    tag_size: int = 9  # TS, code of the length of a tag
     mac_lookup: int = 34  # MACLT, number of the row in the MAC look-up table (see `mac_lookup`)
     alpha: bytes  # random pattern of the chain, 6 bytes
 
@@ -98,27 +99,27 @@ class ChainParameters:
 
     @property
     def key_start_bit(self) -> int:
-        """First bit of the key in the MACK message."""
+        """Index of the first bit of the key in the MACK message."""
         return self.n_tags * (self.tag_bits + TAG_INFO_BITS)
 
     @property
     def disclosure_start_s(self) -> int:
         """Time from the start of the subframe to the first bit of its key on air, in whole seconds rounded down.
 
-        The first page starts 1 s after the start of the subframe. The OSNMA field is in the odd half of a page, and the
-        odd half starts 1 s after the start of the page. The result is 22 s for the operational layout.
+        The first page starts 1 s after the start of the subframe. The OSNMA field is in the odd half of a page, which
+        starts 1 s after the start of the page. The result is 22 s for the operational layout.
         """
         return 1 + 2 * (self.key_start_bit // MACK_BITS) + 1
 
     @property
     def disclosure_end_s(self) -> int:
-        """Time in s from the start of the subframe to the end of the page with the last bit of its key, usually 31."""
+        """Time in s from the start of a subframe to the end of the page with the last bit of the key, often 31 s."""
         last_bit = self.key_start_bit + self.key_bits - 1
         return 1 + 2 * (last_bit // MACK_BITS) + 2
 
     @property
     def new_hash(self) -> Callable[[bytes], hashlib._Hash]:
-        """The hash function of the chain, with digests of 32 bytes; the function of `hashlib` itself, which is fast."""
+        """Hash function of the chain with digests of 32 bytes, directly from `hashlib` for speed."""
         return HASH_FUNCTIONS[self.hash_function][1]
 
     def mac(self, key: bytes, message: bytes, n_bits: int) -> int:

@@ -1,13 +1,13 @@
-"""Digital signature messages (DSM), the slow part of OSNMA, with a signed root key or a new public key.
+"""Digital signature messages (DSM) of OSNMA, with a signed root key or a new public key.
 
-The HKROOT message of every subframe is `NMA header 8 | DSM header 8 | DSM block 104`. A DSM is 7 to 16 blocks long. The
-satellites send different blocks at the same time, so a receiver with many satellites in view completes a DSM within a
-minute.
+The HKROOT message of every subframe is `NMA header 8 | DSM header 8 | DSM block 104`, with lengths in bits. A DSM is 7
+to 16 blocks long. The satellites send different blocks at the same time, so a receiver with many satellites in view
+completes a DSM within a minute.
 
 A DSM-KROOT is `NB 4 | PKID 4 | CIDKR 2 | reserved 2 | HF 2 | MF 2 | KS 4 | TS 4 | MACLT 8 | reserved 4 | WN 12 | TOWH 8
-| alpha 48 | KROOT | signature | padding` [OSNMA-ICD, DSM-KROOT]. The signature has 512 bits (P-256) or 1056 (P-521).
-The signature covers the NMA header and all fields from CIDKR to KROOT. Parsing proves nothing: only
-`root_key.verify_root_key` makes a usable key.
+| alpha 48 | KROOT | signature | padding` [OSNMA-ICD, DSM-KROOT]. The signature has 512 bits (P-256) or 1056 bits
+(P-521). The signature covers the NMA header and all fields from CIDKR to KROOT. Parsing does not verify the signature.
+Only `root_key.verify_root_key` returns a key that may be used.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from vestige.errors import AuthenticationError, UnsupportedError
 from vestige.time import GalileoTime
 
 DSM_BLOCK_BYTES = 13  # 104 bits [OSNMA-ICD, DSM header]
-FIRST_PKR_ID = 12  # DSM id 0 to 11 is a DSM-KROOT, 12 to 15 a DSM-PKR [OSNMA-ICD, DSM header]
-KROOT_BLOCKS: Mapping[int, int] = {code: code + 6 for code in range(1, 9)}  # NB [OSNMA-ICD, DSM-KROOT]
-PKR_BLOCKS: Mapping[int, int] = {5: 11, 7: 13, 8: 14, 9: 15, 10: 16}  # NB [OSNMA-ICD, DSM-PKR]
+FIRST_PKR_ID = 12  # DSM ids 0 to 11 are DSM-KROOTs, and 12 to 15 are DSM-PKRs [OSNMA-ICD, DSM header]
+KROOT_BLOCKS: Mapping[int, int] = {code: code + 6 for code in range(1, 9)}  # blocks by NB [OSNMA-ICD, DSM-KROOT]
+PKR_BLOCKS: Mapping[int, int] = {5: 11, 7: 13, 8: 14, 9: 15, 10: 16}  # number of blocks by NB [OSNMA-ICD, DSM-PKR]
 
-_HEAD_BYTES = 13  # fields before KROOT, including alpha
+_HEAD_BYTES = 13  # length of the fields before KROOT, including alpha
 _WEEKS = 4096  # week numbers are sent modulo this number [OSNMA-ICD, DSM-KROOT]
 
 NMA_STATUS: Mapping[int, str] = {0: "reserved", 1: "test", 2: "operational", 3: "don't use"}  # [OSNMA-ICD, 3.1.1]
@@ -47,7 +47,7 @@ class NmaHeader:
 
     @property
     def status(self) -> int:
-        """NMAS: 1 test, 2 operational, 3 don't use."""
+        """NMAS, the status of OSNMA: 1 is test, 2 is operational, 3 is don't use."""
         return self.value >> 6
 
     @property
@@ -62,12 +62,12 @@ class NmaHeader:
 
     @property
     def usable(self) -> bool:
-        """Whether keys and tags may be used; only a signed header counts."""
+        """Whether keys and tags may be used, if the header is signed."""
         return self.status in (TEST, OPERATIONAL) and self.key_status != ALERT
 
     @property
     def withdraws(self) -> bool:
-        """Whether the header withdraws chains: all chains, or all except the chain that it names."""
+        """Whether the header withdraws all chains, or all chains except the chain that the header names."""
         return not self.usable or self.key_status in (CHAIN_REVOKED, KEY_REVOKED)
 
     def __str__(self) -> str:
@@ -97,12 +97,12 @@ class DsmKroot:
         return GalileoTime.from_gst_seconds(max(seconds, 0))
 
     def serialise(self) -> bytes:
-        """Return the broadcast message, 13 bytes a block."""
+        """Return the broadcast message in blocks of 13 bytes."""
         head = (self.n_blocks - 6) << 4 | self.public_key_id
         return bytes([head]) + self._signed_part() + self.signature + self.padding
 
     def signed_message(self, header: NmaHeader) -> bytes:
-        """Return the bytes under the signature [OSNMA-ICD, 6.3]."""
+        """Return the bytes that the signature covers [OSNMA-ICD, 6.3]."""
         return bytes([header.value]) + self._signed_part()
 
     def expected_padding(self, header: NmaHeader) -> bytes:
@@ -142,7 +142,7 @@ def _blocks(message: str, table: Mapping[int, int], first_byte: int) -> int:
 
 
 def parse_kroot(message: bytes) -> DsmKroot:
-    """Return the fields of a DSM-KROOT; only its format is checked.
+    """Return the fields of a DSM-KROOT after a check of its format, without verification of its signature.
 
     Raises `AuthenticationError` if the fields contradict each other. Raises `UnsupportedError` if a field has a
     reserved value.
@@ -187,7 +187,8 @@ def parse_kroot(message: bytes) -> DsmKroot:
 def _signature_bytes(room: int) -> int:
     """Return the length of the signature in the bytes after KROOT.
 
-    The message has no field for this length. The message has as many blocks as KROOT and signature need: 7 to 9 with
-    P-256, 13 or 14 with P-521. So the signature is a P-521 signature if the bytes after KROOT are enough for one.
+    The message has no field for this length. The message has as many blocks as KROOT and signature need: 7 to 9 blocks
+    with P-256, 13 or 14 blocks with P-521. So the scheme is P-521 if the bytes after KROOT are enough for a P-521
+    signature.
     """
     return (P521 if room >= P521.signature_bytes else P256).signature_bytes

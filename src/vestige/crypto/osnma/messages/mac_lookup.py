@@ -1,9 +1,9 @@
 """The MAC look-up table, which says what data each tag of a MACK message authenticates [OSNMA-ICD, Annex C].
 
 The number MACLT of the signed DSM-KROOT selects a row. A row has two sequences of slots, for subframes that start at a
-full minute and at half a minute. A slot gives the kind of data (ADKD) of a tag, and its satellite: `S` the sending
-satellite, `E` any Galileo satellite. In a flexible slot (`FLX`) the tag itself gives kind and satellite, and MACSEQ
-protects both.
+full minute and at half a minute. A slot gives the kind of data (ADKD) of a tag, and the satellite whose data the tag
+covers. `S` means the sending satellite, and `E` means any Galileo satellite. In a flexible slot (`FLX`) the tag itself
+gives kind and satellite, which MACSEQ protects.
 
 Rows 33 and 34 are verified on real data. The other rows are only copied from the table.
 """
@@ -36,14 +36,14 @@ _SEQUENCES: Mapping[int, tuple[str, str]] = {  # MACLT -> (GST mod 60 = 0, GST m
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A slot of a sequence."""
+    """A slot of a sequence in the MAC look-up table."""
 
     adkd: int | None  # kind of data; None in a flexible slot
     own: bool  # whether the tag must be for the satellite that sends it
 
     @property
     def flexible(self) -> bool:
-        """Whether the tag itself gives its data and satellite."""
+        """Whether the tag itself gives its kind of data and its satellite."""
         return self.adkd is None
 
     def allows(self, *, adkd: int, own: bool) -> bool:
@@ -64,7 +64,7 @@ MAC_LOOKUP: Mapping[int, tuple[tuple[Slot, ...], tuple[Slot, ...]]] = {
 def slots(parameters: ChainParameters, time: GalileoTime) -> tuple[Slot, ...]:
     """Return the slots of the tags in a subframe, including the slot of the first tag.
 
-    Raises `UnsupportedError` if the table has no such row, or the row does not fit the number of tags.
+    Raises `UnsupportedError` if the table does not have the row of the chain, or if the number of tags differs.
     """
     row = MAC_LOOKUP.get(parameters.mac_lookup)
     if row is None:

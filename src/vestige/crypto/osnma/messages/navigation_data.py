@@ -7,7 +7,7 @@ This module uses the latest words 1 to 5 (or 6 and 10) received by the end of su
 received in subframe s-1. Words 1 to 4 must have the same IODnav. Without such data a tag is not counted. Word 5 and the
 timing words carry no IOD, so the latest received words may be outdated after lost pages. The tag's cut-off point shows
 outdated words (see `tags`). When such a word changes, a tag does not show whether it covers the old or the new data. In
-the subframe after the change, old and new data are both candidates; the new data come first.
+the subframe after the change, the new data and then the old data are candidates.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class NavigationData:
     iod_nav: int | None  # issue of data of words 1 to 4; None for timing parameters
     bits: int
     n_bits: int
-    oldest_s: int  # reception of the piece that was received longest ago, in GST seconds
+    oldest_s: int  # time of reception of the piece that was received first, in GST seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +57,7 @@ class NavigationWords:
     subframe_s: int = -1  # start of the last subframe with a page of this satellite, in GST seconds
 
     def updated(self, subframe: SatelliteSubframe) -> NavigationWords:
-        """Return the words after this subframe."""
+        """Return the latest words after the reception of a subframe."""
         start = subframe.time.gst_seconds
         received = {
             word >> 122: (word, start + FIRST_PAGE_OFFSET_S + PAGE_S * index)
@@ -80,7 +80,7 @@ class NavigationWords:
         return tuple({data.bits: data for data in found if data is not None}.values())
 
     def data(self, svid: int, adkd: int, subframe: GalileoTime) -> NavigationData | None:
-        """Return the latest data that a tag may cover; None if data is missing or of two issues."""
+        """Return the latest data that a tag may cover; None if words are missing or have different IODnav."""
         fields = NAVIGATION_FIELDS[ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd]
         if self.subframe_s != subframe.gst_seconds - SUBFRAME_S or any(word not in self.words for word, _, _ in fields):
             return None

@@ -14,10 +14,12 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RootKey:
-    """A verified root key: its construction checks signature, padding and time, also when a pickled root key is read.
+    """A verified root key, whose construction checks signature, padding and time.
 
-    Raises `AuthenticationError` if signature, padding or time do not verify. Raises `TypeError` if a part is not
-    exactly of its type, because a subclass could skip the verification.
+    The checks are repeated when a pickled root key is read.
+
+    Raises `AuthenticationError` if signature, padding or time are wrong. Raises `TypeError` if an attribute is not
+    exactly of its declared type, because a subclass could skip the verification.
     """
 
     kroot: DsmKroot
@@ -44,7 +46,7 @@ class RootKey:
     def __reduce__(
         self,
     ) -> tuple[Callable[..., RootKey], tuple[DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime]]:
-        """Return the class and its arguments for pickle; the copy is checked again."""
+        """Return a function and its arguments for pickle, so that the copy is checked again."""
         return _root_key, (self.kroot, self.header, self.time, self.public_key, self.received_at)
 
     def received(self, time: GalileoTime) -> RootKey:
@@ -70,7 +72,7 @@ class RootKey:
 
     @property
     def data(self) -> bytes:
-        """The key."""
+        """Bytes of the root key."""
         return self.kroot.root_key
 
 
@@ -83,14 +85,14 @@ def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[Pu
     Parameters
     ----------
     kroot
-        The DSM-KROOT.
+        DSM-KROOT with the root key and its signature.
     header
-        The NMA header that was broadcast with the DSM-KROOT.
+        NMA header that was broadcast with the DSM-KROOT.
     public_keys
-        The keys that may have signed the DSM-KROOT; the key with its PKID is used.
+        Keys that may have signed the DSM-KROOT. Only keys with the PKID of the DSM-KROOT, or without PKID, are used.
     near
-        A time within 2048 weeks of the root key, such as the time of reception; this time resolves the week modulo
-        4096.
+        Time within 2048 weeks of the root key, such as the time of reception. The DSM-KROOT has the week only modulo
+        4096, and `near` determines the full week.
     """
     candidates = [key for key in public_keys if key.pkid in (None, kroot.public_key_id)]
     if not candidates:

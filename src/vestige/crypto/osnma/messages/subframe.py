@@ -1,11 +1,12 @@
 """Assemble the OSNMA message of one satellite and subframe from I/NAV pages.
 
-Every 30 s subframe has 15 pages, and each page carries 8 bits of the HKROOT and 32 bits of the MACK message [OSNMA-ICD,
-2]. A subframe carries 120 bits of the HKROOT message and 480 bits of the MACK message. Pages get lost, so a subframe
-records which of its 15 fields were received. A part of the MACK can still be read if its own pages were received.
+A subframe of 30 s has 15 pages. Each page carries 8 bits of the HKROOT message and 32 bits of the MACK message
+[OSNMA-ICD, 2]. A subframe carries 120 bits of the HKROOT message and 480 bits of the MACK message. Pages get lost, so a
+subframe records which of its 15 fields were received. A part of the MACK message can still be read if the pages of this
+part were received.
 
-The assembler keeps a subframe open until a page arrives that is clearly later. Pages may therefore come in any order of
-satellites, and a little out of order in time.
+The assembler keeps a subframe open until a page arrives that starts at least 10 s after the end of the subframe. Pages
+may therefore come in any order of satellites, and a few seconds out of order in time.
 """
 
 from __future__ import annotations
@@ -107,7 +108,7 @@ class Epoch:
     """A subframe of all satellites."""
 
     time: GalileoTime  # start of the subframe (GST_SF)
-    satellites: Mapping[int, SatelliteSubframe]  # by SVID
+    satellites: Mapping[int, SatelliteSubframe]  # subframe of each satellite by SVID
 
 
 class PageStatus(Enum):
@@ -123,8 +124,8 @@ class PageStatus(Enum):
 class SubframeAssembler:
     """Collect pages into subframes.
 
-    A subframe is closed when a page arrives that starts `_GRACE_S` after the end of the subframe. A page that is
-    `_RESTART_S` older than the newest page is not late: the recording starts again with this page.
+    A subframe is closed when a page arrives that starts `_GRACE_S` or more after the end of the subframe. If a page is
+    more than `_RESTART_S` older than the newest page, the recording is assumed to start again with this page.
     """
 
     def __init__(self) -> None:
@@ -132,7 +133,7 @@ class SubframeAssembler:
         self._newest: int | None = None
 
     def add(self, page: InavPage) -> tuple[PageStatus, list[Epoch]]:
-        """Return the status of the page, and the subframes that it closed, oldest first."""
+        """Add a page, and return its status and the subframes that the page closed, oldest first."""
         second = page.time.gst_seconds
         index, rest = divmod(second % SUBFRAME_S - FIRST_PAGE_OFFSET_S, PAGE_S)
         if rest or page.time.fraction:
@@ -156,7 +157,7 @@ class SubframeAssembler:
         return PageStatus.TAKEN, closed
 
     def flush(self) -> list[Epoch]:
-        """Return all open subframes, oldest first, at the end of the pages."""
+        """Close and return all open subframes, oldest first, after the last page."""
         epochs = [_epoch(start, self._open[start]) for start in sorted(self._open)]
         self._open.clear()
         self._newest = None

@@ -1,13 +1,13 @@
 """Tags and MACSEQ, the part of OSNMA that authenticates navigation data.
 
 A MACK message is `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key | padding`. Tags and
-MACSEQ are made with a key that is disclosed later: one subframe later, or eleven subframes for the slow MAC (ADKD 12).
-A tag covers ::
+MACSEQ are made with a key that is disclosed one subframe later. A tag of the slow MAC (ADKD 12) is made with a key that
+is disclosed eleven subframes later. A tag covers ::
 
     [PRN_D 8, not in tag0] | PRN_A 8 | GST_SF 32 | CTR 8 | NMAS 2 | data | zeros to a full byte       [OSNMA-ICD, 6.7]
 
-and MACSEQ covers the information fields of the flexible slots: PRN_A 8 | GST_SF 32 | 16 bits of each flexible slot. The
-cut-off point COP counts the subframes over which the data of a tag has not changed; 0 marks a dummy tag.
+MACSEQ covers the information fields of the flexible slots: PRN_A 8 | GST_SF 32 | 16 bits of each flexible slot. The
+cut-off point COP counts the subframes over which the data of a tag has not changed. A COP of 0 marks a dummy tag.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from vestige.crypto.osnma.messages.tesla import gst_sf
 from vestige.time import GalileoTime
 
 MACSEQ_BITS = 12
-KEY_DELAY_S = SUBFRAME_S  # key of the next subframe [OSNMA-ICD, 6.7]
-SLOW_KEY_DELAY_S = 11 * SUBFRAME_S  # ADKD 12: ten subframes more [OSNMA-ICD, 6.7]
-MIN_TAG_BITS = 40  # smallest total of tag bits for authenticated data [OSNMA-RG, equivalent tag length]
+KEY_DELAY_S = SUBFRAME_S  # time from a tag to its key, which is the key of the next subframe [OSNMA-ICD, 6.7]
+SLOW_KEY_DELAY_S = 11 * SUBFRAME_S  # time from a tag with ADKD 12 to its key [OSNMA-ICD, 6.7]
+MIN_TAG_BITS = 40  # smallest total length of tags for authenticated data [OSNMA-RG, equivalent tag length]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tag:
     """A tag of a MACK message."""
 
-    counter: int  # CTR: 1 for tag0
-    value: int  # l_t bits
-    info: int  # 16 bits PRN_D, ADKD, COP; PRN_D and ADKD of tag0 are not sent, but follow from the slot
+    counter: int  # CTR, number of the tag in the message; 1 for tag0
+    value: int  # bits of the tag, l_t bits long
+    info: int  # PRN_D, ADKD and COP in 16 bits; PRN_D and ADKD of tag0 are not sent, but follow from the slot
 
     @property
     def svid(self) -> int:
@@ -44,12 +44,12 @@ class Tag:
 
     @property
     def adkd(self) -> int:
-        """Kind of data."""
+        """ADKD: the kind of data that is authenticated."""
         return self.info >> 4 & 15
 
     @property
     def cut_off(self) -> int:
-        """COP: number of subframes over which the data has not changed; 0 marks a dummy."""
+        """COP: number of subframes over which the data has not changed; 0 for a dummy tag."""
         return self.info & 15
 
     @property
@@ -65,12 +65,12 @@ class Tag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mack:
-    """The authentication part of a complete MACK message."""
+    """The tags and the MACSEQ field of a complete MACK message."""
 
     svid: int  # PRN_A: the satellite that sent the message
     time: GalileoTime  # start of the subframe of the message
     nma_status: int  # NMAS of the NMA header in the same subframe; the tags cover this status
-    macseq: int  # 12 bits
+    macseq: int  # MACSEQ field, 12 bits
     tags: tuple[Tag, ...]
 
 
@@ -90,12 +90,12 @@ def parse_mack(subframe: SatelliteSubframe, parameters: ChainParameters) -> Mack
 
 
 def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> bool:
-    """Return whether MACSEQ verifies; `make_macseq` describes the parameters."""
+    """Return whether MACSEQ is correct. `make_macseq` describes the parameters."""
     return make_macseq(mack, slots, key, parameters) == mack.macseq
 
 
 def make_macseq(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> int:
-    """Return the MACSEQ field, 12 bits, of the information fields of the flexible slots [OSNMA-ICD, 6.6].
+    """Return the MACSEQ field, 12 bits, which covers the information fields of the flexible slots [OSNMA-ICD, 6.6].
 
     `slots` is the message's row of the MAC look-up table. `key` is the chain's key of the next subframe.
     """

@@ -1,7 +1,7 @@
-"""TESLA: a chain of keys in which each key is the hash of the next key, so that old keys prove new keys.
+"""TESLA: a chain of keys in which each key is the hash of the next key. So an old key can validate a new key.
 
 The operator draws the last key of a chain and hashes it down to the first key, the root key, which is signed. The
-operator discloses the keys in the reverse order, one every 30 s::
+operator discloses the keys in the reverse order, one key every 30 s::
 
     K_m = first l_k bits of hash( K_(m+1) | GST_SF,m | alpha )                                 [OSNMA-ICD, 6.4]
 
@@ -9,9 +9,10 @@ GST_SF,m is the start of the subframe in which K_m is sent. The week modulo 4096
 bits. A receiver with a true key can check every later key by hashing it down, and compute every earlier key. An
 undisclosed key cannot be guessed.
 
-Types express trust: a `Key` is received bytes, a `ValidatedKey` is a key that leads to a signed root key. Only
-`validate` makes a `ValidatedKey`. A pickled `ValidatedKey` contains its chain's root key, and unpickling validates the
-key again. A chain stores its validated keys, so a run of N keys costs about N hashes.
+The type of a key shows whether the key may be used. A `Key` is only received. A `ValidatedKey` leads to a signed root
+key, and only `validate` makes a `ValidatedKey`. A pickled `ValidatedKey` contains its chain's root key, and unpickling
+validates the key again. A chain stores its validated keys, so the validation of N consecutive keys needs about N
+hashes.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ from vestige.validated_key import ValidatedKey
 
 MAX_STEPS = (
     8 * SECONDS_PER_WEEK // SUBFRAME_S
-)  # our limit: 0.2 s of hashing for one key; root keys are renewed about every hour
+)  # our limit, which keeps the hashing for one key below 0.2 s; root keys are renewed about every hour
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
-    """A received key, which proves nothing."""
+    """A received key that is not validated."""
 
-    time: GalileoTime  # start of the subframe in which it was sent
+    time: GalileoTime  # start of the subframe in which the key was sent
     data: bytes
 
 
@@ -55,7 +56,7 @@ def one_way(key: bytes, time: GalileoTime, parameters: ChainParameters) -> bytes
 
 
 def _hash_down(key: bytes, start: int, stop: int, parameters: ChainParameters) -> bytes:
-    """Return the key of `stop` that follows from `key`, the key of `start` (GST seconds, start >= stop)."""
+    """Return the key of the subframe `stop` from the `key` of the subframe `start` (GST seconds, start >= stop)."""
     alpha, n_bytes, new_hash = parameters.alpha, parameters.key_bytes, parameters.new_hash
     for time in range(start - SUBFRAME_S, stop - 1, -SUBFRAME_S):
         key = new_hash(key + gst_sf(time) + alpha).digest()[:n_bytes]
@@ -79,17 +80,17 @@ class Chain:
         self._times = [root.time.gst_seconds]
 
     def __reduce__(self) -> tuple[type[Chain], tuple[RootKey]]:
-        """Return the class and its arguments for pickle; a copy of the chain has to validate its keys again."""
+        """Return the class and its arguments for pickle, without the validated keys."""
         return Chain, (self._root,)
 
     @property
     def root(self) -> RootKey:
-        """The root key."""
+        """Signed root key of the chain."""
         return self._root
 
     @property
     def chain_id(self) -> int:
-        """CID of the chain."""
+        """CID, the number of the chain."""
         return self.root.chain_id
 
     @property
@@ -98,14 +99,14 @@ class Chain:
         return self.root.parameters
 
     def check(self, key: Key) -> None:
-        """Check that a key belongs to the chain at its time, and store it.
+        """Check that a key belongs to the chain at its time, and store the key.
 
         A key after all known keys is hashed down to the newest known key. An earlier key, even from before the root
         key, must follow from the next known key.
 
-        Raises `AuthenticationError` if the key does not chain, or its time or length is wrong. Raises `TypeError` if
-        the time is not a `GalileoTime` of whole numbers, or the data is not `bytes`, because other types may change
-        later.
+        Raises `AuthenticationError` if the key does not belong to the chain, or its time or length is wrong. Raises
+        `TypeError` if the time is not a `GalileoTime` of whole numbers, or the data is not `bytes`. Objects of other
+        types may change later.
         """
         _check_types(key)
         time = key.time.gst_seconds
@@ -135,7 +136,7 @@ class Chain:
             insort(self._times, time)
 
     def accepts(self, key: Key) -> bool:
-        """Return whether `check` passes a key."""
+        """Return whether `check` accepts a key."""
         try:
             self.check(key)
         except AuthenticationError:
@@ -172,7 +173,7 @@ class Chain:
 
 
 def _check_types(key: Key) -> None:
-    """Raise a TypeError unless a key consists of immutable types; subclasses and bytearrays can change."""
+    """Raise a TypeError if a key has a part of a type that can change, such as a subclass or a bytearray."""
     if type(key) is not Key:
         raise TypeError(f"only a Key is validated along a Chain, not a {type(key).__name__}")
     if type(key.data) is not bytes or type(key.time) is not GalileoTime:
@@ -184,7 +185,7 @@ def _check_types(key: Key) -> None:
 
 
 class _KeyOfChain(ValidatedKey):
-    """The only kind of validated key; its construction checks the key."""
+    """The only class of validated keys, whose construction checks the key."""
 
     __slots__ = ("_chain", "_data", "_time")
     _chain: Chain
@@ -201,7 +202,7 @@ class _KeyOfChain(ValidatedKey):
         return self
 
     def __reduce__(self) -> tuple[Callable[[Key, Chain], ValidatedKey], tuple[Key, Chain]]:
-        """Return the class and its arguments for pickle: the copy validates the key again."""
+        """Return `validate` and its arguments for pickle, so that the copy validates the key again."""
         return validate, (Key(time=self._time, data=self._data), self._chain)
 
     @property
@@ -243,8 +244,8 @@ def validate(key: Key, chain: Chain) -> ValidatedKey:
 
     The chain stores the key.
 
-    Raises `AuthenticationError` if the key does not chain. Raises `TypeError` if key, chain, or the key's time or data
-    has a type that can change later.
+    Raises `AuthenticationError` if the key does not belong to the chain. Raises `TypeError` if key, chain, or the key's
+    time or data has a type that can change later.
     """
     return _KeyOfChain(key, chain)
 

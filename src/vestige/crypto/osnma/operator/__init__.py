@@ -1,1 +1,1 @@
-"""The OSNMA operator of simulated skies, which signs root keys, discloses TESLA keys and makes tags."""
+"""The simulated OSNMA operator, which signs root keys, discloses TESLA keys and makes tags."""

@@ -1,4 +1,4 @@
-"""Configuration of an OSNMA operator: secrets, the TESLA chain, and the events while it broadcasts."""
+"""Configuration of an OSNMA operator: secrets, the TESLA chain, and the events of the broadcast."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorConfiguration:
-    """The settings of an `OsnmaOperator`; the same settings give the same bits.
+    """The settings of an `OsnmaOperator`, which makes the same bits from the same settings.
 
     Parameters
     ----------
     seed
-        Any bytes; all secrets that are not given follow from the seed.
+        Any bytes. All secrets that are not given follow from the seed.
     start
         Start of the first subframe, a multiple of 30 s.
     n_subframes
@@ -30,28 +30,28 @@ class OperatorConfiguration:
     pkid
         PKID 1 to 15 of the key that signs at the start. Each renewal and each revocation uses the next PKID.
     own_key
-        Private key on P-256 for that PKID; None: the key follows from the seed.
+        Private key on P-256 for `pkid`. If None, the key follows from the seed.
     tree
-        Merkle tree with all private keys of the operator; None: a tree with keys that follow from the seed.
+        Merkle tree with all private keys of the operator. If None, the keys of the tree follow from the seed.
     chain_id
         CID 0 to 3 of the first chain. Later chains have the next numbers, modulo 4.
     hash_function, mac_function, key_size, tag_size, mac_lookup
         Codes of the DSM-KROOT, as in `ChainParameters`. A tag size of 9 stands for 40 bits.
     alpha
-        Random pattern of the first chain, 6 bytes; None: the pattern follows from the seed.
+        Random pattern of the first chain, 6 bytes. If None, the pattern follows from the seed.
     nma_status
-        NMAS in nominal operation: 1 test, 2 operational.
+        NMAS in nominal operation: 1 for test, 2 for operational.
     events
         Events of the broadcast, in any order.
     notice
-        The notice of an alert message, at most 39 bytes.
+        Notice of an alert message, at most 39 bytes.
 
     Raises
     ------
     UnsupportedError
         If a code is reserved, or the MAC look-up table has no row for the number of tags.
     VestigeError
-        If another value is not possible.
+        If another setting has an invalid value.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Events of an OSNMA operator that change its chain, keys or service, for the table of a scenario.
+"""Events of an OSNMA operator that change its chain, keys or service, as a scenario describes the events.
 
 The steps follow [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the official test vectors send them:
 
@@ -49,7 +49,7 @@ class OsnmaEventKind(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaEvent:
-    """An event of the operator; all its times are starts of subframes.
+    """An event of the operator, whose times are starts of subframes.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class OsnmaEvent:
     ended
         Time from which the status is nominal again, or OSNMA is silent after an alert; None if this does not happen.
     svids
-        Satellites without OSNMA, for the kind silence only; None for all.
+        Satellites without OSNMA, for the kind silence only. None means all satellites.
 
     Raises
     ------
@@ -120,7 +120,7 @@ class OsnmaEvent:
 def overlap(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, OsnmaEvent] | None:
     """Return a pair of events that overlap; None if there is no such pair.
 
-    Only events that change the status count: all kinds except silence.
+    Only events that change the status are compared: all kinds except silence.
     """
     for before, after in pairwise(_in_order(events)):
         if not before.complete or after.announced < before.times[-1]:
@@ -171,7 +171,7 @@ def key_withheld(events: Iterable[OsnmaEvent], svids: Iterable[int], time: Galil
 
 
 def _withholds(event: OsnmaEvent, svids: frozenset[int], time: GalileoTime) -> bool:
-    """Return whether an event that has begun withholds a key."""
+    """Return whether an event that has begun withholds the key of the subframe of `time`."""
     match event.kind:
         case OsnmaEventKind.CHAIN_REVOCATION | OsnmaEventKind.KEY_REVOCATION:
             return event.in_force is None or time < event.in_force

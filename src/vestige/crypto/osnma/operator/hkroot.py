@@ -1,8 +1,8 @@
-"""The HKROOT message of one satellite and subframe, and the choice of its DSM block.
+"""Make the HKROOT message of one satellite and subframe, and choose its DSM block.
 
 The satellites send different blocks of a DSM at the same time, so a receiver with many satellites soon completes the
 DSM. The block index is the number of the subframe plus an offset of the satellite, modulo the number of blocks. The
-offset is the SVID, as in the official test vectors. Several DSMs take turns. Each DSM stays on air for as many
+offset is the SVID, as in the official test vectors. Several DSMs are sent in turn. Each DSM stays on air for as many
 subframes as it has blocks. So a receiver with a single satellite also gets all blocks of all DSMs.
 """
 
@@ -20,12 +20,12 @@ from vestige.time import GalileoTime
 class SignedMessage:
     """A digital signature message (DSM) with its number."""
 
-    dsm_id: int  # 0 to 11: DSM-KROOT; 12 to 15: DSM-PKR
+    dsm_id: int  # number of the DSM, 0 to 11 for a DSM-KROOT and 12 to 15 for a DSM-PKR
     data: bytes  # all blocks of 13 bytes
 
     @property
     def n_blocks(self) -> int:
-        """Number of blocks."""
+        """Number of blocks of the message."""
         return len(self.data) // DSM_BLOCK_BYTES
 
     def block(self, index: int) -> bytes:
@@ -34,14 +34,14 @@ class SignedMessage:
 
 
 def hkroot_message(header: NmaHeader, message: SignedMessage, block: int) -> bytes:
-    """Return `NMA header 8 | DSM header 8 | DSM block 104`, 15 bytes [OSNMA-ICD, 3.2].
+    """Return the HKROOT message `NMA header 8 | DSM header 8 | DSM block 104`, 15 bytes [OSNMA-ICD, 3.2].
 
     Parameters
     ----------
     header
-        The NMA header.
+        NMA header of the subframe.
     message
-        The DSM.
+        DSM that contains the block.
     block
         Index of the block, 0 to `message.n_blocks` - 1.
     """
@@ -49,12 +49,12 @@ def hkroot_message(header: NmaHeader, message: SignedMessage, block: int) -> byt
 
 
 def message_in_turn(messages: Sequence[SignedMessage], number: int) -> SignedMessage:
-    """Return the DSM on air, of several DSMs that take turns.
+    """Return the DSM that is on air in a subframe, if several DSMs are sent in turn.
 
     Parameters
     ----------
     messages
-        One or more DSMs, in the order of their turns.
+        One or more DSMs, in the order in which they are sent.
     number
         Number of the subframe since the first turn of the first DSM, 0 or more.
     """

@@ -31,13 +31,13 @@ _MAX_PEM_BYTES = 100_000
 class KeyTree:
     """The key pairs of an operator and the Merkle tree over their public keys."""
 
-    private_keys: Mapping[int, ec.EllipticCurvePrivateKey]  # by PKID 1 to 15, all on P-256
+    private_keys: Mapping[int, ec.EllipticCurvePrivateKey]  # private keys on P-256 by PKID 1 to 15
     nodes: Mapping[tuple[int, int], bytes]  # all 31 nodes, as in `MerkleTree.nodes`
 
     def private_key(self, pkid: int) -> ec.EllipticCurvePrivateKey:
         """Return a private key.
 
-        Raises `VestigeError` if the tree has no key of that number.
+        Raises `VestigeError` if the tree has no private key with this PKID.
         """
         if pkid not in self.private_keys:
             known = ", ".join(map(str, sorted(self.private_keys)))
@@ -63,14 +63,14 @@ class KeyTree:
 
 
 def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCurvePrivateKey] | None = None) -> KeyTree:
-    """Return a tree of 15 key pairs and an alert notice; the same seed gives the same tree.
+    """Return a tree of 15 key pairs and an alert notice. The same seed gives the same tree.
 
     Parameters
     ----------
     seed
         Secret from which the key pairs follow.
     notice
-        The alert notice, at most 39 bytes.
+        Alert notice, at most 39 bytes.
     own_key
         PKID 1 to 15 and private key of a key pair that does not follow from the seed.
 
@@ -98,7 +98,7 @@ def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCur
 
 
 def pkid_in_tree(public_key: ec.EllipticCurvePublicKey, tree: MerkleTree) -> int:
-    """Return the PKID, 1 to 15, of a public key; the public key is leaf PKID - 1 of a tree.
+    """Return the PKID, 1 to 15, of a public key that is leaf PKID - 1 of a tree.
 
     Raises
     ------

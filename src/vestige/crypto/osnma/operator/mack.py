@@ -1,6 +1,6 @@
 """Make the MACK message of one satellite and subframe: tags, MACSEQ, and the disclosed key.
 
-`encode_mack` is the reverse of `messages.tags.parse_mack`: it returns the received bits from the parsed message.
+`encode_mack` is the inverse of `messages.tags.parse_mack`, and returns the bits of a message from its tags and MACSEQ.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ MACK_BYTES = MACK_TOTAL_BITS // 8
 class TagContent:
     """Content of a tag: the data that the tag authenticates."""
 
-    svid: int  # PRN_D
+    svid: int  # PRN_D, the satellite whose data the tag authenticates
     adkd: int
     cut_off: int  # COP 1 to 15; 0 for a dummy tag
-    data: NavigationData  # data that the tag authenticates; for a dummy tag any data
+    data: NavigationData  # data that the tag authenticates; any data for a dummy tag
 
 
 def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:
@@ -34,9 +34,9 @@ def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:
     Parameters
     ----------
     mack
-        Tags and MACSEQ.
+        Tags and MACSEQ of the message.
     key
-        Key that this subframe discloses.
+        Key that the message discloses.
     parameters
         Parameters of the key's chain.
 
@@ -52,7 +52,7 @@ def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:
         )
     bits = 0
     for tag in mack.tags:
-        # The first tag is always ADKD 0 of the sending satellite, so MACSEQ replaces its information field.
+        # The first tag is always for ADKD 0 of the sending satellite, so MACSEQ replaces its information field.
         info = mack.macseq << 4 | tag.cut_off if tag.counter == 1 else tag.info
         bits = (bits << parameters.tag_bits | tag.value) << TAG_INFO_BITS | info
     bits = bits << parameters.key_bits | int.from_bytes(key, "big")
@@ -76,7 +76,7 @@ def authenticate(
     time
         Start of the subframe.
     nma_status
-        NMAS of the NMA header of the subframe; the tags cover it.
+        NMAS of the NMA header of the subframe, which the tags cover.
     contents
         Content of each tag, in the order of the slots.
     key_of

@@ -1,4 +1,4 @@
-"""A TESLA chain as its operator has it: with all keys, including keys that are still secret."""
+"""A TESLA chain of the operator with all keys, including keys that are still secret."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class OperatorChain:
 
     chain_id: int  # CID 0 to 3
     parameters: ChainParameters
-    keys: tuple[Key, ...]  # in time order; the first key is the first root key
+    keys: tuple[Key, ...]  # keys in time order, beginning with the first root key
 
     def key_at(self, time: GalileoTime) -> Key:
         """Return the key that is disclosed in the subframe of `time`.
 
-        Raises `VestigeError` if the chain has no key for that subframe.
+        Raises `VestigeError` if the chain has no key for this subframe.
         """
         index, rest = divmod(time.gst_seconds - self.keys[0].time.gst_seconds, SUBFRAME_S)
         if rest or not 0 <= index < len(self.keys):
@@ -53,7 +53,7 @@ class OperatorChain:
         pkid
             PKID of the public key that verifies the DSM-KROOT.
         private_key
-            Private key of that public key.
+            Private key with this PKID.
         """
         root = self.key_at(root_key_time(time))
         kroot = unsigned_kroot(root, self.parameters, chain_id=self.chain_id, pkid=pkid)
@@ -74,7 +74,9 @@ def root_key_time(time: GalileoTime) -> GalileoTime:
 
 
 def chain_keys(last: Key, first: GalileoTime, parameters: ChainParameters) -> tuple[Key, ...]:
-    """Return the keys from subframe `first` to `last` in time order; each is the hash of the next [OSNMA-ICD, 6.4].
+    """Return the keys from subframe `first` to `last` in time order.
+
+    Each key is the hash of the next key [OSNMA-ICD, 6.4].
 
     Parameters
     ----------
@@ -93,7 +95,7 @@ def chain_keys(last: Key, first: GalileoTime, parameters: ChainParameters) -> tu
 
 
 def draw_keys(seed: bytes, start: GalileoTime, n_keys: int, parameters: ChainParameters) -> tuple[Key, ...]:
-    """Return the keys of a chain from the root key of the hour of `start` on; the same seed gives the same keys.
+    """Return the keys of a chain from the root key of the hour of `start` on. The same seed gives the same keys.
 
     Parameters
     ----------
@@ -102,7 +104,7 @@ def draw_keys(seed: bytes, start: GalileoTime, n_keys: int, parameters: ChainPar
     start
         A time in the first subframe whose key is needed.
     n_keys
-        Number of needed keys from that subframe on, 30 s apart; 1 or more.
+        Number of needed keys from the subframe of `start` on, 30 s apart; 1 or more.
     parameters
         Parameters of the chain.
     """
@@ -126,19 +128,20 @@ def draw_chain(
     """Return a chain whose DSM-KROOTs have no zero byte where possible.
 
     Some receivers treat a page with a zero HKROOT byte as lost. So the alpha of `parameters` and then random patterns
-    from the seed are tried. The first pattern is used for which alpha, root key, signature and padding have no zero
-    byte over the first four hours. After 32 patterns, the pattern with the fewest zero bytes is used.
+    from the seed are tried. A pattern is good if alpha, root key, signature and padding have no zero byte over the
+    first four hours. The first good pattern is used. If none of 32 patterns is good, the pattern with the fewest zero
+    bytes is used.
 
     Parameters
     ----------
     seed, start, n_keys, parameters
         Arguments of `draw_keys`.
     chain_id
-        CID 0 to 3.
+        CID of the chain, 0 to 3.
     header, pkid, private_key
         Header, key identifier and key of the first signatures, as for `OperatorChain.signed_root`.
     redraw
-        Whether alpha may be replaced; False keeps the alpha of `parameters`.
+        Whether alpha may be replaced. False keeps the alpha of `parameters`.
     """
     best: tuple[int, OperatorChain] | None = None
     for draw in range(_MAX_DRAWS if redraw else 1):

@@ -5,8 +5,8 @@ in blocks (`hkroot`). The operator makes tags for the words of the previous subf
 it discloses later. The operator also carries out a table of events (`timeline`). A receiver with this Merkle tree
 treats the signal like the real signal.
 
-The key of a tag is the key on air at the time of its disclosure. Around a change of chains this key belongs to the next
-chain.
+The key of a tag is the key that is on air one or eleven subframes after the tag. Around a change of chains, this key
+belongs to the next chain.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from vestige.errors import VestigeError
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
-_N_KROOT_IDS = FIRST_PKR_ID - 1  # DSM ids 1 to 11: with id 0 the DSM header of block 0 would be a zero byte
+_N_KROOT_IDS = FIRST_PKR_ID - 1  # DSM ids 1 to 11; id 0 is not used, because the DSM header of block 0 would be zero
 _N_PKR_IDS = 16 - FIRST_PKR_ID
 NO_OSNMA = (bytes(5),) * PAGES_A_SUBFRAME  # fields of a satellite without OSNMA [OSNMA-ICD, 2]
 
 
 class OsnmaOperator:
-    """Operator that makes the OSNMA fields of a simulated sky.
+    """Operator that makes the OSNMA fields of all simulated satellites.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class OsnmaOperator:
 
     @property
     def public_keys(self) -> tuple[PublicKey, ...]:
-        """The verified public keys of `merkle_tree`; the first key is in force at the start."""
+        """The verified public keys of `merkle_tree`, beginning with the key in force at the start."""
         return tuple(self.keys.public_key(claim.pkid) for claim in self.merkle_tree.public_keys if claim.pkid)
 
     def header_at(self, time: GalileoTime) -> NmaHeader:
@@ -92,7 +92,7 @@ class OsnmaOperator:
     def key_at(self, time: GalileoTime) -> bytes:
         """Return the TESLA key that is disclosed in the subframe that starts at `time`.
 
-        Raises `VestigeError` if the operator does not broadcast then.
+        Raises `VestigeError` if the operator does not broadcast at this time.
         """
         return self.chains[phase_at(self._phases, time).chain].key_at(time).data
 
@@ -130,21 +130,24 @@ class OsnmaOperator:
         return self._validated
 
     def subframe(self, time: GalileoTime, words: Mapping[int, Mapping[int, int]]) -> dict[int, tuple[bytes, ...]]:
-        """Return the OSNMA fields of all satellites in one subframe; calls must be in the order of time.
+        """Return the OSNMA fields of all satellites in one subframe.
+
+        Calls must be in the order of time.
 
         Parameters
         ----------
         time
             Start of the subframe.
         words
-            The navigation words of 128 bits that the satellites send in this subframe, by SVID and word type. Tags
-            cover words 1 to 6 and 10 up to the subframe before. In the first subframe all tags are dummies. A word that
-            is not sent in every subframe may be missing.
+            Navigation words of 128 bits that the satellites send in this subframe, by SVID and word type. Tags cover
+            words 1 to 6 and 10 that were sent up to the end of the previous subframe. In the first subframe all tags
+            are dummies. A word that is not sent in every subframe may be missing.
 
         Returns
         -------
         dict
-            By SVID: 15 fields of 5 bytes, one for each page. The first byte belongs to the HKROOT message.
+            15 fields of 5 bytes by SVID, with a field for each page. The first byte of a field belongs to the HKROOT
+            message.
 
         Raises
         ------
@@ -173,7 +176,7 @@ class OsnmaOperator:
     def pass_over(self, time: GalileoTime, words: Mapping[int, Mapping[int, int]]) -> None:
         """Take the words of the next subframe without making its fields.
 
-        Parameters and errors are those of `subframe`, except that the type of a word is not checked.
+        Parameters and errors are the same as in `subframe`, except that the type of a word is not checked.
         """
         self._check_next(time)
         self._next = time + SUBFRAME_S
@@ -193,7 +196,7 @@ class OsnmaOperator:
         Raises
         ------
         VestigeError
-            If the operator does not broadcast then.
+            If the operator does not broadcast at this time.
         """
         if time < self.configuration.start:
             raise VestigeError(
@@ -253,7 +256,7 @@ class OsnmaOperator:
 
     @property
     def _first_use(self) -> dict[int, tuple[OperatorPhase, RootSource]]:
-        """First phase with the root key of each chain on air, and the source of that root key."""
+        """First phase in which the root key of each chain is on air, and the source of the root key."""
         found: dict[int, tuple[OperatorPhase, RootSource]] = {}
         for phase in self._phases:
             for root in phase.roots:
@@ -277,7 +280,7 @@ class OsnmaOperator:
         return self.chains[root.chain].signed_root(time, self._header(phase), root.pkid, private_key)
 
     def _sign_all(self) -> dict[tuple[OperatorPhase, GalileoTime], Sequence[SignedMessage]]:
-        """Return the DSMs of each phase and hour; new content has a new DSM id."""
+        """Return the DSMs of each phase and hour, with a new DSM id for new content."""
         ids: dict[bytes, int] = {}
         signed: dict[tuple[OperatorPhase, GalileoTime], Sequence[SignedMessage]] = {}
         for number in range(self.configuration.n_subframes):
@@ -291,7 +294,7 @@ class OsnmaOperator:
         return signed
 
     def _contents(self, phase: OperatorPhase, time: GalileoTime) -> Iterator[tuple[bytes, bool]]:
-        """Yield the DSMs of a phase, and whether each is a DSM-KROOT."""
+        """Yield the DSMs of a phase, and whether each DSM is a DSM-KROOT."""
         root = self.keys.published(()).root
         if phase.alert:
             yield alert_dsm(self.configuration.notice, ALERT_LEAF_INDEX, self.keys.siblings(ALERT_LEAF_INDEX)), False
@@ -304,6 +307,6 @@ class OsnmaOperator:
 
 
 def _next_id(used: Iterable[int], kroot: bool) -> int:
-    """Return the DSM id of a new DSM-KROOT or DSM-PKR; ids are reused in turn."""
+    """Return the DSM id of a new DSM-KROOT or DSM-PKR. The ids are reused in turn."""
     n_used = sum((number < FIRST_PKR_ID) == kroot for number in used)
     return 1 + n_used % _N_KROOT_IDS if kroot else FIRST_PKR_ID + n_used % _N_PKR_IDS

@@ -30,9 +30,9 @@ class OperatorKey:
     pkid
         PKID 1 to 15 of the public key.
     pem
-        The private key as PEM without a password.
+        Private key as PEM without a password.
     nodes
-        All nodes of the key's Merkle tree, as the items of `MerkleTree.nodes`; empty: the operator makes a tree with
+        All nodes of the key's Merkle tree, as the items of `MerkleTree.nodes`. If empty, the operator makes a tree with
         this key.
     """
 
@@ -64,7 +64,7 @@ class OperatorKey:
 
     @property
     def private_key(self) -> ec.EllipticCurvePrivateKey:
-        """The private key."""
+        """Private key on P-256."""
         key = load_pem_private_key(self.pem, password=None)
         assert isinstance(key, ec.EllipticCurvePrivateKey)  # noqa: S101  (made by `of`)
         return key
@@ -84,7 +84,7 @@ class OsnmaService:
     events
         Events of the broadcast.
     key
-        The user's private key; None: all keys follow from the seed.
+        The user's private key. If None, all keys follow from the seed.
 
     Examples
     --------
@@ -96,7 +96,7 @@ class OsnmaService:
     key: OperatorKey | None = None
 
     def operator(self, seed: bytes, start: GalileoTime, n_subframes: int) -> OsnmaOperator:
-        """Return the operator at its start; `OperatorConfiguration` describes the arguments.
+        """Return the operator at its start. `OperatorConfiguration` describes the arguments.
 
         Raises `VestigeError` if events overlap, or need a key that does not exist.
         """
@@ -114,7 +114,7 @@ class OsnmaService:
         )
 
     def withholds(self, svids: Iterable[int], time: GalileoTime) -> bool:
-        """Return whether receivers must not use the key of a subframe; see `key_withheld`."""
+        """Return whether receivers must not use the key of a subframe. See `key_withheld`."""
         return key_withheld(self.events, svids, time)
 
 

@@ -1,4 +1,4 @@
-"""Secrets of an operator, all from one seed, so that a run can be repeated bit for bit."""
+"""Draw all secrets of an operator from one seed, so that a run can be repeated bit for bit."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def draw_bytes(seed: bytes, name: str, n_bytes: int) -> bytes:
     Parameters
     ----------
     seed
-        Any bytes; the result is secret only if the seed is secret.
+        Any bytes. The result is secret only if the seed is secret.
     name
-        Purpose of the bytes; different names give independent bytes.
+        Purpose of the bytes. Different names give independent bytes.
     n_bytes
         Number of bytes, 0 to 32.
 

@@ -28,7 +28,7 @@ from vestige.errors import VestigeError
 
 _MIN_BLOCKS = min(KROOT_BLOCKS.values())
 _WEEKS = 4096  # week numbers are sent modulo this number [OSNMA-ICD, DSM-KROOT]
-_ALERT_NB = 7  # 13 blocks, the shortest with room for a notice
+_ALERT_NB = 7  # code of 13 blocks, the shortest DSM-PKR that is long enough for a notice
 NOTICE_BYTES = PKR_BLOCKS[_ALERT_NB] * DSM_BLOCK_BYTES - LEAF_AT - 1
 
 
@@ -38,11 +38,11 @@ def unsigned_kroot(root: Key, parameters: ChainParameters, *, chain_id: int, pki
     Parameters
     ----------
     root
-        The root key; its time is 30 s before a full hour [OSNMA-ICD, DSM-KROOT].
+        Root key with a time that is 30 s before a full hour [OSNMA-ICD, DSM-KROOT].
     parameters
         Parameters of the key's chain.
     chain_id
-        CIDKR 0 to 3.
+        CIDKR, the number of the chain, 0 to 3.
     pkid
         PKID 0 to 15 of the public key for the verification of the signature.
 
@@ -68,14 +68,14 @@ def unsigned_kroot(root: Key, parameters: ChainParameters, *, chain_id: int, pki
 
 
 def sign_kroot(kroot: DsmKroot, header: NmaHeader, private_key: ec.EllipticCurvePrivateKey) -> DsmKroot:
-    """Return the DSM-KROOT with signature and padding for its header, in the required blocks [OSNMA-ICD, 6.3].
+    """Return the DSM-KROOT with signature and padding, in the required number of blocks [OSNMA-ICD, 6.3].
 
     Parameters
     ----------
     kroot
-        The message; its own signature and padding are replaced.
+        DSM-KROOT, whose own signature and padding are replaced.
     header
-        NMA header that is broadcast with the DSM-KROOT; the signature covers the header, too.
+        NMA header that is broadcast with the DSM-KROOT. The signature covers the header, too.
     private_key
         Private key on P-256 or P-521.
     """
@@ -97,15 +97,15 @@ def public_key_dsm(point: bytes, pkid: int, leaf: int, siblings: Sequence[bytes]
     Parameters
     ----------
     point
-        The compressed point, 33 bytes (P-256) or 67 bytes (P-521).
+        Compressed point of the key, 33 bytes (P-256) or 67 bytes (P-521).
     pkid
-        PKID 0 to 15.
+        PKID of the key, 0 to 15.
     leaf
         Index of the key's leaf in the tree, 0 to 15.
     siblings
-        The four nodes from the leaf to the root, 32 bytes each, the lowest first.
+        Four siblings on the way from the leaf to the root, 32 bytes each, the lowest first.
     root
-        The root of the tree, 32 bytes.
+        Root of the tree, 32 bytes.
     """
     content = bytes([scheme_of_point(point).key_type << 4 | pkid]) + point
     length = LEAF_AT + len(content)
@@ -120,7 +120,7 @@ def alert_dsm(notice: bytes, leaf: int, siblings: Sequence[bytes]) -> bytes:
     Parameters
     ----------
     notice
-        The notice, at most `NOTICE_BYTES` bytes; spaces are added up to that length.
+        Notice of at most `NOTICE_BYTES` bytes. Spaces are added up to this length.
     leaf, siblings
         Arguments of `public_key_dsm`.
     """

@@ -1,4 +1,4 @@
-"""Plan the tags of a MACK message: MAC look-up table, neighbours, and cut-off points."""
+"""Plan the tags of a MACK message: the satellite and the kind of data of each tag, and the cut-off points."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ from vestige.crypto.osnma.operator.mack import TagContent
 from vestige.time import GalileoTime
 
 MAX_CUT_OFF = 15  # COP has 4 bits [OSNMA-ICD, MACK]
-SUBFRAMES_REMEMBERED = MAX_CUT_OFF + 3  # COP counts from complete data; with word 10 this takes two subframes
+# COP counts the subframes after the transmission of all words. The transmission of all words takes two subframes for
+# data with word 10.
+SUBFRAMES_REMEMBERED = MAX_CUT_OFF + 3
 
 
 @dataclass(slots=True)
@@ -55,7 +57,7 @@ class NavigationHistory:
                     self._unchanged[svid, adkd] = data.bits, count + 1 if same else 1
 
     def data(self, svid: int, adkd: int, time: GalileoTime) -> NavigationData | None:
-        """Return the data that a tag of the subframe of `time` covers; None if it is incomplete or not yet sent."""
+        """Return the data that a tag of the subframe of `time` covers; None if the data was not completely sent."""
         return self._words.get(svid, NavigationWords()).data(svid, adkd, time)
 
     def cut_off(self, svid: int, adkd: int) -> int:
@@ -73,14 +75,14 @@ def plan_tags(
 ) -> tuple[TagContent, ...]:
     """Return the contents of the tags of one satellite and subframe [OSNMA-ICD, Annex C].
 
-    The other satellites (neighbours) take turns in slots for any satellite and in flexible slots. Flexible slots carry
+    Slots for any satellite and flexible slots use the other satellites (neighbours) in turn. Flexible slots carry
     ADKD 0, as on air. Without neighbours these slots are for the sending satellite. A tag whose data was not sent is a
     dummy.
 
     Parameters
     ----------
     svid
-        The satellite that sends the tags.
+        SVID of the satellite that sends the tags.
     time
         Start of the subframe.
     history
@@ -95,7 +97,7 @@ def plan_tags(
     """
     ring = _neighbours(svid, history.authenticable(time))
     minute, rest = divmod(time.gst_seconds, 60)
-    # The count of neighbours continues through both subframes of a minute; every minute starts with the next neighbour.
+    # The count of neighbours continues through both subframes of a minute. Every minute starts with the next neighbour.
     turn = minute + (sum(not slot.own for slot in slots(parameters, time + -rest)) if rest else 0)
     contents = []
     for slot in slots(parameters, time):

@@ -1,8 +1,8 @@
 """Timeline of an OSNMA operator: status, chain and DSMs on air in each subframe.
 
-An `OperatorPhase` lasts from one step of an event to the next. A phase contains the content of the NMA header, the
-chain of the transmitted keys, and the broadcast root keys, public keys or notices. Only `phases` turns events into
-steps.
+An `OperatorPhase` lasts from a step of an event to the next step. A phase contains the content of the NMA header, the
+chain of the transmitted keys, and the broadcast root keys, public keys or notices. The function `phases` makes the
+phases from the events.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ NOMINAL, END_OF_CHAIN, NEW_PUBLIC_KEY = 1, 2, 4  # CPKS [OSNMA-ICD, 3.1.3]
 class RootSource:
     """Source of a broadcast root key: its chain, and the public key that signs it."""
 
-    chain: int  # 0 for the first chain, 1 for the next chain, …
+    chain: int  # number of the chain: 0 for the first chain, 1 for the next chain, …
     pkid: int
 
 
@@ -31,11 +31,11 @@ class OperatorPhase:
     """Phase of an OSNMA operator: the OSNMA on air from a given time on."""
 
     since: GalileoTime
-    nma_status: int  # NMAS
-    key_status: int  # CPKS
+    nma_status: int  # NMAS of the NMA header
+    key_status: int  # CPKS of the NMA header
     chain: int  # chain of the transmitted keys and tags: 0 for the first chain, 1 for the next chain, …
     roots: tuple[RootSource, ...]  # sources of the broadcast DSM-KROOTs
-    new_pkid: int | None = None  # the public key that is broadcast
+    new_pkid: int | None = None  # PKID of the public key that is broadcast, or None
     alert: bool = False  # whether the alert notice is broadcast
     silent: bool = False  # whether there is no OSNMA at all
 
@@ -74,7 +74,7 @@ def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[Osnm
 
 
 def phase_at(all_phases: Sequence[OperatorPhase], time: GalileoTime) -> OperatorPhase:
-    """Return the phase of a subframe; for a time before the first phase, return the first phase."""
+    """Return the phase of a subframe. For a time before the first phase, return the first phase."""
     return all_phases[max(bisect_right([phase.since for phase in all_phases], time) - 1, 0)]
 
 

@@ -3,7 +3,7 @@
 A page has two halves of 120 bits. Each half passes through the convolutional code of rate 1/2 and constraint length 7
 (171 and 133 octal, the second output inverted). A block interleaver of 30 columns and 8 rows follows. Ten
 synchronisation symbols precede each half, so a half takes 250 symbols in 1 s. The six tail bits return the encoder to
-state 0, so each half is decoded by itself.
+state 0, so each half is decoded independently of the other half.
 
 Soft symbols are positive for a 0 and negative for a 1, as E1-B is modulated. The scale of soft symbols does not matter.
 """
@@ -28,7 +28,10 @@ _ROWS = 8  # rows of the interleaver, which is written column by column and read
 
 
 def _register_signs() -> Float[np.ndarray, "128 2"]:
-    """Return the two symbols (±1) of each content of the register, newest bit first; the second is inverted."""
+    """Return the two symbols (±1) of each content of the register, the second symbol inverted.
+
+    The newest bit of the register is the most significant bit.
+    """
     register = np.arange(1 << (_MEMORY + 1))
     parity = [np.bitwise_count(register & generator) & 1 for generator in _GENERATORS]
     symbols = np.stack((parity[0], 1 - parity[1]), axis=1)
@@ -39,7 +42,9 @@ _SIGNS = _register_signs()
 
 
 def interleaved(symbols: UInt8[np.ndarray, "*n k"]) -> UInt8[np.ndarray, "*n k"]:
-    """Return the symbols of each block in the order of transmission: 240 of an I/NAV half-page, 984 of a C/NAV page.
+    """Return the symbols of each block in the order of transmission.
+
+    A block is the 240 symbols of an I/NAV half-page or the 984 symbols of a C/NAV page.
 
     Parameters
     ----------
@@ -50,7 +55,7 @@ def interleaved(symbols: UInt8[np.ndarray, "*n k"]) -> UInt8[np.ndarray, "*n k"]
 
 
 def deinterleaved(symbols: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k"]:
-    """Return the soft symbols of each block in the order of the encoder; the reverse of `interleaved`.
+    """Return the soft symbols of each block in the order of the encoder. The function is the inverse of `interleaved`.
 
     Parameters
     ----------
@@ -61,12 +66,12 @@ def deinterleaved(symbols: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k
 
 
 def convolved(bits: UInt8[np.ndarray, "*n bits"]) -> UInt8[np.ndarray, "*n symbols"]:
-    """Return the symbols of the convolutional code of each block, two for each bit.
+    """Return the symbols of the convolutional code of each block, two symbols for each bit.
 
     Parameters
     ----------
     bits
-        Bits, 0 or 1; the encoder starts in state 0.
+        Bits, 0 or 1. The encoder starts in state 0.
     """
     padded = np.concatenate((np.zeros((*bits.shape[:-1], _MEMORY), np.uint8), bits), axis=-1)
     outputs = []
@@ -79,17 +84,17 @@ def convolved(bits: UInt8[np.ndarray, "*n bits"]) -> UInt8[np.ndarray, "*n symbo
 
 
 def page_symbols(data: bytes) -> UInt8[np.ndarray, " 500"]:
-    """Return the 500 symbols of a page in the order of transmission, 250 a second.
+    """Return the 500 symbols of a page in the order of transmission, 250 symbols a second.
 
     Parameters
     ----------
     data
-        The 30 bytes of the page; both tails must be zero.
+        The 30 bytes of the page, with both tails zero.
 
     Returns
     -------
     array
-        0 or 1: synchronisation pattern and even half, synchronisation pattern and odd half.
+        Symbols, 0 or 1: synchronisation pattern, even half, synchronisation pattern, odd half.
 
     Raises
     ------
@@ -116,13 +121,13 @@ def decoded_halves(soft: Float[np.ndarray, "n 240"]) -> UInt8[np.ndarray, "n 120
     Parameters
     ----------
     soft
-        The 240 symbols behind the synchronisation pattern in the order of transmission: positive for a 0, negative
-        for a 1, of any scale. Hard decisions are ±1; a symbol that was not received is 0.
+        The 240 symbols behind the synchronisation pattern in the order of transmission, positive for a 0 and negative
+        for a 1, of any scale. Hard decisions are ±1. A symbol that was not received is 0.
 
     Returns
     -------
     array
-        0 or 1, including the six tail bits, which are always 0.
+        Bits, 0 or 1, including the six tail bits, which are always 0.
 
     Raises
     ------
@@ -137,14 +142,15 @@ def decoded_halves(soft: Float[np.ndarray, "n 240"]) -> UInt8[np.ndarray, "n 120
 
 
 def page_from_symbols(soft: Float[np.ndarray, " 500"]) -> bytes:
-    """Return the 30 bytes of the page in 500 soft symbols; the page's checksum shows whether the decoding succeeded.
+    """Return the 30 bytes of the page in 500 soft symbols.
 
-    The synchronisation pattern gives the sign, because the tracking loop has an ambiguity of half a cycle.
+    The page's checksum shows whether the decoding succeeded. The synchronisation pattern gives the sign of the symbols,
+    because the tracking loop has an ambiguity of half a cycle.
 
     Parameters
     ----------
     soft
-        Symbols from the first synchronisation symbol of the even half on; positive for a 0 or for a 1.
+        Soft symbols from the first synchronisation symbol of the even half on. A positive symbol may mean 0 or 1.
 
     Raises
     ------

@@ -8,7 +8,7 @@ over GF(256) with the polynomial 0x11D and the roots α¹ … α⁶⁰, shortene
     14 octets     bits 16 to 127 of each of the words 1, 2, 3 and 4
     15 octets     of parity in each of the words 17, 18, 19 and 20
 
-The first octet belongs to the lowest degree of the polynomial; `reedsolo` has the highest degree first.
+The first octet belongs to the lowest degree of the polynomial, but `reedsolo` has the highest degree first.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import reedsolo
 from vestige.navigation.inav.word_table import EPHEMERIS_WORDS, PARITY_WORDS, TYPE_BITS, WORD_BITS, WORD_LAYOUTS
 
 _PARITY = 60
-_OCTETS = 14  # octets of a word 1 to 4, behind type and IODnav; of a parity word, behind the IODnav bits
+_OCTETS = 14  # octets behind type and IODnav in a word 1 to 4, and behind the IODnav bits in a parity word
 _WORD_PARITY = _PARITY // len(PARITY_WORDS)
 _BODY_BITS = 8 * _OCTETS
 _IOD_AT = WORD_BITS - TYPE_BITS - 10
@@ -38,7 +38,7 @@ def parity_words(words: Mapping[int, int]) -> dict[int, int]:
     Parameters
     ----------
     words
-        Word type -> word of 128 bits; words 1 to 4 of one IODnav. Other words are ignored.
+        Word type -> word of 128 bits. The words 1 to 4 must have the same IODnav. Other words are ignored.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def parity_words(words: Mapping[int, int]) -> dict[int, int]:
     issue = _issue(words)
     if issue is None or any(kind not in words for kind in EPHEMERIS_WORDS):
         raise ValueError(f"words {sorted(words)}, expected words 1 to 4 of one IODnav")
-    codeword = bytes(_codec().encode(_information(words, issue)[::-1]))[::-1]  # parity first: lowest degree
+    codeword = bytes(_codec().encode(_information(words, issue)[::-1]))[::-1]  # parity has the lowest degrees
     parity = codeword[:_PARITY]
     found = {}
     for index, kind in enumerate(PARITY_WORDS):
@@ -75,9 +75,9 @@ def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
     Returns
     -------
     dict or None
-        Word type 1 to 4 -> word of 128 bits; given words are unchanged. None if there are too few words, or the words
-        are detectably of several issues. A parity word has only two bits of IODnav, so words that are hours apart must
-        not be mixed.
+        Word type 1 to 4 -> word of 128 bits. Given words are unchanged. The result is None if there are too few words,
+        or if the words are detectably of several issues. A parity word has only two bits of IODnav, so words that are
+        hours apart must not be mixed.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
     return None if restored is None else dict(restored)
 
 
-@lru_cache(maxsize=256)  # satellites repeat their words, and a receiver asks again with every page
+@lru_cache(maxsize=256)  # satellites repeat their words, and a receiver calls this function with every page
 def _restored(received: tuple[tuple[int, int], ...]) -> Mapping[int, int] | None:
     """Return words 1 to 4 from the received words 1 to 4 and 17 to 20, as `restored_words` does."""
     known = dict(received)
@@ -125,7 +125,7 @@ def _restored(received: tuple[tuple[int, int], ...]) -> Mapping[int, int] | None
 
 
 def _issue(words: Mapping[int, int]) -> int | None:
-    """Return the IODnav of the given words 1 to 4; None without words, or if the words differ."""
+    """Return the IODnav of the given words 1 to 4; None without words, or if the words have different IODnav."""
     issues = {WORD_LAYOUTS[kind].read(words[kind], "iod_nav") for kind in EPHEMERIS_WORDS if kind in words}
     return issues.pop() if len(issues) == 1 else None
 

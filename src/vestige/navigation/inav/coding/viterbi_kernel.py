@@ -1,12 +1,12 @@
 """The compiled inner loop of the Viterbi decoder of the rate-1/2 code with 64 states (K = 7).
 
 No maintained library decodes soft symbols of this code fast enough for a receiver of eight satellites, which needs
-eight half-pages a second. `scikit-commpy` takes 0.1 s for a half-page, in Python. The compiled packages on PyPI take
-hard bits only, or have not been maintained since 2020. This decoder takes 14 µs, and the tests compare it with
-`scikit-commpy`.
+eight half-pages a second. `scikit-commpy` is written in Python, and takes 0.1 s for a half-page. The compiled packages
+on PyPI take hard bits only, or have not been maintained since 2020. This decoder takes 14 µs for a half-page. The tests
+compare this decoder with `scikit-commpy`.
 
-The state contains the last six bits, the newest bit first. A new bit b leads from state s to (b << 5) | (s >> 1). State
-t follows from the states 2t mod 64 and 2t mod 64 + 1, both with the bit t >> 5.
+The state contains the last six bits, the newest bit first. A new bit b leads from state s to (b << 5) | (s >> 1). With
+the new bit t >> 5, the states 2t mod 64 and 2t mod 64 + 1 lead to state t.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -27,11 +27,11 @@ def decode_terminated(soft, signs, bits):
     Parameters
     ----------
     soft
-        float32 [block, 2 · n], two symbols a bit, positive for a 0.
+        Soft symbols, float32 [block, 2 · n], two symbols for each bit, positive for a 0.
     signs
-        float32 [128, 2], the symbols (±1) of a 7-bit register: the new bit, then the six previous bits.
+        Symbols (±1) of a 7-bit register, float32 [128, 2]. The register has the new bit, then the six previous bits.
     bits
-        uint8 [block, n], filled with the path of largest correlation.
+        Decoded bits, uint8 [block, n], filled with the path of largest correlation.
     """
     n = bits.shape[1]
     back = np.empty((n, STATES), np.uint8)

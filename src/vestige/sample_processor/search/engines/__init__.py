@@ -1,1 +1,1 @@
-"""Engines of the exhaustive search: each computes the powers that the search compares with its threshold."""
+"""Engines of the exhaustive search: each engine computes the powers that the search compares with a threshold."""

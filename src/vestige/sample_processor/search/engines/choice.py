@@ -43,7 +43,7 @@ class EngineChoice:
 
 
 def choose_engine(name: EngineName) -> EngineChoice:
-    """Return the engine of a name; for `auto` the fastest engine that this machine runs.
+    """Return the choice of an engine: the named engine, or for `auto` the fastest engine that this machine runs.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def choose_engine(name: EngineName) -> EngineChoice:
 
 
 def make_engine(name: EngineName, codes: Int8[np.ndarray, "codes chips"]) -> Engine:
-    """Return the engine of a name for codes of equal length, ±1; `auto` takes the fastest that this machine runs.
+    """Return the named engine for codes of ±1 with equal length; `auto` takes the fastest engine of this machine.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def make_engine(name: EngineName, codes: Int8[np.ndarray, "codes chips"]) -> Eng
     return _MAKE[choice.name](codes)
 
 
-# engines are imported when they are used, because some compile and `cuda` needs a GPU
+# engines are imported when they are used, because some engines compile code and `cuda` needs a GPU
 
 
 def _make_cuda(codes: np.ndarray) -> Engine:

@@ -1,7 +1,8 @@
 """GPU functions of the CUDA engine: FFTs by cuFFT and two kernels. Only this module imports CuPy.
 
 The speed of the GPU's memory limits the speed of a search. The product is written once and read once by the inverse
-FFT, and the maximum reads the result once. FFT, product and maximum make 4 to 6 passes over the 8 bytes of each number.
+FFT, and the maximum reads the result once. FFT, product and maximum read or write the 8 bytes of each number 4 to 6
+times.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from jaxtyping import Float32
 
 from vestige.sample_processor.search.engines.engine import EngineUnavailableError
 
-_THREADS = 256  # threads of a GPU block; the number divides the length of every transform
+_THREADS = 256  # number of threads of a GPU block; the length of every transform is a multiple of this number
 _KERNELS = r"""
 extern "C" __global__ void multiply(
     const float2* spectra, const float2* code, const int* shifts, float2* rows, int stride, int length)
@@ -56,14 +57,14 @@ class CudaDevice:
     Raises
     ------
     EngineUnavailableError
-        If CuPy is not installed, finds no GPU, or cannot compile for it.
+        If CuPy is not installed, finds no GPU, or cannot compile for the GPU.
     """
 
     def __init__(self) -> None:
         try:
             self.xp: Any = import_module("cupy")
             self._cupyx: Any = import_module("cupyx")
-            self._cufft: Any = self.xp.cuda.cufft  # loads the library from its folder
+            self._cufft: Any = self.xp.cuda.cufft  # this line loads the library
         except ImportError as error:
             found = f"CuPy cannot be imported ({first_line(error)})"
             raise EngineUnavailableError("cuda", found, "pip install 'vestige[cuda]'") from error
@@ -130,7 +131,7 @@ def cuda_device() -> CudaDevice:
     Raises
     ------
     EngineUnavailableError
-        If CuPy is not installed, finds no GPU, or cannot compile for it.
+        If CuPy is not installed, finds no GPU, or cannot compile for the GPU.
     """
     return CudaDevice()
 

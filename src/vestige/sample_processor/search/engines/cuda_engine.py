@@ -2,8 +2,8 @@
 
 A call takes 0.2 s of samples. The samples go to the GPU as int16 and become overlapping blocks of complex64. The
 spectra of the blocks are multiplied with the spectra of the codes at the shift of every bin. A batched inverse FFT
-follows, and then the largest power over the bins of each code offset. Only this power comes back: 4 bytes for each
-code, grid and offset. `overlap_save` explains how blocks are cut and how a bin becomes a shift.
+follows, and then the largest power over the bins of each code offset. Only this power is copied from the GPU: 4 bytes
+for each code, grid and offset. `overlap_save` explains how blocks are cut and how a bin becomes a shift.
 
 Calls may come from several threads. Each call takes one of `_LANES` lanes with its own stream and batch, so a call
 computes while another call sends or receives. `Device` has all operations that need the GPU, and this file has
@@ -28,14 +28,14 @@ from vestige.sample_processor.search.engines.fft_engine import FftEngine
 from vestige.sample_processor.search.engines.overlap_save import OverlapSave
 
 _LANES = 2
-_BATCH_BYTES = 1 << 28  # memory of the inverse transforms of a lane; cuFFT needs the same again
+_BATCH_BYTES = 1 << 28  # memory of the inverse transforms of a lane; cuFFT needs as much memory again
 _BLOCK = 1 << 20  # approximate number of code offsets in a call
-_CHECKED = 100  # code offsets whose powers a GPU must get right before it is used
+_CHECKED = 100  # number of code offsets whose powers a GPU must compute correctly before the GPU is used
 
 
 @runtime_checkable
 class Device(Protocol):
-    """Operations on the arrays of a GPU; an array has the type that `xp` makes.
+    """Operations on the arrays of a GPU; arrays have the type of the arrays of `xp`.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Device(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _Lane:
-    """A stream, a batch complex64[blocks, bins, length] for inverse transforms, and the plan for them."""
+    """A stream, a batch complex64[blocks, bins, length] for inverse transforms, and the plan for the transforms."""
 
     stream: AbstractContextManager[object]
     rows: Any
@@ -91,7 +91,7 @@ class _Lane:
 
 
 class CudaEngine:
-    """Compute powers of codes of equal length on a GPU; the module explains how.
+    """Compute powers of codes of equal length on a GPU; the docstring of the module explains the method.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ class CudaEngine:
 
 
 def _batch(cut: OverlapSave, n_blocks: int) -> tuple[int, int]:
-    """Return the numbers of blocks and bins transformed at once: whole blocks, or equal parts of a block's bins."""
+    """Return the numbers of blocks and bins that are transformed at once: whole blocks, or a part of a block's bins."""
     transforms = max(1, _BATCH_BYTES // (8 * cut.length))
     n_bins = cut.shifts.size
     if transforms >= 2 * n_bins:

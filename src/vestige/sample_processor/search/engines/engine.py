@@ -2,7 +2,7 @@
 
 An engine gets chips of a stretch of samples and returns, for every code offset, the largest power over the Doppler
 bins. The power may be too low by a stated part of a decibel. Offsets near the threshold are computed again exactly
-(`exact_cell`), and only the exact value counts. So the precision of an engine does not affect published numbers.
+(`exact_cell`), and only the exact value decides. So the precision of an engine does not affect the results of a search.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from vestige.errors import UnsupportedError
 from vestige.signals.definitions import E6C
 
 CHIP_RATE_HZ = E6C.chip_rate_hz
-DOPPLER_POINTS = 256  # points of the Doppler transform
+DOPPLER_POINTS = 256  # number of points of the Doppler transform
 CHIP_SIGMA = 12.0  # standard deviation of the chips that an engine gets; rounding them costs 0.003 dB
-CLIP = 102  # largest chip, 8.5 σ; a sum of 320 such chips fits int16
+CLIP = 102  # limit of a chip, 8.5 σ; a sum of 320 chips fits int16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +29,7 @@ class Grid:
     Attributes
     ----------
     segment_chips
-        M: chips in a segment; the carrier is not removed within a segment.
+        Number M of chips in a segment; the carrier is not removed within a segment.
     stride
         Step between the bins that are used; the bins are R_c / (256 M) apart.
     split
@@ -49,23 +49,23 @@ class Grid:
 
     @property
     def spacing_hz(self) -> float:
-        """Distance between the bins before bins are split or left out."""
+        """Distance between the bins in Hz, before bins are split or left out."""
         return CHIP_RATE_HZ / (self.segment_chips * DOPPLER_POINTS)
 
     @property
     def sub_bin_hz(self) -> float:
-        """Distance of the outermost sub-bin from its bin."""
+        """Distance of the outermost sub-bin from its bin in Hz."""
         return self.spacing_hz * (0.5 - 0.5 / self.split)
 
     @property
     def bins_hz(self) -> Float64[np.ndarray, " bins"]:
-        """Doppler bins relative to the middle, 1/(2 T) apart to 0.1 %."""
+        """Doppler bins relative to the middle in Hz; the distance of two bins is 1/(2 T) to 0.1 %."""
         whole = np.arange(-(self.reach // self.stride) * self.stride, self.reach + 1, self.stride)
         parts = (np.arange(self.split) + 0.5) / self.split - 0.5
         return self.spacing_hz * (whole[:, None] + parts).reshape(-1)
 
 
-# grid by the chips of the coherent sum, for 1, 2, 4, 8 and 16 ms
+# grid by the number of chips of the coherent sum, for 1, 2, 4, 8 and 16 ms
 GRIDS = {
     5115: Grid(segment_chips=160, stride=4, split=1, reach=40, half_width_hz=5000.0),
     10_230: Grid(segment_chips=160, stride=2, split=1, reach=40, half_width_hz=5000.0),
@@ -105,8 +105,8 @@ class Engine(Protocol):
             codes.
         threshold
             Threshold of the magnitude, in standard deviations of the noise per dimension. An engine may return zero for
-            an offset without a cell above the threshold. The engine states how many detections these zeros cost at
-            most.
+            an offset without a cell above the threshold. The documentation of the engine states how many detections
+            are lost at most.
         """
         ...
 
@@ -126,7 +126,7 @@ class EngineUnavailableError(UnsupportedError):
     found
         The part that is missing.
     remedy
-        The next thing to do.
+        Action of the user that makes the engine run.
     """
 
     def __init__(self, engine: str, found: str, remedy: str) -> None:
@@ -134,5 +134,5 @@ class EngineUnavailableError(UnsupportedError):
         self.engine, self.found, self.remedy = engine, found, remedy
 
     def __reduce__(self) -> tuple[type[EngineUnavailableError], tuple[str, str, str]]:
-        """Return the class and the arguments to rebuild the error: a worker process returns its errors pickled."""
+        """Return the class and the arguments that rebuild the error, because worker processes return pickled errors."""
         return type(self), (self.engine, self.found, self.remedy)

@@ -13,11 +13,11 @@ from scipy import fft
 from vestige.kernel_cache import njit
 from vestige.sample_processor.search.engines.overlap_save import OverlapSave
 
-_TOGETHER = 4  # transforms at once: scipy computes them in the lanes of a vector, four times as fast as one by one
+_TOGETHER = 4  # number of transforms at once: scipy computes 4 transforms in the time of a single transform
 
 
 class FftEngine:
-    """Compute powers of codes of equal length by FFT; the module explains how.
+    """Compute powers of codes of equal length by FFT; the docstring of the module explains the method.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class FftEngine:
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _raise_to_power(y, out):  # type: ignore[no-untyped-def]
-    """Raise `out` to the powers of interleaved complex numbers where they are larger."""
+    """Raise `out` to the powers of interleaved complex numbers where the powers are larger."""
     for i in range(out.size):
         power = y[2 * i] * y[2 * i] + y[2 * i + 1] * y[2 * i + 1]
         out[i] = power if power > out[i] else out[i]

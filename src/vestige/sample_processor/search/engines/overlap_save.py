@@ -3,7 +3,7 @@
 A block of `length` samples is transformed once for all codes and bins. Doppler is a shift of the code's spectrum
 against the spectrum of the samples, in steps of R_c / length. Every bin is rounded to the nearest step. The first
 length − chips + 1 numbers of an inverse transform are correlator values. The other numbers wrap around and are not
-used. On a processor a length of about 6.4 times the length of the code is the fastest. The textbook's factor 2 takes a
+used. On a processor a length of about 6.4 times the length of the code is the fastest. The usual factor of 2 takes a
 third more time.
 """
 
@@ -17,7 +17,7 @@ from scipy import fft
 
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
 
-_LENGTH_OVER_CODE = 4.2  # the length is the next power of two, 6.4 times the code
+_LENGTH_OVER_CODE = 4.2  # rounding up to a power of two gives 6.4 times the code
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +29,7 @@ class OverlapSave:
     length
         Number of samples of a block, a power of two.
     offsets
-        Number of code offsets that a block yields; the next block begins this many samples later.
+        Number of code offsets that a block gives; the next block begins later by the same number of samples.
     shifts
         Shifts of the code's spectrum in steps of R_c / `length`, one for each Doppler bin.
     loss_db
@@ -46,9 +46,9 @@ class OverlapSave:
         """Return the division for codes with a number of chips that corresponds to 1, 2, 4, 8 or 16 ms."""
         length = 1 << int(np.ceil(np.log2(_LENGTH_OVER_CODE * n_chips)))
         shifts = np.rint(GRIDS[n_chips].bins_hz / CHIP_RATE_HZ * length).astype(int)
-        # rounding by at most 1.5 bins changes a cell's power by less than the loss half a step off the grid
+        # The largest loss is that of a signal midway between two bins (¼ cycle), rounded by half a step.
         step_error = 0.5 * CHIP_RATE_HZ / length * n_chips / CHIP_RATE_HZ
-        slope_db = 20 * np.log10(np.sinc(0.25) / np.sinc(0.25 + step_error))  # worst case of the grid: ¼ cycle
+        slope_db = 20 * np.log10(np.sinc(0.25) / np.sinc(0.25 + step_error))
         return cls(length=length, offsets=length - n_chips + 1, shifts=shifts, loss_db=float(slope_db) + 0.01)
 
     def spectra(self, codes: Int8[np.ndarray, "codes chips"]) -> Complex64[np.ndarray, "codes length"]:

@@ -1,4 +1,4 @@
-"""The fast engine for a processor; the docstring of the package explains how it works and why."""
+"""The fast engine for a processor; the docstring of the package explains the method."""
 
 # mypy: disable-error-code="call-arg"
 
@@ -31,16 +31,16 @@ from vestige.sample_processor.search.engines.segment.vector_ir import (
 )
 from vestige.theory.screen_loss import SCREEN_SHARE, pass_threshold
 
-_TABLE_OFFSETS = 131_072  # offsets that share a set of tables
-_PAGE = 4096  # bytes after which cache lines repeat: the rows of a table are spread evenly over the lines
-_CUT = 1.0  # largest rounding of a screened power, in its steps: two squares are rounded down
-_SIGMA_OF_BIN = 1000  # largest σ of a bin of the screen in int16; the smallest σ is half of this
-_MOST_SCREENED = 0.3  # largest useful share of offsets where noise alone passes; above this share a screen costs time
+_TABLE_OFFSETS = 131_072  # number of offsets that share a set of tables
+_PAGE = 4096  # number of bytes after which cache lines repeat; the rows of a table are spread evenly over the lines
+_CUT = 1.0  # largest rounding error of a screened power in units of int16, because two squares are rounded down
+_SIGMA_OF_BIN = 1000  # largest σ of a bin of the screen in int16; the smallest σ is half of this value
+_MOST_SCREENED = 0.3  # largest share of offsets at which noise passes the screen; above this share a screen costs time
 
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A code as rows of the sign tables, by segment, added rows first; `row_sum` explains `bounds`."""
+    """A code as rows of the sign tables, by segment, with added rows before subtracted rows; see also `row_sum`."""
 
     entries: Int32[np.ndarray, " groups"]
     bounds: Int64[np.ndarray, "segments 6"]
@@ -66,16 +66,16 @@ class SegmentEngine:
     def __init__(self, codes: Int8[np.ndarray, "codes chips"]) -> None:
         grid = GRIDS[codes.shape[1]]
         self._grid = grid
-        self._segments = SEGMENTS // grid.stride  # segments in a group
+        self._segments = SEGMENTS // grid.stride  # number of segments in a group
         whole = self._segments * grid.split
-        self._missing = whole * grid.segment_chips - codes.shape[1]  # chips that the last segment lacks
+        self._missing = whole * grid.segment_chips - codes.shape[1]  # number of chips that the last segment lacks
         self._codes = np.pad(codes, ((0, 0), (0, self._missing))).astype(np.int16)
         self._screened = slice(whole // 8 * grid.segment_chips, 7 * whole // 8 * grid.segment_chips)
         screened_chips = self._screened.stop - self._screened.start
         self._table_length = -(-(_TABLE_OFFSETS + screened_chips) // _PAGE) * _PAGE + _PAGE // PATTERNS
-        segments = self._segments // 2  # segments of the screen
+        segments = self._segments // 2  # number of segments of the screen
         self._plans = [_plan(code[self._screened], screened_chips // segments, self._table_length) for code in codes]
-        sigma = CHIP_SIGMA / (2 * ROW_STEP) * np.sqrt(screened_chips)  # σ of a bin without the shift
+        sigma = CHIP_SIGMA / (2 * ROW_STEP) * np.sqrt(screened_chips)  # σ of a bin before the shift
         self._shift = int(np.log2(_SIGMA_OF_BIN / sigma))
         self.sum_limit = ROW_STEP * (int(np.sqrt(2) * SHORT_TURN / segments) >> self._shift)
         self._unit = 16_384.0 * (2 * ROW_STEP / (1 << self._shift)) ** 2
@@ -89,10 +89,10 @@ class SegmentEngine:
     def powers(
         self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int, threshold: float = 0.0
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
-        """Return the largest power over the bins, for every code, grid and offset; chips within ±127.
+        """Return the largest power over the bins, for every code, grid and offset.
 
-        The screen adds the chips of two grids half a chip apart. The power is zero where the screen finds no cell that
-        can be above the threshold.
+        The chips must be within ±127. The screen adds the chips of two grids half a chip apart. The power is zero where
+        the screen finds no cell that can be above the threshold.
         """
         best = np.zeros((len(self._plans), chips.shape[0], n_offsets), np.float32)
         limit = pass_threshold(threshold)
@@ -130,7 +130,8 @@ class SegmentEngine:
                 flat = (table.reshape(-1) for table in tables)
                 limits, bins = (self.sum_limit // ROW_STEP, self._shift), (self._grid.stride, self._grid.split)
                 screen(*flat, plan.entries, plan.bounds, *limits, *bins, self._short_turns, powers)
-                powers = powers.reshape(-1, 2, VECTOR_BYTES // 2).swapaxes(1, 2).reshape(-1)  # even, odd interleaved
+                # even and odd offsets in turn
+                powers = powers.reshape(-1, 2, VECTOR_BYTES // 2).swapaxes(1, 2).reshape(-1)
                 out[first : first + count] = powers[:count]
         return (best + np.float32(_CUT)) * np.float32(self._unit)
 
@@ -147,7 +148,10 @@ class SegmentEngine:
 
 
 def _joined(chips: Int16[np.ndarray, "grids 2 n"]) -> Int16[np.ndarray, "2 n"]:
-    """Return the sum of chips half a chip apart, scaled to the σ of a single chip; both share half of their noise."""
+    """Return the sums of chips of two grids, scaled to the σ of a single chip.
+
+    Two chips half a chip apart share half of their noise, so the variance of a sum is three times that of a chip.
+    """
     if chips.shape[0] == 1:
         return chips[0]
     return np.rint((chips[0] + chips[1]) * np.float32(np.sqrt(1 / 3))).astype(np.int16)

@@ -1,4 +1,4 @@
-"""The compiled loops of the segment engine; the docstring of the package explains what they compute and why."""
+"""The compiled loops of the segment engine; the docstring of the package explains the method."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"
 
@@ -23,14 +23,14 @@ from vestige.sample_processor.search.engines.segment.vector_ir import (
 CHIPS_IN_GROUP = 5
 PATTERNS = 1 << (CHIPS_IN_GROUP - 1)
 ROW_STEP = 8  # step of a row in units of the chips
-SCREEN_BLOCK = 512  # offsets of the screen that are computed at once
-SEGMENTS = 128  # segments in a group; 64 and 32 for 2 ms and 1 ms
-SHORT_TURN = 32_768  # the factor 1 in the int16 phase factors: one half, in units of 2⁻¹⁶
-TOP_OF_SCREEN = 16_000.0  # power of a bin that noise does not reach; a signal with cut sums reaches it
-_BINS_STORED = 2 * 27 + 1  # stored bins of each of the two groups
+SCREEN_BLOCK = 512  # number of offsets of the screen that are computed at once
+SEGMENTS = 128  # number of segments in a group; 64 for 2 ms and 32 for 1 ms
+SHORT_TURN = 32_768  # magnitude of the int16 phase factors: the value 0.5 in units of 2⁻¹⁶
+TOP_OF_SCREEN = 16_000.0  # power of a bin that noise does not reach; a signal with cut sums reaches this power
+_BINS_STORED = 2 * 27 + 1  # number of stored bins of each group
 _ROW = SCREEN_BLOCK + SHORT_LANES  # length of a row of the screen's sums, padded so that rows use different cache lines
-_FIRST_POINTS = 8  # points of the screen's first DFT
-_STRETCH = 1024  # offsets of a sign table that are filled at once; in int16 they take 32 kB
+_FIRST_POINTS = 8  # number of points of the screen's first DFT
+_STRETCH = 1024  # number of offsets of a sign table that are filled at once; as int16 these rows take 32 kB
 _STEP_BITS = 3
 
 
@@ -43,7 +43,7 @@ def fill_sign_table(x, table):
     wide = np.empty((PATTERNS, _STRETCH), np.int16)
     for first in range(0, table.shape[1], _STRETCH):
         n = min(_STRETCH, table.shape[1] - first)
-        for i in range(n):  # to compile an assignment of slices takes 2 s
+        for i in range(n):  # a loop, because an assignment of slices takes 2 s to compile
             wide[0, i] = x[first + i]
         for j in range(1, CHIPS_IN_GROUP):
             rows = 1 << (j - 1)
@@ -66,12 +66,12 @@ def screen(table_re, table_im, entries, bounds, top, shift, stride, split, turns
     """Raise int16 `out` to the largest power over the Doppler bins of the screen at the offsets 0, 1, ….
 
     Powers are in units of 2¹⁴ (2 · ROW_STEP / 2^shift)². The length of `out` is a multiple of SCREEN_BLOCK. In each
-    group of 32 offsets the 16 even offsets come first, as in the output of `row_sum`.
+    group of 32 offsets the 16 even offsets come first, like in the output of `row_sum`.
 
     Parameters
     ----------
     table_re, table_im
-        Flat sign tables.
+        Sign tables of the real and the imaginary part, as arrays of one dimension.
     entries, bounds
         Plan of the code from `segment_engine._plan`, with 16, 32 or 64 segments.
     top, shift
@@ -101,7 +101,7 @@ def _row_sums(table, entries, bounds, base, top, shift, sums):
 
 @njit(nogil=True)
 def _screen_bins(sums_re, sums_im, lane, n_segments, stride, split, turns, points, out, where):
-    """Raise the maximum to the bins r + 8 g."""
+    """Raise `out` to the powers of the bins r + 8 g where the powers are larger."""
     step = DFT_POINTS * _ROW
     for b in range(DFT_POINTS):
         index, turn, to = b * _ROW + lane, 2 * _FIRST_POINTS * b, 2 * SHORT_LANES * b
@@ -131,7 +131,7 @@ def complete(re, im, code, segment_chips, n_segments, offsets, stride, turns, ou
         int16, the chips of the samples (real and imaginary part) and of the code. The code has a whole number of
         segments.
     segment_chips, n_segments
-        Number of chips in a segment, and of segments in a group: 128, or 64 for 2 ms and 32 for 1 ms.
+        Number of chips in a segment, and number of segments in a group: 128, or 64 for 2 ms and 32 for 1 ms.
     offsets, out
         Code offsets and their powers; the number of offsets is a multiple of LANES.
     stride
@@ -178,7 +178,7 @@ def _first_stage(sums_re, sums_im, start, n_segments, turns, points):
 
 @njit(nogil=True)
 def _maximum(points, r, out):
-    """Raise the maximum to the bins r + 16 g within ±40."""
+    """Raise `out` to the powers of the bins r + 16 g within ±40 where the powers are larger."""
     index = r * DFT_POINTS * 2 * LANES
     if r < 8:
         second_dft_maximum(points, index, -2, 2, out, 0)

@@ -1,9 +1,9 @@
 """Vector instructions for the segment engine, written as LLVM code: sums of rows of bytes, and DFTs over lanes.
 
-numba cannot unroll a DFT whose lanes are search offsets, and `vestige.vector_code` states a second reason. So this
-module emits the inner loops as intrinsics; LLVM adapts their vectors to AVX-512, AVX2 or NEON. In a DFT each lane is a
-search offset. `None` stands for a number that is known to be zero. LLVM removes the outputs that are not used. The same
-DFT runs on float32 and on int16 (`_Float`, `_Fixed`).
+numba cannot unroll a DFT whose lanes are search offsets. `vestige.vector_code` explains another limit of numba. So this
+module emits the inner loops as intrinsics. LLVM adapts the vectors of the loops to AVX-512, AVX2 or NEON. In a DFT each
+lane is a search offset. `None` stands for a number that is known to be zero. LLVM removes the outputs that are not
+used. The same DFT runs on float32 and on int16 (`_Float`, `_Fixed`).
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -21,13 +21,13 @@ from numba.extending import intrinsic
 
 from vestige.vector_code import Lanes, splat
 
-LANES = 8  # float32 numbers in a vector of 256 bits
-SHORT_LANES = 16  # int16 numbers in the same vector
-VECTOR_BYTES = 32  # bytes in the same vector
-ROWS_AT_ONCE = 8  # rows of five bits whose sum fits a byte
+LANES = 8  # number of float32 numbers in a vector of 256 bits
+SHORT_LANES = 16  # number of int16 numbers in a vector of 256 bits
+VECTOR_BYTES = 32  # number of bytes in a vector of 256 bits
+ROWS_AT_ONCE = 8  # number of rows of five bits whose sum fits a byte
 ROW_TOP = 31  # the largest byte of a row
-SUM_WIDTH = 128  # offsets that `row_sum` sums at once: four vectors of bytes, eight of int16
-DFT_POINTS = 16  # points of the second DFT; the first DFT has as many or half as many
+SUM_WIDTH = 128  # number of offsets that `row_sum` sums at once: four vectors of bytes, or eight vectors of int16
+DFT_POINTS = 16  # number of points of the second DFT; the first DFT has 16 or 8 points
 
 _BYTE = ir.IntType(8)
 _BYTES = ir.VectorType(_BYTE, VECTOR_BYTES)
@@ -103,14 +103,14 @@ class _Fixed:
     def square(self, a):
         kind = ir.FunctionType(_SHORT, [_SHORT, _SHORT])
         saturating = cgutils.get_or_insert_function(self.builder.module, kind, f"llvm.sadd.sat.v{SHORT_LANES}i16")
-        twice = self.builder.call(saturating, [a, a])  # doubled, so that the square has two more bits
+        twice = self.builder.call(saturating, [a, a])  # the number is doubled, so that the square has two more bits
         return self.times(twice, twice)
 
     def larger(self, a, b):
         return self.builder.select(self.builder.icmp_signed(">", a, b), a, b)
 
     def unbiased(self, a):
-        """Return a sum of two products without its bias: each product is rounded down, by a half on average."""
+        """Return a sum of two products without bias; the bias is 1, because each product is rounded down by ½."""
         return self.plus(a, ir.Constant(_SHORT, [1] * SHORT_LANES))
 
     def of_sum(self, lanes, place):
@@ -151,7 +151,7 @@ class _Complex:
         k %= n
         if k == 0:
             return self
-        if 4 * k == n:  # −j
+        if 4 * k == n:  # the factor is −j
             return _Complex(self.unit, self.im, self._part(None, self.re, -1))
         if 8 * k % n == 0:  # a rotation by quarters, then a factor (1 − j)/√2
             z = self.turned(k - n // 8, n)
@@ -211,11 +211,12 @@ def row_sum(
 ):
     """Store SUM_WIDTH sums of ± table[entry + base + i] at `out[out_index:]`, less `zero`.
 
-    A sum is cut at ±`top` and multiplied by 2^`shift`. Entries low … plus_end are added and minus_start … high
-    subtracted, eight rows at a time in bytes. Between these two ranges there may be eight more entries. Among these
-    entries, those from `first_minus` on are added as ROW_TOP less the row, which is an exclusive or. The rows are bytes
-    up to ROW_TOP, so a sum of eight fits a byte. Then all odd bytes and all 16-bit words are summed, and Σ even = Σ
-    words − 256 Σ odd, modulo 2¹⁶. In each group of VECTOR_BYTES sums the even sums are stored first.
+    A sum is cut at ±`top` and multiplied by 2^`shift`. The entries low … plus_end are added, and the entries
+    minus_start … high are subtracted, eight rows at a time in bytes. Between these two ranges there may be eight more
+    entries. In this middle range, the entries before `first_minus` are added. For the other entries ROW_TOP minus the
+    row is added, which is an exclusive or. The rows are bytes up to ROW_TOP, so a sum of eight rows fits a byte. Then
+    all odd bytes and all 16-bit words are summed, and Σ even = Σ words − 256 Σ odd, modulo 2¹⁶. In each group of
+    VECTOR_BYTES sums the even sums are stored first.
     """
 
     def codegen(context, builder, signature, arguments):
@@ -286,11 +287,11 @@ def dot(typing_context, x, x_index, y, y_index, count):
 
 @intrinsic
 def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, n_points, turns, turn_index, out, out_index):
-    """Store the DFT over `n_points`, whose first `n_inputs` inputs are not zero, times phase factors.
+    """Store the DFT over `n_points`, multiplied by phase factors; inputs after the first `n_inputs` are zero.
 
     Input j is the int16 lanes at `index + j · step`. Output r is multiplied by turns[turn_index + 2r] + j
-    turns[turn_index + 2r + 1] and stored at `out[out_index + r · DFT_POINTS · 2 · lanes]`. The imaginary part follows a
-    vector later. Factors are float32, or int16 in units of 2⁻¹⁶; outputs have the same type.
+    turns[turn_index + 2r + 1] and stored at `out[out_index + r · DFT_POINTS · 2 · lanes]`. The imaginary part follows
+    after one vector. Factors are float32, or int16 in units of 2⁻¹⁶. Outputs have the type of the factors.
     """
     count, points = _literal(n_inputs), _literal(n_points)
 
@@ -339,7 +340,10 @@ def _second(context, builder, signature, arguments, low, high):
 
 @intrinsic
 def second_dft_maximum(typing_context, points, index, low, high, out, out_index):
-    """Raise `out[out_index:]` to the powers of the DFT outputs low … high if they are larger; int16 in units of 2¹⁴."""
+    """Raise `out[out_index:]` to the powers of the DFT outputs low … high where the powers are larger.
+
+    Powers of int16 outputs are in units of 2¹⁴.
+    """
     first, last = _literal(low), _literal(high)
 
     def codegen(context, builder, signature, arguments):
@@ -356,7 +360,10 @@ def second_dft_maximum(typing_context, points, index, low, high, out, out_index)
 
 @intrinsic
 def second_dft_store(typing_context, points, index, low, high, out, out_index, bin_stride, part_stride):
-    """Store DFT outputs low … high at `out[out_index + (g − low) · bin_stride]`, imaginary parts `part_stride` on."""
+    """Store the DFT outputs low … high at `out[out_index + (g − low) · bin_stride]`.
+
+    The imaginary part of an output follows `part_stride` elements after the real part.
+    """
     first, last = _literal(low), _literal(high)
 
     def codegen(context, builder, signature, arguments):
