@@ -112,9 +112,9 @@ def _store_copies(_context, array, first, value):
     return types.none(array, first, value), code
 
 
-# `_copy_to_group(array, first, value)` stores GROUP copies of a uint32 in an array of uint32, from element `first` on. The
-# function uses vector instructions and is for compiled code only. The compiler turns a loop of GROUP steps into single
-# stores, which take four times as long.
+# `_copy_to_group(array, first, value)` stores GROUP copies of a uint32 in an array of uint32, from element `first` on.
+# The function uses vector instructions and is for compiled code only. The compiler turns a loop of GROUP steps into
+# single stores, which take four times as long.
 _copy_to_group: Any = intrinsic(_store_copies)
 
 
@@ -181,8 +181,8 @@ def fill_fractions(u0, step, fraction):
 def phase_apart(step, lag):
     """Return the smallest phase in the chip at which a sample shares its chip with the sample `lag` samples before.
 
-    The phase in the chip is the lower FRACTION_BITS bits of a fraction (`fill_fractions`). If a chip is shorter than the
-    lag, the function returns 2^27, which is larger than any phase in the chip.
+    The phase in the chip is the lower FRACTION_BITS bits of a fraction (`fill_fractions`). If a chip is shorter than
+    the lag, the function returns 2^27, which is larger than any phase in the chip.
     """
     apart = (lag * np.int64(np.round(step * 2.0**_PHASE_BITS)) + (1 << _CUT_BITS) - 1) >> _CUT_BITS
     return np.uint32(min(apart, 1 << FRACTION_BITS))

@@ -23,7 +23,8 @@ CIRCLE = (
 
 
 def scenario(*settings: str) -> CampaignScenario:
-    (example,) = re.findall(r"`(antenna = \{.*?\})`", (ROOT / "docs" / "attacks.md").read_text())
+    text = " ".join((ROOT / "docs" / "attacks.md").read_text(encoding="utf-8").split())
+    (example,) = re.findall(r"`(antenna = \{.*?\})`", text)
     attack = f'attack=[{{kind="meaconing", start_s=0, power_db=6, delay_s=1e-6, {example}}}]'
     found = load_scenario(NIGHT, (attack, *settings))
     assert isinstance(found, CampaignScenario)

@@ -11,7 +11,7 @@ ADVICE = Path(__file__).parents[3] / "docs/recorder_to_verdict.md"
 def test_the_rates_that_the_documentation_recommends_are_usual() -> None:
     """Complex samples have the rates of the table, real samples twice these rates."""
     section = ADVICE.read_text(encoding="utf-8").split("\n## Sampling rates and front ends\n")[1].split("\n## ")[0]
-    rows = re.findall(r"^\| (least rate|good|no gain above) \|(.*)$", section, re.MULTILINE)
+    rows = re.findall(r"^\| (lowest rate|good|no gain above) \|(.*)$", section, re.MULTILINE)
     assert len(rows) == 3
     rates_hz = {1e6 * float(number) for _, row in rows for number in re.findall(r"([\d.]+) MHz", row)}
     assert {5.5e6, 12.5e6} <= rates_hz

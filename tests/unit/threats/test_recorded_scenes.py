@@ -39,7 +39,7 @@ def test_the_table_of_the_documentation_has_all_recordings_and_marks_what_differ
     bold = [f"{row[0][2:]} level {k // 2}" for row in rows for k, cell in enumerate(row) if cell.startswith("**")]
     assert different == bold
     n = sum(word != script.NOT_MEASURED for row in words.values() for word in row.recording)
-    assert f"in {n - len(different)} of the {n} cells" in " ".join(text.split())
+    assert f"in {n - len(different)} of the {n} pairs of cells" in " ".join(text.split())
 
 
 def test_a_word_that_differs_is_named() -> None:
