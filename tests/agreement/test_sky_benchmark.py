@@ -85,7 +85,7 @@ def test_the_exit_status_and_the_json(
 @needs_gnss_sdr
 @pytest.mark.judged(
     by="gnss-sdr",
-    what="E6 samples that `vestige simulate --export gnss-sdr` writes",
+    what="E6-B in the E6 samples that `vestige simulate --export gnss-sdr` writes",
     figure="Doppler within 0.5 Hz, C/N0 within 1.0 dB",
 )
 def test_it_judges_a_recording_of_the_command(script: ModuleType, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ NIGHT = (
     "--set", "receiver.sample_rate_hz=6.2e6", "--set", "constellation.svids=[7,8,13]",
 )  # fmt: skip
 # Names under which pages have an assistance folder, and what belongs to it.
-ASSISTANCE = ("recs", "sas", "assistance", "network-keys")
+ASSISTANCE = ("recs", "assistance", "network-keys")
 TREES = ("OSNMA_MerkleTree.xml", "MerkleTree.xml", "tree.xml")
 OTHERS = {"night/rinex/navigation.rnx": "BRDC.rnx", "night/inav_pages.csv": "messages.sbf"}
 # What a command looks like, as a regular expression, and why it does not run here.
@@ -42,8 +42,9 @@ NOT_RUN = {
     r"process attacked .*": "test_the_attack_from_end_to_end_prints_what_the_page_shows runs it",
     r"process night --calibrate --taps 63 --hardware-bias-m 1000": "a guess for a front end that is 1 km late",
     r"process night/? --track": "it takes 10 s; tests/cli/test_tracked_sky.py runs it",
-    r"process night/? --assistance recs/? --merkle-tree .*": "it tracks E1, as above; tests/cli/test_samples_alone.py",
+    r"process night/? --assistance night/assistance --merkle-tree \S+": "it tracks E1, as above; tests/cli/test_samples_alone.py",
     r"process (revoked|demo)": "it needs the recording of `simulate`, as below",
+    r"process recorded --calibrate": "it needs the published recording; tests/golden/test_real_recording.py has it",
     r"process night/? --level 3 .*": "level 3 searches for a minute; tests/cli/test_accelerations.py runs it in small",
     r"recs make .*": "it needs a recording of 2023; tests/golden and tests/cli/test_recs.py run it",
     r"report threats .*": "it needs the whole threat table; tests/cli/test_report.py runs it",
