@@ -118,14 +118,14 @@ def _texts(cell: Mapping[str, Any]) -> tuple[str, str]:
     word, how = str(cell["word"]), str(cell["agreement"])
     if not word:
         value, budget = (_short(float(cell[name])) for name in ("alarms_a_day", "budget_alarms_a_day"))
-        return f"{value} alarms a day", f"budget {budget}{_NOT_KEPT.get(how, '')}"
+        return f"{value} alarms a day", f"at most {budget}{_NOT_KEPT.get(how, '')}"
     expected = {"DIFFERS": f", expected {cell['expected']}", "undecided": ", undecided"}.get(how, "")
     names = ("detected", "mitigated", "missed")
     shares = [round(100 * float(cell[name]) / float(cell[f"{name}_of"])) for name in names]
     return f"{word}{expected}", " · ".join(str(share) for share in shares)
 
 
-_NOT_KEPT = {"DIFFERS": ", not kept", "undecided": ", undecided"}
+_NOT_KEPT = {"DIFFERS": ", exceeded", "undecided": ", undecided"}
 
 
 def _short(value: float) -> str:
