@@ -142,6 +142,7 @@ def most_in_memory(end: int) -> int:
     return max(found)
 
 
+@pytest.mark.slow
 def test_the_truth_in_memory_does_not_grow_with_the_recording() -> None:
     """While the samples are made, each band has one block of its own, with the epochs around it."""
     short, long = (most_in_memory(end) for end in (40, 160))
@@ -156,6 +157,7 @@ def cleaned(parts: Iterable[T], every: int = 1) -> Iterator[T]:
             gc.collect()
 
 
+@pytest.mark.slow
 def test_the_memory_of_the_files_does_not_grow_with_the_recording(tmp_path: Path) -> None:
     """Twice as many epochs need as much memory, once the caches are full; the whole would need twice as much."""
     peaks = []
