@@ -1,7 +1,7 @@
-"""vestige: Galileo ACAS / SAS signal authentication.
+"""Authenticate Galileo signals with ACAS / SAS.
 
-The names below are the public interface. Each name is imported at its first use, so `import vestige` loads no heavy
-module. `vestige.__version__` is the version of the installed package.
+The names in `__all__` are the public interface. Each name is imported at its first use, so `import vestige` loads no
+heavy module. `vestige.__version__` is the version of the installed package.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 
     run = run_scenario
 
-# Public names in the order of use, each with its module. A different name in the module follows the module after a
-# colon.
+# Each entry maps a public name to its module, in the order of use. If the name in the module differs from the public
+# name, the module is followed by a colon and the name in the module.
 _HOME = {
     "open_recording": "recording.recording",
     "read_assistance": "recording.assistance.folder",
@@ -65,7 +65,7 @@ _HOME = {
     "processor_of": "scenario.scenario_processor",
 }
 
-# Public modules
+# Modules that are public as a whole
 _MODULES = ("plots", "threats")
 
 _PUBLIC = (*_HOME, *_MODULES)

@@ -1,9 +1,9 @@
-"""Physical and Galileo system constants, each with its source."""
+"""Define physical constants and constants of the Galileo system, each with its source."""
 
 from __future__ import annotations
 
 SPEED_OF_LIGHT_MPS = 299_792_458.0  # exact by the definition of the SI
-FUNDAMENTAL_FREQUENCY_HZ = 10.23e6  # f0 [OS-ICD, 2.1]
+FUNDAMENTAL_FREQUENCY_HZ = 10.23e6  # reference frequency f0 of Galileo [OS-ICD, 2.1]
 E1_CARRIER_HZ = 154 * FUNDAMENTAL_FREQUENCY_HZ  # [OS-ICD, 2.1]
 E6_CARRIER_HZ = 125 * FUNDAMENTAL_FREQUENCY_HZ  # [E6-CODES]
 
@@ -13,10 +13,10 @@ SECONDS_PER_WEEK = 604_800
 DAY_S = 86_400
 HOUR_S = 3_600
 SUBFRAME_S = 30  # duration of an I/NAV subframe, equal to the OSNMA key interval [OSNMA-ICD]
-SYMBOLS_PER_S = 250  # symbols of E1-B, each as long as a code period [OS-ICD, 4.3.2]
-PAGES_A_SUBFRAME = 15  # I/NAV pages of 2 s [OS-ICD, 4.3]
-E1_CODE_PERIOD_S = 4e-3  # 4092 chips at 1.023 Mcps [OS-ICD, 2.3.3]
-SECONDARY_PERIOD_S = 0.1  # 25 code periods of E1-C [OS-ICD, 2.3.3]
+SYMBOLS_PER_S = 250  # number of E1-B symbols in a second; a symbol is as long as a code period [OS-ICD, 4.3.2]
+PAGES_A_SUBFRAME = 15  # number of I/NAV pages of 2 s in a subframe [OS-ICD, 4.3]
+E1_CODE_PERIOD_S = 4e-3  # duration of 4092 chips at 1.023 Mcps [OS-ICD, 2.3.3]
+SECONDARY_PERIOD_S = 0.1  # duration of the 25 code periods in a secondary code of E1-C [OS-ICD, 2.3.3]
 MAX_SVID = 36  # Galileo space vehicle identifiers run from 1 to 36 [OS-ICD, 5.1.9.1]
 # For an orbit radius of 29,600 km the travel time is 77.5 ms at the zenith and 95 ms at 5° elevation.
 MEDIAN_TRAVEL_TIME_S = 0.086

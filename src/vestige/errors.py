@@ -1,11 +1,11 @@
-"""Errors about input. Each message names the file, the position in the file, the found and the expected value."""
+"""Define errors and warnings about input. A message names file, position, found value and expected value."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
 
-LONGEST = 1000  # largest number of characters of a message, because contents of a file or an option may be longer
+LONGEST = 1000  # largest number of characters of a message, which may quote long contents of a file
 
 
 class VestigeError(Exception):
@@ -16,7 +16,8 @@ class VestigeError(Exception):
     Parameters
     ----------
     message
-        File, position, found value and expected value. A message is cut after 1000 characters.
+        Text with the file, the position in the file, the found value and the expected value. The middle of a text of
+        more than 1000 characters is left out.
 
     Examples
     --------
@@ -43,7 +44,7 @@ class InputFileError(VestigeError):
     place
         Position in the file: a byte offset, a line, or a field.
     found, expected
-        Value at the position, and expected value.
+        Value that was found at the position, and expected value.
     """
 
     def __init__(self, path: Path | str, place: str, found: object, expected: object) -> None:
@@ -60,7 +61,10 @@ class AuthenticationError(VestigeError):
 
 
 class UnsupportedError(VestigeError):
-    """The input is valid, but vestige does not support a part of the standard, which the message names."""
+    """The input is valid, but uses a part of a standard that vestige does not support.
+
+    The message names the part.
+    """
 
 
 class SettingError(ValueError):
@@ -69,9 +73,9 @@ class SettingError(ValueError):
     Parameters
     ----------
     place
-        Key of the value, relative to the checked table, such as `delay_s` or `receiver.clock`.
+        Key of the value in the table of settings that is checked, such as `delay_s` or `receiver.clock`.
     found, expected
-        Value at the key, and expected value.
+        Value that was found at the key, and expected value.
     """
 
     def __init__(self, place: str, found: object, expected: str) -> None:
@@ -87,8 +91,8 @@ def satellite_names(svids: Iterable[int]) -> str:
 def printable(text: str) -> str:
     """Return `text` with unprintable characters escaped: control and C1 characters, line breaks, bidirectional marks.
 
-    Names and contents of files are untrusted. Such text can clear a terminal's screen, or make the terminal show other
-    characters than the text has.
+    Names and contents of files are untrusted text. Untrusted text can clear a terminal's screen, or make the terminal
+    show other characters than the text has.
     """
     if text.isprintable():
         return text
@@ -96,7 +100,7 @@ def printable(text: str) -> str:
 
 
 def _whole(value: object) -> str:
-    """Return the expected value as printable text, which is not cut because the text says what to do."""
+    """Return the expected value as printable text. The text is not shortened, because it tells the user what to do."""
     return printable(value if isinstance(value, str) else repr(value))
 
 

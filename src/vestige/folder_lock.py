@@ -16,10 +16,10 @@ _NO_LOCKS_HERE = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)  # errors of networ
 
 @contextmanager
 def only_writer(folder: Path) -> Iterator[int]:
-    """Hold the lock of a folder, and yield the file descriptor of the folder. A missing folder is created.
+    """Hold the lock of a folder, and yield the file descriptor of the folder. The function creates a missing folder.
 
-    The lock belongs to the process, so the kernel always releases it at the end of the process. Nothing is written into
-    the folder. If the file system has no locks, the folder is used without a lock.
+    The lock belongs to the process, so the kernel always releases it at the end of the process. The lock writes nothing
+    into the folder. If the file system has no locks, the folder is used without a lock.
 
     Raises
     ------

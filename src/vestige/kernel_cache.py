@@ -1,10 +1,10 @@
 """Compile kernels (functions for numba), and recompile their machine code after a change of any kernel.
 
 numba stores the machine code of a function on disk, and recompiles it if the function's own module has changed. numba
-ignores changes in modules whose functions are inlined. After an update of vestige such a function would silently use
-old code for tables of a new layout. E1 tracking once lost its satellites for this reason. numba recognises old code by
-a mark that is stored with the code. So this module computes the mark from all kernels. The mark consists of the time of
-the newest change and the total size.
+ignores changes in modules whose functions are inlined. After an update of vestige, a kernel would silently use old
+inlined functions on tables of a new layout. Old machine code once made E1 tracking lose its satellites. numba
+recognises old code by a mark that is stored with the code. So this module computes the mark of a kernel from the files
+of all kernels. The mark consists of the time of the newest change and the total size of the files.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import numba
 
 from vestige.source_version import PACKAGE
 
-# patterns of modules whose functions or table layouts other modules inline; kernels of any other module are used only
-# in their own module
+# Patterns of the names of modules whose functions or table layouts other modules inline. A kernel in any other module
+# is used only in that module.
 KERNELS = ("packed_chips.py", "*_kernel.py", "*_vectors.py", "vector_ir.py", "vector_code.py")
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Return `numba.njit` with given options. The stored machine code is valid until any kernel changes.
+    """Return a decorator that compiles a function by `numba.njit`, and recompiles it after a change of any kernel.
 
     Parameters
     ----------

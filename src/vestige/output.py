@@ -1,10 +1,10 @@
-"""Write outputs safely: an output is either complete or unchanged, and never destroys an input.
+"""Write outputs so that an output is either complete or unchanged, and never destroys an input.
 
 A command whose output could be an input calls `check_output` before it computes. Every command writes through
 `replacement` or `new_folder`. Both functions write into a private folder beside the output, `.output.…`, and rename at
 the end. The private folder is new, so no other user can have prepared it. After an error or Ctrl-C the private folder
-is removed. A killed process leaves this hidden folder, which is harmless. `vestige simulate` can resume an unfinished
-recording (`simulated.unfinished_recording`).
+is removed. A killed process leaves the private folder, which is hidden and harmless. `vestige simulate` can resume an
+unfinished recording (`simulated.unfinished_recording`).
 """
 
 from __future__ import annotations
@@ -35,13 +35,14 @@ def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: 
     inputs
         Files and folders that the command reads; None for an input that is not given.
     folder
-        Whether the output is a folder. An output folder may lie in an input folder, because it replaces nothing there.
+        Whether the output is a folder. An output folder may lie in an input folder, because an output folder replaces
+        no file.
 
     Raises
     ------
     InputFileError
-        If the output is an input or lies in the store of a campaign. If an output file lies in an input folder, or
-        `output` is a folder, a symbolic link or a device.
+        If the output is an input or lies in the store of a campaign. If an output file would lie in an input folder, or
+        would replace a folder, a symbolic link or a device.
     OSError
         If the folder of an output file does not exist.
     """
@@ -66,7 +67,8 @@ def check_output(output: Path | None, inputs: Iterable[Path | None], *, folder: 
 def replacement(output: Path) -> Iterator[Path]:
     """Yield a path at which to write a file or a folder, which replaces `output` at the end.
 
-    A file is written to the disk before it gets its final name. The path ends in the name of `output` with its suffix.
+    A file is written to the disk before the file gets its final name. The yielded path ends in the name of `output`
+    with its suffix.
 
     Raises
     ------
@@ -127,7 +129,7 @@ def check_new_folder(output: Path) -> None:
 
 @contextmanager
 def naming(output: Path, private: str | None = None) -> Iterator[None]:
-    """Name the output in errors that name the folder `private`, or that name no file because the disk is full."""
+    """Put the name of `output` into errors that name the folder `private`, or name no file because the disk is full."""
     try:
         yield
     except OSError as error:
@@ -139,18 +141,21 @@ def naming(output: Path, private: str | None = None) -> Iterator[None]:
 
 @contextmanager
 def _beside(output: Path) -> Iterator[Path]:
-    """Yield a path with the name of `output` in a private folder beside `output`. The folder is removed at the end."""
+    """Yield a path with the name of `output` in a private folder beside `output`.
+
+    The private folder is removed at the end.
+    """
     try:
         folder = TemporaryDirectory(prefix=f".{output.name[:NAME_KEPT]}.", dir=output.parent)
     except OSError as error:
-        error.filename = str(output)  # the name that the user knows
+        error.filename = str(output)  # the error names the path that the user has given
         raise
     with folder as private, naming(output, private):
-        yield Path(private) / output.name  # not the private folder itself, because only the owner can read it
+        yield Path(private) / output.name  # not the private folder, whose mode 0700 the output must not get
 
 
 def _sync(path: Path) -> None:
-    """Write a file to the disk."""
+    """Make the operating system write the contents of a file to the disk."""
     number = os.open(path, os.O_RDONLY)
     try:
         os.fsync(number)
@@ -173,10 +178,10 @@ def _check_file(output: Path) -> None:
 
 
 def _check_replaceable(output: Path) -> None:
-    """Refuse an output that a rename would destroy by mistake."""
+    """Refuse an output that is a symbolic link, a device or a pipe, because a rename would replace it."""
     try:
         mode = output.lstat().st_mode
-    except OSError:  # the path does not exist or cannot be checked, so writing will raise the error
+    except OSError:  # nothing is at the path, or writing will raise the error
         return
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         found = "a symbolic link" if stat.S_ISLNK(mode) else "a device or a pipe"

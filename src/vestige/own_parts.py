@@ -1,11 +1,12 @@
-"""Load parts that a user wrote: a detector, attack, error model or check in a module of the user's folder.
+"""Load detectors, attacks, error models and checks that a user wrote as classes in modules of a folder.
 
-A scenario names such a part as `module:Name`. The module is imported only from a folder that the user named (`--parts
-FOLDER`, `own_parts_from`). So another person's scenario or stored results cannot make vestige import a module. Every
-error of a part is an `OwnPartError` of one line.
+A scenario names a class of the user as `module:Name`. The module is imported only from a folder that the user named
+(`--parts FOLDER`, `own_parts_from`). So another person's scenario or stored results cannot make vestige import a
+module. Every error in a class of the user becomes an `OwnPartError` with a message of one line.
 
-The folder comes last in `sys.path`, so that a module in it never replaces a module that vestige or a library imports.
-Worker processes have the same `sys.path`, and import the classes of received objects by name.
+The folder with the user's modules comes last in `sys.path`, so these modules never replace a module that vestige or a
+library imports. Worker processes have the `sys.path` of the main process, and import the classes of received objects by
+name.
 """
 
 from __future__ import annotations
@@ -23,21 +24,21 @@ from typing import Any
 
 from vestige.errors import VestigeError
 
-DIGITS = 12  # number of digits of a digest
+DIGITS = 12  # number of hexadecimal digits of a digest
 _KIND = re.compile(r"(?P<module>[A-Za-z_]\w*(\.[A-Za-z_]\w*)*):(?P<name>[A-Za-z_]\w*)", re.ASCII)
 _folders: list[Path] = []
 _digests: dict[str, str] = {}
 
 
 class OwnPartError(VestigeError):
-    """A user's part cannot be used.
+    """A detector, attack, error model or check that a user wrote cannot be used.
 
     Parameters
     ----------
     kind
-        Name of the part in scenarios, `module:Name`.
+        Name of the user's class in scenarios, `module:Name`.
     found, expected
-        Found value, and expected value.
+        Text that says what was found, and text that says what was expected.
     """
 
     def __init__(self, kind: str, found: str, expected: str) -> None:
@@ -50,7 +51,7 @@ class OwnPartError(VestigeError):
 
 
 def own_parts_from(folder: Path | str) -> None:
-    """Let scenarios name parts in the modules of a folder.
+    """Let scenarios name detectors, attacks, error models and checks that a user wrote in the modules of a folder.
 
     Raises
     ------
@@ -66,17 +67,17 @@ def own_parts_from(folder: Path | str) -> None:
 
 
 def is_own(kind: object) -> bool:
-    """Return whether a kind names a user's part, in the form `module:Name`."""
+    """Return whether `kind` names a class that a user wrote, in the form `module:Name`."""
     return isinstance(kind, str) and ":" in kind
 
 
 def kind_of(part: type) -> str:
-    """Return the name of a class in scenarios."""
+    """Return the name that a class has in scenarios, `module:Name`."""
     return f"{part.__module__}:{part.__qualname__}"
 
 
 def part(kind: str, base: type) -> Any:
-    """Return the class that a kind names.
+    """Import and return the class that `kind` names.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def part(kind: str, base: type) -> Any:
 
 
 def made(kind: str, cls: Any, **settings: int) -> Any:
-    """Return an object of a user's class.
+    """Return an object of a class that a user wrote.
 
     Parameters
     ----------
@@ -152,18 +153,18 @@ def require_members(kind: str, thing: object, protocol: type) -> None:
 
 
 def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]) -> None:
-    """Raise an error if values from a user's part are not numbers of a required shape.
+    """Raise an error if values that a user's class returned are not numbers of the required shape.
 
-    Values from vestige's own parts are not checked.
+    Values that a class of vestige returned are not checked.
 
     Parameters
     ----------
     part
-        Part that returned the values.
+        Object that returned the values.
     name
         Name of the method that returned the values.
     values, shape
-        Returned values, and their required shape with epochs first.
+        Returned values, and their required shape, in which the axis of epochs is first.
 
     Raises
     ------
@@ -184,7 +185,7 @@ def require_numbers(part: object, name: str, values: Any, shape: tuple[int, ...]
 
 
 def digest(kind: str) -> str:
-    """Return the first 12 digits of the SHA-256 of the file of a part's module, as the file was at the import."""
+    """Return the first 12 hexadecimal digits of the SHA-256 of a user's module file, as the file was at import."""
     module = kind.partition(":")[0]
     if module not in _digests:
         _digests[module] = _digest(Path(str(sys.modules[module].__file__)))
@@ -193,7 +194,7 @@ def digest(kind: str) -> str:
 
 @contextmanager
 def blamed_on_own_parts() -> Iterator[None]:
-    """Turn an exception from a user's part into an `OwnPartError` with file and line.
+    """Turn an exception in a module of the user into an `OwnPartError` with file and line.
 
     Other exceptions, and vestige's own errors for the user, pass unchanged.
     """
@@ -244,7 +245,7 @@ def _digest(path: Path) -> str:
 
 
 def _place(traceback: TracebackType | None) -> tuple[Path, int, str] | None:
-    """Return file, line and module of the innermost traceback frame in a user's part; None without such a frame."""
+    """Return file, line and module of the innermost traceback frame that is in a folder of the user, or None."""
     found = None
     while traceback is not None:
         path = Path(traceback.tb_frame.f_code.co_filename)

@@ -1,4 +1,4 @@
-"""Interface of a source of snapshots, which a simulation and a recording have in common."""
+"""Define the interface of a source of snapshots, which simulations and recordings have in common."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vestige.records.snapshot_block import SnapshotBlock
 
 @runtime_checkable
 class Source(Protocol):
-    """Source that yields blocks of snapshots in order of time, with their assistance."""
+    """Source that yields blocks of snapshots in order of time, and has the assistance for these snapshots."""
 
     @property
     def assistance(self) -> AssistanceData:

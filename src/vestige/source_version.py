@@ -15,7 +15,10 @@ PACKAGE = Path(__file__).resolve().parent
 
 @cache
 def vestige_version() -> str:
-    """Return version and digest of the source, such as `0.2.0+source.1f2e3d4c5b6a`; equal code gives equal digests."""
+    """Return version and source digest of vestige, such as `0.2.0+source.1f2e3d4c5b6a`.
+
+    The source digest is equal for equal source code.
+    """
     return f"{__version__}+source.{source_digest(PACKAGE)}"
 
 

@@ -1,4 +1,4 @@
-"""Make named streams of random numbers: the same seed and labels give the same stream, in any order of use.
+"""Make named streams of random numbers; equal seed and labels give equal streams, in any order of use.
 
 There is no global generator and no seed per worker. Labels give the purpose of the numbers, and the epoch or satellite,
 as in `stream(seed, "multipath", epoch)`.
@@ -12,7 +12,7 @@ import numpy as np
 
 
 def stream_key(seed: int, *labels: str | int) -> bytes:
-    """Return the 32-byte key of a stream: SHA-256 over seed and labels."""
+    """Return the 32-byte key of a stream, which is the SHA-256 of seed and labels."""
     text = "\x1f".join(f"{type(label).__name__}:{label}" for label in (seed, *labels))
     return hashlib.sha256(text.encode()).digest()
 

@@ -16,11 +16,11 @@ from datetime import UTC, datetime, timedelta
 
 from vestige.constants import SECONDS_PER_WEEK, SUBFRAME_S
 
-GST_EPOCH = datetime(1999, 8, 22, tzinfo=UTC)  # `UTC` stands for GST here [OS-ICD, 5.1.2]
+GST_EPOCH = datetime(1999, 8, 22, tzinfo=UTC)  # start of GST [OS-ICD, 5.1.2]; `UTC` stands for GST in this `datetime`
 LAST_YEAR = 9000  # latest year of an input; the calendar ends in 9999, and results may be later than the input
 MAX_WEEK = 400_000  # largest week of a time, in the year 9665
 
-# First UTC day of validity, and GST − UTC in s [IERS Bulletin C]
+# first UTC day on which an offset is valid, and offset GST − UTC in s [IERS Bulletin C]
 LEAP_SECONDS = (
     (datetime(2017, 1, 1, tzinfo=UTC), 18),
     (datetime(2015, 7, 1, tzinfo=UTC), 17),
@@ -38,7 +38,7 @@ _ISO = re.compile(
 
 @dataclass(frozen=True, slots=True, order=True)
 class GalileoTime:
-    """A point in Galileo System Time.
+    """Point in Galileo System Time.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class GalileoTime:
     Raises
     ------
     ValueError
-        If a number is outside its range; `normalized` accepts such numbers.
+        If a number is outside its range; `normalized` accepts any `second` and `fraction`.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class GalileoTime:
 
     @classmethod
     def normalized(cls, week: int, second: int, fraction: float = 0.0) -> GalileoTime:
-        """Return the time for a second and a fraction that may be negative or too large."""
+        """Return the time for a second and a fraction that may be negative or larger than allowed."""
         whole = math.floor(fraction)
         fraction -= whole
         if fraction >= 1.0:  # a tiny negative fraction rounds up to 1.0
@@ -85,7 +85,7 @@ class GalileoTime:
         return cls(week + carry, second, fraction)
 
     def __add__(self, seconds: float) -> GalileoTime:
-        """Return the time `seconds` later."""
+        """Return the time that is `seconds` later."""
         whole = math.floor(seconds)
         return GalileoTime.normalized(self.week, self.second + whole, self.fraction + (seconds - whole))
 
@@ -136,12 +136,12 @@ class GalileoTime:
         text
             Text of the time. A time without `GST`, `UTC` or `Z` is in `default_scale`.
         default_scale
-            Time scale, `GST` or `UTC`.
+            Time scale of a text without a time scale, `GST` or `UTC`.
 
         Raises
         ------
         ValueError
-            If the text is not a time in one of these forms.
+            If the text does not have one of these forms, or the time is outside the range of `GalileoTime`.
         """
         text = text.strip()
         if match := re.fullmatch(r"(\d{1,5}):(\d{1,6})(\.\d+)?", text):

@@ -1,4 +1,4 @@
-"""Validate the numbers in a record; invalid numbers raise an error with a message of one line."""
+"""Validate the numbers in a record; an invalid number raises an error with a message of one line."""
 
 from __future__ import annotations
 

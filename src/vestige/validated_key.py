@@ -1,4 +1,4 @@
-"""Define the type of a validated TESLA key with its times on air; only such keys decrypt RECS."""
+"""Define the type of a validated TESLA key with its times on air; only validated keys decrypt RECS."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ _KINDS: list[type] = []  # contains the only class of validated keys, after the 
 
 
 class ValidatedKey:
-    """TESLA key that leads to a signed root key; only `vestige.crypto.osnma.messages.tesla.validate` makes such a key.
+    """TESLA key that leads to a signed root key.
 
-    The constructor and `dataclasses.replace` refuse to make or change a validated key. A pickled key is validated again
-    when the pickle is read. These checks protect against programming errors. Python cannot prevent code that calls
-    `object.__setattr__`, uses attributes whose names begin with an underscore, or replaces functions of vestige.
+    Only `vestige.crypto.osnma.messages.tesla.validate` makes validated keys. The constructor and `dataclasses.replace`
+    refuse to make or change a validated key. A pickled key is validated again when the pickle is read. These checks
+    protect against programming errors. Python cannot stop code that calls `object.__setattr__`, uses attributes whose
+    names begin with an underscore, or replaces functions of vestige.
     """
 
     __slots__ = ()
@@ -36,7 +37,7 @@ class ValidatedKey:
         raise AttributeError(f"a ValidatedKey cannot be changed: {name}")
 
     def __delattr__(self, name: str) -> NoReturn:
-        """Refuse any change of an attribute."""
+        """Refuse to delete an attribute."""
         raise AttributeError(f"a ValidatedKey cannot be changed: {name}")
 
     @property
@@ -64,7 +65,7 @@ class ValidatedKey:
 
     @property
     def data(self) -> bytes:
-        """The key."""
+        """Bytes of the key."""
         raise NotImplementedError
 
 

@@ -1,1 +1,1 @@
-"""ACAS processing [WFO, Sec. III and IV]: hand-over, thresholds, detectors, range offset, mitigation, verdicts."""
+"""Process snapshots with ACAS [WFO, Sec. III and IV]: hand-over, detection, range offset, checks and verdicts."""

@@ -3,20 +3,21 @@
 Theory of operation
 -------------------
 `assess` computes the verdicts of a block of n epochs at once. The result has the same bits as the results of n blocks
-of one epoch. Most checks use only the measurements of an epoch and of the epochs shortly before it. Two quantities
-depend on earlier verdicts. Reference levels are learned from epochs without an alarm. The searches cover the possible
-clock error, which depends on the last authentic position. So the verdicts of a block are computed from a guess, which
-says for each epoch whether there is no alarm:
+of one epoch. Most checks use only the measurements of an epoch and of the epochs shortly before this epoch. Two
+quantities depend on earlier verdicts. Reference levels are learned from epochs without an alarm. The searches cover the
+possible clock error, which depends on the last authentic position. The verdicts of a block are therefore computed with
+a guess. The guess says for each epoch whether no satellite has an alarm, and how many satellites are AUTHENTIC. Three
+steps find the right guess:
 
-1. In the first guess an epoch has no alarm if no check fails, among the checks that do not depend on the guess.
+1. The first guess follows from the checks that do not depend on a guess.
 2. Compute the verdicts of the block with the guess. The verdict of an epoch depends only on the guess for earlier
    epochs.
-3. All verdicts up to and including the first wrongly guessed epoch are right. Take the result as the next guess and
-   repeat step 2, until no guess was wrong. The guess for the last epoch may be wrong, because no other epoch depends on
-   the last epoch.
+3. All verdicts up to and including the first wrongly guessed epoch are right. Take the verdicts as the next guess and
+   repeat step 2, until the verdicts agree with the guess. The guess for the last epoch may be wrong, because no other
+   epoch of the block depends on the last epoch.
 
-After every round the verdicts of at least one more epoch are right. Few rounds are needed, because epochs with an alarm
-follow each other.
+Each repetition of step 2 makes the verdicts of at least one more epoch right. Few repetitions are needed, because
+epochs with an alarm usually follow each other.
 """
 
 from __future__ import annotations
@@ -54,9 +55,9 @@ from vestige.time import GalileoTime
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
-FORGET_S = 3600.0  # a satellite that E1 has not tracked for this time in s has set, and gets no verdict
-# Largest clock error after a fix of fewer than `POSITION_SATELLITES` satellites, in s: the spread of the travel time
-# from any satellite to any receiver on Earth
+FORGET_S = 3600.0  # time without tracking on E1 in s, after which a satellite counts as set and gets no verdict
+# Largest clock error in s after a fix with fewer than `POSITION_SATELLITES` AUTHENTIC satellites. This error is the
+# spread of the travel times from any satellite to any receiver on Earth.
 TRAVEL_TIME_SPREAD_S = 0.07
 POSITION_SATELLITES = 4
 
@@ -69,7 +70,7 @@ class _Guess:
     authentic: Int64[np.ndarray, " n"]
 
     def first_difference(self, other: _Guess) -> int:
-        """Return the first epoch in which two guesses differ; the number of epochs if they are equal."""
+        """Return the first epoch in which two guesses differ; the number of epochs if the guesses are equal."""
         differs = (self.quiet != other.quiet) | (self.authentic != other.authentic)
         return int(np.argmax(differs)) if differs.any() else differs.size
 
@@ -118,7 +119,7 @@ class _Assessment:
         self._settle()
 
     def _seen_lately(self) -> Bool[np.ndarray, "n m"]:
-        """Return whether E1 tracked a satellite within `FORGET_S` before each epoch."""
+        """Return for each epoch and satellite whether E1 tracked the satellite in the last `FORGET_S` seconds."""
         before = np.array(
             [
                 (self._state.on_e1[svid] - self._state.origin) if svid in self._state.on_e1 else -np.inf
@@ -152,12 +153,12 @@ class _Assessment:
         return self._checks[name].series(self._with_memory(name, evidence))
 
     def _with_memory(self, name: CheckName | str, evidence: Evidence) -> Evidence:
-        """Return the evidence with the memory of a check from the epochs before the block."""
+        """Return the evidence, with the numbers that a check remembers from the epochs before the block."""
         memory = self._state.memory.get(name)
         return replace(evidence, memory=memory) if memory else evidence
 
     def _settle(self) -> None:
-        """Compute the verdicts of the block repeatedly until the guess is right."""
+        """Compute the verdicts of the block repeatedly until the verdicts agree with the guess."""
         failed = {name: self._confirmed(series) for name, series in self._fixed.items()}
         guess, _ = self._combined(failed)
         while True:
@@ -194,9 +195,9 @@ class _Assessment:
         return self._judged
 
     def _references(self, teaches: Bool[np.ndarray, " n"]) -> Mapping[Quantity, Reference]:
-        """Return the reference of each quantity at each epoch; an empty mapping if no check needs references.
+        """Return the reference level of each quantity at each epoch; an empty mapping if no check needs these levels.
 
-        `teaches` marks the epochs from which the references of later epochs are learned.
+        `teaches` marks the epochs from which the reference levels of later epochs are learned.
         """
         if not self._needs_references:
             return {}
@@ -212,7 +213,7 @@ class _Assessment:
         return confirmed(series.failed, series.run, confirm, np.array([streaks.get(svid, 0) for svid in svids]))
 
     def _combined(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> tuple[_Guess, np.ndarray]:
-        """Return the next guess, and status and cause of each epoch and satellite, from the failures of the checks."""
+        """Return the next guess, and the status and cause of each satellite at each epoch, from the failed checks."""
         available = self._fixed[CheckName.E6_POWER].run
         status, cause = combine(self._processor.level, failed, available, self._processor.added_checks)
         due = self._seen | self._lost
@@ -222,7 +223,7 @@ class _Assessment:
         return _Guess(quiet=quiet, authentic=authentic), np.stack([status, cause])
 
     def _clock_limits(self, guess: _Guess) -> list[TimeUncertainty]:
-        """Return n + 1 limits of the clock's error: before each epoch, and after the block."""
+        """Return n + 1 limits of the clock error: a limit before each of the n epochs, and a limit after the block."""
         limits = [self._state.uncertainty]
         if CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
             return limits * (self._time_s.size + 1)
@@ -244,12 +245,13 @@ class _Assessment:
             uncertainty=tuple(self._uncertainties[epoch] for epoch in epochs.tolist()),
             p_fa=self._processor.monitoring.search_p_fa,
             expected_s=self._measured.expected_s[epochs],
-            # Only recordings have a search in samples. The assistance of a recording contains the downloaded RECS.
+            # Only a recording has samples that can be searched. The assistance of a recording contains the downloaded
+            # RECS.
             in_samples=ProcessorSearches(processor=self._processor, assistance=cast("Assistance", self._assistance)),
         )
 
     def _search_e1(self) -> SearchResults:
-        """Run the search on E1 with every RECS."""
+        """Return the results of the E1 vestigial search, which is run at every RECS."""
         found, searches = SearchResults.empty(self._seen.shape), self._measured.snapshots.searches
         epochs = np.flatnonzero(self._measured.snapshots.recs)
         if searches is not None and epochs.size and CheckName.E1_VESTIGIAL_SEARCH in self._specs:
@@ -257,7 +259,7 @@ class _Assessment:
         return found
 
     def _search_exhaustively(self, failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]) -> SearchMemory:
-        """Run the exhaustive search with each RECS for which the search is due, and return its memory."""
+        """Run the exhaustive search at each RECS where the search is due, and return the memory of the search."""
         searches, times = self._measured.snapshots.searches, self._measured.snapshots.time
         memory, period_s = self._state.search, self._processor.monitoring.exhaustive_period_s
         any_failed = np.zeros(self._time_s.size, np.bool_)
@@ -312,9 +314,10 @@ class _Assessment:
         return ranges_near(found, self._processor, limit_s, known)
 
     def _fixes_that_count(self, found: VerdictBlock) -> Float[np.ndarray, "n 3"]:
-        """Return the position fixes without an alarm and with four AUTHENTIC E1 ranges; NaN at other epochs.
+        """Return fixes of epochs that have no alarm and at least four AUTHENTIC satellites; NaN at other epochs.
 
-        Later the receiver must be near such a fix.
+        Later positions of the receiver must be near the last of these fixes. An epoch does not count if a satellite has
+        a signal that is earlier than the E1 signal.
         """
         if found.position is None or CheckName.E1_VESTIGIAL_SEARCH not in self._specs:
             return np.full((self._time_s.size, 3), np.nan)
@@ -323,7 +326,7 @@ class _Assessment:
         return np.where(counts[:, None], found.position.position_m, np.nan)
 
     def _fix_after(self) -> FixMemory | None:
-        """Return the last fix without an alarm; after the block the receiver must be near this fix."""
+        """Return the last fix of `_fixes_that_count`, from this block or from an earlier block."""
         rows = np.flatnonzero(np.isfinite(self._fixed_m[:, 0]))
         if not rows.size:
             return self._state.fix
@@ -336,14 +339,14 @@ class _Assessment:
         if limits[-1].fixed_at is None:
             return np.full(self._time_s.size, limits[0].initial_s)
         limit_s, first = np.empty(self._time_s.size), 0
-        for last in range(1, limit_s.size + 1):  # only a fix changes the limit
+        for last in range(1, limit_s.size + 1):  # only a position fix changes the limit
             if last == limit_s.size or limits[last] is not limits[first]:
                 limit_s[first:last] = limits[first].over(times[first:last])
                 first = last
         return limit_s
 
     def after(self) -> ReceiverState:
-        """Return the state after the block. The caller reads `verdicts` first."""
+        """Return the state after the block. The caller must read `verdicts` first, which computes part of the state."""
         state, snapshots = self._state, self._measured.snapshots
         quiet = self._judged.quiet
         on_e1 = dict(state.on_e1)
@@ -379,7 +382,7 @@ class _Assessment:
         return {name: memory for name, memory in found.items() if memory}
 
     def _streaks(self) -> dict[CheckName | str, dict[int, int]]:
-        """Return the number of failures in a row up to the last test, for each check that needs confirmation."""
+        """Return the number of failures in a row up to the end of the block, by check and satellite."""
         found: dict[CheckName | str, dict[int, int]] = {}
         for name, series in self._found.items():
             confirm = self._specs[name].confirm

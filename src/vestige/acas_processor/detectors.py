@@ -2,12 +2,12 @@
 
 Theory of operation
 -------------------
-c_0 … c_{N-1} are the magnitudes of N correlators at equal distances, early to late. The punctual tap c_i needs its
+c_0 … c_{N-1} are the magnitudes of N correlators at equal distances, from early to late. The punctual tap c_i needs its
 early and late neighbours c_{i-n} and c_{i+n} for the range offset. The index i therefore runs from n to N−1−n. The
 paper lets i run from n to N−n, which is one tap too far.
 
 **Maximum detector.** The detector takes the highest c_i that exceeds the threshold. The detector follows the strongest
-signal, whoever sends it.
+signal, which may be a spoofing signal.
 
 **Early detector.** No signal can arrive before the true signal, so the detector takes the earliest peak:
 
@@ -17,7 +17,7 @@ signal, whoever sends it.
 4. minimise D_i = |c_{i+n} − c_{i-n}| under the constraint c_i > c_{i+n} ∧ c_i > c_{i-n};
 5. if there is no such i, the signal is not detected.
 
-The paper does not specify the following details. vestige chooses:
+In details that the paper leaves open, vestige makes these choices:
 
 * The chosen tap itself exceeds the threshold. The taps that step 3 passes may be below the threshold.
 * If step 3 ends at a tap that is below the threshold or violates the constraint, the scan of step 2 continues after
@@ -173,7 +173,7 @@ class OwnDetector:
     def of(cls, kind: str, detector_class: Any, *, spacing: int) -> OwnDetector:
         """Make a detector from a user's class.
 
-        Raises `OwnPartError` if the class cannot be used.
+        `OwnPartError` is raised if the class cannot be used.
         """
         detector = made(kind, detector_class, spacing=spacing)
         require_members(kind, detector, Detector)

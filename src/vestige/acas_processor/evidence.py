@@ -1,4 +1,4 @@
-"""Input of the checks: a measured block, and the receiver's memory of earlier epochs."""
+"""Define the input of the checks: a measured block, and the receiver's memory of earlier epochs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Evidence:
     Attributes
     ----------
     measured
-        The measured block.
+        Block of snapshots with their measurements.
     time_s
         float64[n], times of the block's epochs in s after the first epoch that the receiver ever processed.
     elevation_rad

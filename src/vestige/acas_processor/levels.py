@@ -1,4 +1,4 @@
-"""Mitigation levels: the checks of each level, and the status that follows from their failures [WFO, Sec. IV].
+"""Define the checks of each mitigation level, and the status that follows from failed checks [WFO, Sec. IV].
 
 Theory of operation
 -------------------
@@ -7,28 +7,29 @@ satellite or the whole receiver), and the times of the tests.
 
 * Level 1 is the minimum defence: the true E6 signal is received (step 1), and its range agrees with E1 (step 2).
 * Level 2 adds power and C/N0 monitoring (step 3), and the vestigial search on E1 with hand-over to E6 (step 4). The
-  position fix is the source of the checks of the clock and of RAIM (step 5).
+  position fix gives the statistics of the clock checks and of RAIM (step 5).
 * Level 3 adds OSNMA from a second channel (step 4) and the exhaustive search on E6 (step 5). Power–distortion and
   inertial sensors monitor the time between two RECS (step 7). In the paper, steps 4 and 5 of level 3 replace steps 4
   and 5 of level 2, and the fix is step 6. In contrast to the paper, vestige also makes the hand-over search at level 3,
-  because the exhaustive search takes minutes. The exhaustive search is made at the start, on suspicion, and at a set
-  period. Between exhaustive searches a second signal on E1 counts as a suspicion.
+  because the exhaustive search takes minutes. The exhaustive search is made at the start, at each RECS for which
+  another check failed, and at least once in a configured period. A second signal that the search on E1 finds also leads
+  to an exhaustive search.
 
-Failures of different checks are evidence of different strength. A second signal, or an E6 range that differs from E1,
-gives SPOOFED, because such signals do not come from the satellite. A missing E6 signal gives NOT_DETECTED. A failure
-that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a satellite is found twice, every other
-satellite is SUSPECT too, because a meaconer repeats the whole band. The repeated signal of a weak satellite may hide
-the true signal. If several checks fail, the gravest failure counts. A check that was not run counts neither for nor
-against an attack. If steps 1 and 2 were not run, the status is NOT_AVAILABLE. The reason of a verdict names the other
-checks that were not run. Between two RECS only the monitors run.
+Failures of different checks prove an attack with different certainty. A second signal, or an E6 range that differs from
+E1, gives SPOOFED, because such signals do not come from the satellite. A missing E6 signal gives NOT_DETECTED. A
+failure that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a satellite is found twice, every
+other satellite is SUSPECT too, because a meaconer repeats the whole band. The repeated signal of a weak satellite may
+hide the true signal. If several checks fail, the gravest failure counts. A check that was not run counts neither for
+nor against an attack. If steps 1 and 2 were not run, the status is NOT_AVAILABLE. If no check failed, the reason of the
+verdict names the checks that were not run. Between two RECS only the checks that need no RECS are run.
 
 A row of the table contains all properties of a check that the processor needs. Three of these properties are the
 function that makes the check from the settings, the use of reference levels, and the false-alarm probability. A new
 check needs a file in `checks/`, a row in this file, and a member of `CheckName`. The settings of the check, if any, are
 a field of `MonitoringSettings`. The checks of `OPTIONAL` belong to every level if their settings turn them on.
 
-A check with frequent false alarms (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in a row. The state
-that a receiver shows its user changes even less often: see `alarm.py`.
+A check with frequent false alarms (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in a row before the
+failure counts. The state that a receiver shows its user changes even less often: see `alarm.py`.
 """
 
 from __future__ import annotations
@@ -74,13 +75,13 @@ class TestCadence(Enum):
     RECS = "RECS"
     OBSERVATION = "observation"  # every epoch of E1
     SUBFRAME = "subframe"  # the end of each subframe of 30 s
-    SEARCH = "search"  # when `searches.search_due` is true
+    SEARCH = "search"  # RECS at which `searches.search_due` is true
 
 
 class DetectionAssumptions(NamedTuple):
     """Assumptions from which the false-alarm probability of steps 1 and 2 follows."""
 
-    kappa: float = KAPPA  # factor of the range check
+    kappa: float = KAPPA  # κ, factor of the range check
     pd: float = MIN_PD  # probability that E6 is detected
     bank_p_fa: float = 0.0  # probability that noise exceeds the detection threshold in any correlator of the bank
 
@@ -92,7 +93,7 @@ CheckMaker = Callable[["AcasProcessor", float], Check | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckSpec:
-    """All properties of a check of a level that the processor needs."""
+    """Row in the table of a level: all properties of a check that the processor needs."""
 
     step: int  # number of the step in [WFO, Sec. IV]
     name: CheckName | str  # name of the check; a string if a user wrote the check
@@ -122,8 +123,8 @@ _SUSPECT, _SPOOFED = Status.SUSPECT, Status.SPOOFED
 def _e6_power(processor: AcasProcessor, p_fa: float) -> Check:
     """Return the check of E6 power.
 
-    The check fails with every missing signal. If the false alarms a day are set, the check fails only after an
-    improbable number of missing signals in a row.
+    The check fails at every missing signal. If the false alarms a day are set, the check fails only after an improbable
+    number of missing signals in a row.
     """
     if processor.monitoring.alarms_per_day is None:
         return E6PowerCheck(min_pd=processor.min_pd)
@@ -210,7 +211,7 @@ _HANDOVER_SEARCH = (
 
 
 def _clock(name: CheckName) -> CheckSpec:
-    """Return the row of one of the three tests of the receiver clock."""
+    """Return the table row of one of the three tests of the receiver clock."""
     return CheckSpec(
         step=5,
         name=name,
@@ -316,7 +317,7 @@ STEADY_P_FA = 1e-6  # false-alarm probability of one test of E6 phase or E6 fadi
 
 
 def _steady(name: CheckName, settings: Callable[[AcasProcessor], E6PhaseMonitor | E6FadingMonitor | None]) -> CheckSpec:
-    """Return the row of a monitor of the carrier on E6; `settings` returns None if the monitor is turned off."""
+    """Return the table row of a monitor of the carrier on E6; `settings` returns None if the monitor is turned off."""
 
     def make(processor: AcasProcessor, p_fa: float) -> Check | None:
         monitor = settings(processor)
@@ -349,7 +350,7 @@ _BY_GRAVITY = np.array([POSITION[status] for status in GRAVITY], np.int8)
 
 
 def is_alarm(status: Int[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
-    """Return which statuses are alarms; each status is given by its position in `Status`."""
+    """Return for each status whether the status is an alarm; a status is given as its position in `Status`."""
     return np.isin(status, [POSITION[one] for one in ALARMS])
 
 
@@ -359,17 +360,19 @@ def combine(
     available: Bool[np.ndarray, "n m"],
     own: Sequence[CheckSpec] = (),
 ) -> tuple[Int8[np.ndarray, "n m"], Int8[np.ndarray, "n m"]]:
-    """Return the status of every epoch and satellite, as positions in `Status`, and the check that caused it.
+    """Return the status of each satellite at each epoch, and the check that caused the status.
 
     `failed` contains the confirmed failures of each satellite or of the receiver. Checks of other levels are ignored.
-    `available` says whether steps 1 and 2 were run. `own` contains the optional checks and the user's checks, which
+    `available` is True where steps 1 and 2 were run. `own` contains the optional checks and the user's checks, which
     follow the checks of the level.
 
     Returns
     -------
     status, cause
-        The cause is the index of the gravest failure in the checks of `LEVELS[level]` followed by `own`; otherwise
-        `OTHERS` or `NO_CAUSE`. Among equally grave failures the first failure is the cause.
+        Statuses as positions in `Status`. The cause is the index of the check with the gravest failure in
+        `LEVELS[level]` followed by `own`. Among equally grave failures the first failure is the cause. The cause is
+        `OTHERS` if only another satellite, which was found twice, makes the satellite SUSPECT. Without a failure the
+        cause is `NO_CAUSE`.
     """
     found = np.where(available, GRAVITY.index(Status.AUTHENTIC), GRAVITY.index(Status.NOT_AVAILABLE))
     cause = np.full(found.shape, NO_CAUSE, np.int8)

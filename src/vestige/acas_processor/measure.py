@@ -1,12 +1,12 @@
-"""Measure snapshots, each epoch by itself, without state [WFO, Sec. II-B, III].
+"""Measure a block of snapshots, each epoch independently of all other epochs [WFO, Sec. II-B, III].
 
 The steps for one satellite and epoch are
 
     RECS of this epoch → key validated and not yet disclosed when the samples were taken → chips
     → hand-over from E1 → bank of correlators → threshold → detector → range offset
 
-The measurement stops at the first impossible step, which `Availability` names. The measurement is the same for recorded
-and simulated snapshots.
+The measurement stops at the first impossible step, which `Availability` names. Recorded and simulated snapshots are
+measured in the same way.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from vestige.theory.thresholds import probability_of_detection
 if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
-# C/N0 is rounded before P_d is computed, because to compute P_d for every value would take most of the time. An
-# estimate of C/N0 is accurate to 0.1 dB only.
+# C/N0 is rounded before P_d is computed, because to compute P_d for every value would take most of the computing time.
+# An estimate of C/N0 is accurate to 0.1 dB only.
 _CN0_DECIMALS = 2
 
 
 def measure(processor: AcasProcessor, snapshots: SnapshotBlock, assistance: AssistanceData) -> MeasurementBlock:
-    """Return the measurements of every satellite that E1 observes."""
+    """Return the measurements of all epochs and satellites of a block."""
     lookup = assistance.recs_of(snapshots)
     availability = _before_samples(snapshots, lookup.block)
     asked = availability == Availability.CORRELATED
@@ -94,7 +94,7 @@ def detect(processor: AcasProcessor, banks: BankBlock, correlated: Bool[np.ndarr
 
 
 def exceeds_threshold(processor: AcasProcessor, banks: BankBlock) -> Bool[np.ndarray, "n m n_taps"]:
-    """Return which correlators of each bank exceed the detection threshold; a correlator with NaN does not."""
+    """Return for each correlator whether its magnitude exceeds the detection threshold; False for NaN."""
     return normalised_magnitudes(banks.taps, banks.noise_power) > processor.detection_threshold
 
 
@@ -132,7 +132,7 @@ def detect_block(
 
 
 def _before_samples(snapshots: SnapshotBlock, recs: RecsBlock) -> np.ndarray:
-    """Return the `Availability` of each satellite before samples are used, from the first impossible step."""
+    """Return the `Availability` of each satellite at each epoch that is known before samples are correlated."""
     lead_s = recs.disclosed - snapshots.received_at
     secret = provably_before_disclosure(lead_s, snapshots.time_uncertainty_s[:, None])
     availability = np.full(snapshots.asked.shape, Availability.CORRELATED, np.int8)
@@ -173,7 +173,7 @@ def _predicted_pd(
 
 @dataclass(slots=True, eq=False)
 class _DecryptedHandovers:
-    """Hand-overs of a block; the chips of a RECS are decrypted at its first hand-over."""
+    """Hand-overs of a block; the chips of a RECS are decrypted only when the hand-over is requested."""
 
     processor: AcasProcessor
     snapshots: SnapshotBlock
@@ -189,7 +189,7 @@ class _DecryptedHandovers:
         self.too_late = np.zeros(self.snapshots.asked.shape, np.bool_)
 
     def at(self, epoch: int, satellite: int) -> Handover | None:
-        """Return the hand-over of one satellite at one epoch.
+        """Return the hand-over of one satellite at one epoch, with the decrypted chips.
 
         The hand-over is None if its window of samples does not end provably before the disclosure of the key. The time
         at which the source claims to have received the samples does not matter.

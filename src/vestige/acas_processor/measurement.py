@@ -1,4 +1,4 @@
-"""Measurements of n epochs and m satellites, the input of the checks. Each epoch is measured by itself."""
+"""Define the measurements of n epochs and m satellites, from which the checks compute their statistics."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ class FixBlock:
 
     fix: Fix  # position and clock
     sent: Transmission  # positions and clocks of the satellites at transmission; NaN for satellites without an orbit
-    sigma_m: Float[np.ndarray, "n m"]  # standard deviation of each pseudorange as the receiver assumes it
+    sigma_m: Float[np.ndarray, "n m"]  # standard deviation of each pseudorange that the receiver assumes
     # part of `sigma_m` from the ionosphere that is common to all satellites; None if this part is not modelled
     common_m: Float[np.ndarray, "n m"] | None
     bounded: bool  # whether `sigma_m` is only an upper limit of the standard deviation of the errors
     range_rate_mps: Float[np.ndarray, "n m"]  # measured rate of the pseudorange
-    static_range_rate_mps: Float[np.ndarray, "n m"]  # rate of the pseudorange for a receiver and a clock at rest
+    static_range_rate_mps: Float[np.ndarray, "n m"]  # rate for a receiver at rest without clock drift
     sigma_rate_mps: Float[np.ndarray, "n m"]  # standard deviation of the measured rate
     drift_mps: Float[np.ndarray, " n"]  # rate of the receiver's clock error, multiplied by c
     # standard deviations of `drift_mps`, and of the clock error multiplied by c; both without errors that are common to
@@ -58,8 +58,8 @@ class FixBlock:
     sigma_drift_mps: Float[np.ndarray, " n"]
     own_sigma_clock_m: Float[np.ndarray, " n"]
     raim_statistic: Float[np.ndarray, " n"]  # weighted sum of squared residuals; NaN without redundancy
-    separation_sigmas: Float[np.ndarray, "n 3"]  # largest separations in standard deviations: east, north, up
-    separation_modes: Int64[np.ndarray, " n"]  # number of satellites left out in turn
+    separation_sigmas: Float[np.ndarray, "n 3"]  # largest separation to the east, north and up, in σ
+    separation_modes: Int64[np.ndarray, " n"]  # number of satellites that are left out in turn
 
     @property
     def satellites(self) -> Int64[np.ndarray, " n"]:
@@ -71,7 +71,7 @@ class FixBlock:
         return cast("Fix", _rows(self.fix, slice(epoch, epoch + 1)))
 
     def rows(self, epochs: Int64[np.ndarray, " k"]) -> FixBlock:
-        """Return a copy of the given epochs."""
+        """Return a block with a copy of the given epochs."""
         return cast("FixBlock", _rows(self, epochs))
 
     def put(self, places: Int64[np.ndarray, " k"], other: FixBlock) -> None:
@@ -89,7 +89,7 @@ def _rows(record: object, rows: Int64[np.ndarray, " k"] | slice) -> object:
 
 
 def _put(record: object, places: Int64[np.ndarray, " k"], values: object) -> None:
-    """Overwrite rows of all arrays of a record, including the arrays of records inside the record."""
+    """Overwrite rows of all arrays of a record, and of records inside the record, with the arrays of `values`."""
     if isinstance(record, np.ndarray):
         record[places] = values
     elif is_dataclass(record):
@@ -103,12 +103,12 @@ class Fixes(Protocol):
 
     @property
     def block(self) -> FixBlock | None:
-        """The fix of each epoch; None without orbits."""
+        """Position fix of each epoch; None if no orbits are known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasurementBlock:
-    """Measurements of n epochs and m satellites, each epoch by itself."""
+    """Measurements of n epochs and m satellites. Each epoch is measured independently of the other epochs."""
 
     snapshots: SnapshotBlock  # the block that was measured
     recs: RecsBlock  # RECS and keys of the block
@@ -130,7 +130,7 @@ class MeasurementBlock:
 
     @property
     def fix(self) -> FixBlock | None:
-        """The position fix of each epoch; None without orbits."""
+        """Position fix of each epoch; None if no orbits are known."""
         return None if self.fixes is None else self.fixes.block
 
     def single_precision(self) -> MeasurementBlock:
@@ -158,7 +158,7 @@ class MeasurementBlock:
         )
 
     def why_unavailable(self, epoch: int, satellite: int) -> str:
-        """Return why a satellite has no correlators at an epoch; an empty text if it has correlators."""
+        """Return why a satellite has no correlators at an epoch; an empty text if the satellite has correlators."""
         here = (epoch, satellite)
         availability = Availability(int(self.availability[here]))
         if availability is Availability.NO_KEY:
@@ -183,7 +183,7 @@ class MeasurementBlock:
 def spread_over_block(
     values: np.ndarray, where: np.ndarray, shape: tuple[int, ...], nothing: float = np.nan
 ) -> np.ndarray:
-    """Return an array of a given shape with `values` at the places `where` (rows or a mask), else `nothing`."""
+    """Return an array of a given shape with `values` at `where` (rows or a mask), and `nothing` elsewhere."""
     found = np.full((*shape, *values.shape[1:]), nothing, values.dtype)
     found[where] = values
     return found

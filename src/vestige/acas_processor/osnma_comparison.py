@@ -1,12 +1,12 @@
 """Compare demodulated OSNMA with the OSNMA of a second channel, subframe by subframe [WFO, Sec. IV-C].
 
-Validation drops forged keys, so validated keys alone would show a forgery as a loss. Therefore this module compares all
-data that were demodulated with a good checksum, validated or not. The key of each subframe is compared, whichever
-satellite sent the key. If both channels have navigation pages of a satellite, the 40 bits of OSNMA in each page are
-compared too (tags, MACSEQ, root keys).
+Validation drops forged keys, so validated keys alone would show a forged key as a lost key. Therefore this module
+compares all data that were demodulated with a valid checksum, validated or not. The key of each subframe is compared,
+whichever satellite sent the key. If both channels have navigation pages of a satellite, the 40 bits of OSNMA in each
+page are compared too (tags, MACSEQ, root keys).
 
 Keys that are computed from later keys do not count as received. If the demodulated keys are unknown (`Assistance` that
-was not read from a folder), the validated keys replace them.
+was not read from a folder), the validated keys are compared instead.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from vestige.time import GalileoTime
 def compare_osnma(
     own: Assistance, second: Assistance, since: GalileoTime, until: GalileoTime, svids: tuple[int, ...]
 ) -> OsnmaBlock:
-    """Compare the received parts of subframes with the subframes of the second channel.
+    """Return the comparison of the received subframes with the subframes of the second channel.
 
-    All subframes that begin in a window of time are compared. The window includes its end but not its beginning. There
-    is at least one satellite.
+    All subframes that begin after `since`, up to and including `until`, are compared. `svids` has at least one
+    satellite.
 
-    The key of a subframe is the same from every satellite, so the key counts once, in the first column. If a different
-    key was received beside the right key, the different key is in the last column. A right key that was not validated
+    All satellites send the same key in a subframe, so the key counts once, in the first column. If a different key was
+    received beside the right key, the different key counts in the last column. A right key that was not validated
     counts as lost.
     """
     keys: dict[GalileoTime, set[bytes]] = defaultdict(set)
@@ -52,7 +52,7 @@ def compare_osnma(
         wrong, right = bool(sent - {key.data}), valid.get(key.time) in sent
         due[row, 0] = KEY_BIT
         received[row, 0] = KEY_BIT * (right or wrong)
-        # if the right key was received too, another satellite sent the forged key
+        # If the right key was received too, another satellite sent the forged key.
         forged = len(svids) - 1 if right else 0
         received[row, forged] |= KEY_BIT * wrong
         differs[row, forged] |= KEY_BIT * wrong

@@ -1,7 +1,7 @@
-"""Checks that a user wrote: vestige reads the properties of such a check, and tests its results.
+"""Read the properties of a check that a user wrote, and test the results of the check.
 
-A user's check satisfies `Check`. Class attributes of the check give the properties that `levels.py` gives for vestige's
-own checks:
+A user's check satisfies the protocol `Check`. Class attributes of the check give the properties that `levels.py` gives
+for vestige's own checks:
 
 * `level` is the lowest level with the check (default 1);
 * `failure` is the status after a failure (default SUSPECT);
@@ -11,10 +11,11 @@ own checks:
 
 A user's check has its own `p_fa` and no share of the level's budget.
 
-The result of an epoch may depend on that epoch, and on the memory of the check from earlier epochs. A check with memory
-has a method `remember`, see `CheckWithMemory`. Stored results contain all of the evidence except the samples. A check
-must give the same result for a recording, a simulation and stored results. A user's check may therefore use neither E6
-(`correlate`) nor the searches: every such use raises `OwnPartError`.
+The result of an epoch may depend on the evidence of this epoch, and on the memory of the check from earlier epochs. A
+check with memory has a method `remember`, see `CheckWithMemory`. Stored results contain all of the evidence except the
+samples. A check must give the same result for a recording, a simulation and stored results. A user's check may
+therefore neither correlate E6 samples nor use the searches. A correlation or a search in a user's check raises
+`OwnPartError`.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class OwnProbability:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnCheck:
-    """A check that a user wrote."""
+    """Check that a user wrote, with the row of this check in the table of levels."""
 
     kind: str  # name of the check in a scenario, `module:Name`
     check: Any
@@ -75,7 +76,7 @@ class OwnCheck:
     def named(cls, kind: str) -> OwnCheck:
         """Return the check that `module:Name` names.
 
-        Raises `OwnPartError` if there is no such check, or if an attribute of the check is wrong.
+        `OwnPartError` is raised if the check does not exist, or if an attribute of the check is wrong.
         """
         return cls.of(made(kind, part(kind, object)))
 
@@ -83,7 +84,7 @@ class OwnCheck:
     def of(cls, check: Any) -> OwnCheck:
         """Make an own check from a user's object, whose attributes give the properties of the check.
 
-        Raises `OwnPartError` if an attribute is wrong.
+        `OwnPartError` is raised if an attribute is wrong.
         """
         kind = kind_of(type(check))
         require_members(kind, check, OwnCheckProtocol)
@@ -145,8 +146,8 @@ class OwnCheck:
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return statistic and threshold of the check for every epoch of a block.
 
-        Raises `OwnPartError` if the check raises an exception, or returns anything other than a `CheckSeries` with the
-        name of the check and the shape of the block.
+        `OwnPartError` is raised if the check raises an exception, or returns anything other than a `CheckSeries` with
+        the name of the check and the shape of the block.
         """
         with blamed_on_own_parts():
             found = self.check.series(_offered(evidence, self.kind))
@@ -165,7 +166,7 @@ class OwnCheck:
     def remember(self, evidence: Evidence) -> CheckMemory:
         """Return the memory of the check after a block; empty for a check without the method `remember`.
 
-        Raises `OwnPartError` if the check raises an exception, or returns anything other than numbers by SVID.
+        `OwnPartError` is raised if the check raises an exception, or returns anything other than numbers by SVID.
         """
         with blamed_on_own_parts():
             remember = getattr(self.check, "remember", None)
@@ -204,15 +205,15 @@ class _NotOffered:
         self._refuse(name)
 
     def correlate(self, *_: Any) -> NoReturn:
-        """Raise `OwnPartError`."""
+        """Raise `OwnPartError`, because a user's check may not correlate E6 samples."""
         self._refuse("correlate")
 
     def e1(self, *_: Any) -> NoReturn:
-        """Raise `OwnPartError`."""
+        """Raise `OwnPartError`, because a user's check may not use the E1 vestigial search."""
         self._refuse("e1")
 
     def exhaustive(self, *_: Any) -> NoReturn:
-        """Raise `OwnPartError`."""
+        """Raise `OwnPartError`, because a user's check may not use the E6 exhaustive search."""
         self._refuse("exhaustive")
 
     def _refuse(self, name: str) -> NoReturn:

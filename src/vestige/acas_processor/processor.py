@@ -1,4 +1,4 @@
-"""The ACAS processor, which turns snapshots and their assistance into verdicts [WFO, Sec. II-B, III, IV].
+"""Turn snapshots and their assistance into verdicts: the ACAS processor [WFO, Sec. II-B, III, IV].
 
 The processor works on blocks of n epochs × m satellites. One snapshot is a block of one epoch. `measure` takes most of
 the time and has no state: blocks can be measured in any order on any number of workers. `assess` takes little time and
@@ -43,7 +43,7 @@ from vestige.signals.definitions import E6C
 from vestige.source import Source
 from vestige.theory.thresholds import threshold
 
-EARLY_REACH_M = 600.0  # more than 2 chips (586 m), which the search on E1 omits around the tracked signal
+EARLY_REACH_M = 600.0  # more than the 2 chips of E1 (586 m) that the search on E1 omits around the tracked signal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,7 @@ class Step:
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdicts of all satellites that E1 shows or showed within the last hour."""
+        """Verdicts of all satellites that E1 tracks or tracked within the last hour."""
         return tuple(self.block.verdicts())
 
     @cached_property
@@ -65,12 +65,12 @@ class Step:
 
     @cached_property
     def positions(self) -> tuple[AuthenticPosition, ...]:
-        """The positions that the snapshots authenticate."""
+        """Authenticated positions of the block."""
         return tuple(authentic_positions(self.block))
 
     @property
     def unseen(self) -> frozenset[int]:
-        """Satellites with a verdict due that E1 does not show in some epoch, or has never shown."""
+        """Satellites that need a verdict, but were not tracked on E1 in at least one epoch of the block."""
         snapshots = self.block.measured.snapshots
         missing = np.any(snapshots.asked & ~snapshots.e1.seen, axis=0)
         return frozenset(svid for svid, one in zip(snapshots.svids, missing.tolist(), strict=True) if one)
@@ -91,10 +91,10 @@ class AcasProcessor:
     n_taps, tap_spacing_m
         Bank around the predicted range: number of correlators, and distance between neighbours in m.
     early_reach_m
-        Distance in m before the prediction to which the bank extends at the same spacing, limited by the correlator's
-        window of 820 m. If a meaconer with a short delay captures E1, the true E6 signal is earlier than E1 predicts.
-        The search for a second signal on E1 omits 2 chips, 586 m, around the tracked signal, so the bank has to cover
-        this distance.
+        Distance in m by which the bank extends before the prediction, with the spacing `tap_spacing_m`. The window of
+        the correlator limits this distance to 820 m. If a meaconer with a short delay captures E1, the true E6 signal
+        is earlier than E1 predicts. The search for a second signal on E1 omits 2 chips, 586 m, around the tracked
+        signal, so the bank has to cover this distance.
     budget, kappa
         Error budget of the range check, and its factor κ: the check passes if |range offset| ≤ κσ. If
         `monitoring.alarms_per_day` is set, `range_kappa` replaces κ.
@@ -103,7 +103,7 @@ class AcasProcessor:
     e6_over_e1_db
         Expected C/N0 of E6-C minus the C/N0 of E1-C in dB, from the signals, the antenna and the front ends.
     cipher_mode, group_delay_convention
-        Choices for the two parts of the service's interface that are not public.
+        Cipher mode of the RECS, and convention of the group delays. The service does not publish mode and convention.
     monitoring
         Settings of the checks that levels 2 and 3 add.
     own_checks
@@ -160,12 +160,12 @@ class AcasProcessor:
 
     @property
     def own_of_level(self) -> tuple[OwnCheck, ...]:
-        """The user's checks of the level."""
+        """Checks of the level that a user wrote."""
         return tuple(one for one in self.own_checks if one.level <= self.level)
 
     @property
     def optional(self) -> tuple[CheckSpec, ...]:
-        """The optional checks that are turned on."""
+        """Optional checks that are turned on."""
         return tuple(spec for spec in OPTIONAL if spec.make is not None and spec.make(self, STEADY_P_FA) is not None)
 
     @property
@@ -175,7 +175,7 @@ class AcasProcessor:
 
     @property
     def specs(self) -> tuple[CheckSpec, ...]:
-        """All checks of the level; the user's checks are last."""
+        """Table rows of all checks of the level; the user's checks are last."""
         rows = LEVELS[self.level]
         if self.monitoring.alarms_per_day is not None:
             shares = set_shares(self)
@@ -201,7 +201,7 @@ class AcasProcessor:
 
     @property
     def miss_prediction(self) -> MissPrediction:
-        """Predicted probability that the receiver misses E6 without an attack."""
+        """Prediction of the probability that the receiver misses E6 without an attack."""
         return MissPrediction(
             min_pd=self.min_pd,
             detection_p_fa=self.p_fa,
@@ -256,14 +256,14 @@ class AcasProcessor:
     def steps(
         self, blocks: Iterable[SnapshotBlock], *, assistance: AssistanceData, state: ReceiverState | None = None
     ) -> Iterator[Step]:
-        """Yield the answer to each block; `state` is the final state of an earlier run, or None."""
+        """Yield the processor's answer to each block; `state` is the final state of an earlier run, or None."""
         for block in blocks:
             step = self.step(state, block, assistance)
             state = step.state
             yield step
 
     def step(self, state: ReceiverState | None, block: SnapshotBlock, assistance: AssistanceData) -> Step:
-        """Return the answer to one block; `state` is the state after the previous block, None for the first block."""
+        """Return the answer to a block; `state` is the state after the previous block, or None for the first block."""
         verdicts, after = self.assess(state, self.measure(block, assistance), assistance)
         return Step(block=verdicts, state=after)
 
@@ -276,11 +276,11 @@ class AcasProcessor:
         return detect(self, banks, correlated)
 
     def exceeds_threshold(self, banks: BankBlock) -> Bool[np.ndarray, "n m n_taps"]:
-        """Return which correlators of each bank exceed the detection threshold; a correlator with NaN does not."""
+        """Return for each correlator whether its magnitude exceeds the detection threshold; False for NaN."""
         return exceeds_threshold(self, banks)
 
     def false_alarm_budget(self, block: VerdictBlock) -> Mapping[CheckName | str, AlarmShare]:
-        """Return how many false alarms each check of the level may raise, for the satellites of a block."""
+        """Return the share of each check in the false alarms of the level; `block` gives the C/N0 of the satellites."""
         return budget_of(self, block)
 
     def assess(

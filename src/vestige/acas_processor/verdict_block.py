@@ -1,4 +1,4 @@
-"""Verdicts on n epochs and m satellites: statuses, states, checks, ranges and positions in use."""
+"""Define the verdicts on n epochs and m satellites: statuses, states, checks, ranges and positions in use."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class PositionBlock:
     """Authenticated positions of n epochs."""
 
     rows: Int64[np.ndarray, " k"]  # epochs with enough ranges in use
-    fixes: FixBlock  # fix of each of these epochs
-    used: Bool[np.ndarray, "n m"]  # satellites with a range in use
+    fixes: FixBlock  # position fix of each epoch in `rows`
+    used: Bool[np.ndarray, "n m"]  # satellites whose range is used in the position
     orbits_authenticated: Bool[np.ndarray, " n"]  # whether the ephemerides of all used satellites are authenticated
 
     @property
@@ -50,24 +50,26 @@ class VerdictBlock:
     measured: MeasurementBlock  # measurements from which the verdicts follow
     level: int  # mitigation level
     specs: tuple[CheckSpec, ...]  # checks of the level
-    status: Int8[np.ndarray, "n m"]  # verdict of each epoch, as index in `Status`
+    status: Int8[np.ndarray, "n m"]  # verdict of each satellite at each epoch, as index in `Status`
     cause: Int8[np.ndarray, "n m"]  # check that caused the verdict (`combine`)
     state: Int8[np.ndarray, "n m"]  # state that a receiver shows its user after each epoch
     before: AlarmState  # state before the block
-    due: Bool[np.ndarray, "n m"]  # epochs and satellites with a verdict due
+    due: Bool[np.ndarray, "n m"]  # epochs and satellites that need a verdict
     checks: Mapping[CheckName | str, CheckSeries]  # all checks of the level that could be made
     failed: Mapping[CheckName | str, Bool[np.ndarray, "*n"]]  # failures of the checks after confirmation
-    e1_search: SearchResults  # results of the search on E1
+    e1_search: SearchResults  # results of the E1 vestigial search
     exhaustive_search: SearchResults  # results of the exhaustive search
     searched: Bool[np.ndarray, " n"]  # epochs in which the exhaustive search was made
     evidence: Evidence  # input of the checks
-    true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)  # `Verdict.true_offset_m`
-    range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)  # NaN if no range is in use
+    # offset of the true signal from the E1 prediction (`Verdict.true_offset_m`)
+    true_offset_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
+    # pseudorange in use; NaN if no range is in use
+    range_in_use_m: Float[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING)
     # whether the range in use is the range of the earliest of several signals, not the E1 range
     earlier: Bool[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.bool_))
     # reason why a range is impossible, as an index of `possible_range.REASONS`; 0 if the range is possible
     impossible: Int8[np.ndarray, "n m"] = field(default_factory=lambda: _NOTHING.astype(np.int8))
-    position: PositionBlock | None = None  # position of each epoch; None without orbits
+    position: PositionBlock | None = None  # position of each epoch; None if no orbits are known
 
     @property
     def found_twice(self) -> Bool[np.ndarray, "n m"]:
@@ -75,7 +77,7 @@ class VerdictBlock:
         return self.e1_search.twice | self.exhaustive_search.twice
 
     def verdicts(self) -> Iterator[Verdict]:
-        """Yield the verdicts that are due, epoch by epoch, in ascending order of SVID."""
+        """Yield the verdicts of all epochs and satellites that need a verdict, in order of epoch and SVID."""
         for epoch, satellite in zip(*(axis.tolist() for axis in np.nonzero(self.due)), strict=True):
             yield self.verdict(epoch, satellite)
 

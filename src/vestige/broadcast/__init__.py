@@ -1,1 +1,1 @@
-"""Navigation messages of the satellites: pages made from ephemerides and a source of OSNMA."""
+"""Make the navigation messages of the satellites: pages from ephemerides and a source of OSNMA."""

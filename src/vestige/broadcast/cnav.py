@@ -1,4 +1,4 @@
-"""C/NAV on E6-B: dummy pages of the High Accuracy Service [HAS-ICD, 3], one page a second.
+"""Make C/NAV on E6-B: dummy pages of the High Accuracy Service [HAS-ICD, 3], one page a second.
 
 | field | bits |
 |---|---|
@@ -40,7 +40,7 @@ def dummy_page(message: int) -> UInt8[np.ndarray, " 492"]:
     Parameters
     ----------
     message
-        The 424 bits of the HAS message.
+        HAS message of 424 bits, as an integer.
 
     Raises
     ------

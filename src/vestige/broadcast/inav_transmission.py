@@ -1,4 +1,4 @@
-"""The I/NAV pages and symbols that one satellite sends on E1-B."""
+"""Make the I/NAV pages and symbols that one satellite sends on E1-B."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def no_osnma(svid: int, start: GalileoTime) -> bytes:  # noqa: ARG001  (the sign
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InavTransmission:
-    """One satellite's I/NAV message.
+    """I/NAV message of one satellite.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class InavTransmission:
     sends_ssp: bool | None = None
 
     def page(self, start: GalileoTime) -> InavPage:
-        """Return the page that starts at a time; parameters and errors are those of `SatelliteWords.word`.
+        """Return the page that starts at a time; `SatelliteWords.word` explains parameters and errors.
 
         The method also raises `ValueError` if the OSNMA source does not return 5 bytes.
         """

@@ -1,7 +1,8 @@
-"""OSNMA fields of the pages of all satellites. The fields are made when a page needs them.
+"""Make the OSNMA fields of the pages of all satellites, at the first request for a page of a subframe.
 
 The fields of a subframe depend on the words of the `SUBFRAMES_REMEMBERED` subframes before the subframe, and on no
-earlier words. So the fields of any subframe can be made without the earlier broadcast, and have the same bits.
+earlier words. So the fields of any subframe can be made without the earlier broadcast, and have the same bits as in a
+full broadcast.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class OsnmaFields:
     _lock: Lock = field(default_factory=Lock, repr=False, compare=False)
 
     def __call__(self, svid: int, start: GalileoTime) -> bytes:
-        """Return the 5 bytes of the page of a satellite that starts at a time.
+        """Return the 5 bytes of OSNMA in the page of a satellite that starts at a time.
 
         Raises
         ------
@@ -70,7 +71,7 @@ class OsnmaFields:
         return operator.subframe(time, self._tagged(time))
 
     def _tagged(self, subframe: GalileoTime) -> dict[int, dict[int, int]]:
-        """Return the words of a subframe that tags cover, by SVID and type."""
+        """Return the words of a subframe that tags cover, by SVID and type of the word."""
         starts = page_starts(subframe)
         due = [(time, kind) for time in starts if (kind := scheduled_word(time)) in TAGGED_WORDS]
         return {svid: {kind: one.word(time) for time, kind in due} for svid, one in self.words.items()}

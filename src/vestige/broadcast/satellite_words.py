@@ -1,4 +1,4 @@
-"""The navigation words of one satellite over time, new issues of its ephemeris included.
+"""Make the navigation words of one satellite over time, with the issues of its ephemeris.
 
 A new issue of data starts with a subframe, so words 1 to 4 and the FEC2 words of a subframe have the same IODnav.
 """
@@ -28,7 +28,7 @@ _MINUTE_S = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EphemerisIssue:
-    """An ephemeris, and the time at which the satellite starts to send it.
+    """Ephemeris of a satellite, and the time at which the satellite starts to send the ephemeris.
 
     Attributes
     ----------
@@ -60,8 +60,8 @@ class SystemData:
     ionosphere
         Ionosphere model, sent in word 5.
     almanac
-        Sets of words 7 to 10. The satellite sends one set each minute, in turn. Without any set, word 0 is sent
-        instead.
+        Sets of words 7 to 10. The satellite sends one set each minute, in turn. Without any set, word 0 is sent instead
+        of words 7 to 10.
     """
 
     utc: UtcModel
@@ -70,7 +70,7 @@ class SystemData:
 
 
 class SatelliteWords:
-    """The navigation words of one satellite.
+    """Navigation words of one satellite.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class SatelliteWords:
         Raises
         ------
         VestigeError
-            If no ephemeris is issued by that time; the message names the satellite.
+            If no ephemeris is issued up to this subframe; the message names the satellite.
         """
         return self._issues[self._number(time)].ephemeris
 
@@ -154,9 +154,9 @@ class SatelliteWords:
         Raises
         ------
         VestigeError
-            If no ephemeris is issued by that time; the message names the satellite.
+            If no ephemeris is issued up to this page; the message names the satellite.
         ValueError
-            If no page starts at that time.
+            If no page starts at the given time.
         """
         kind = scheduled_word(start, fec2=self.fec2)
         number = self._number(start)

@@ -1,4 +1,4 @@
-"""The navigation message of all satellites of a sky: I/NAV words with OSNMA, and the symbols of E1-B.
+"""Make the navigation message of all satellites of a sky: I/NAV words with OSNMA, and the symbols of E1-B.
 
 In each subframe the operator of OSNMA authenticates the words of earlier subframes, from all satellites. Pages are made
 when they are needed, and a message keeps only a few pages. A page has the same bits in every message that
@@ -31,7 +31,7 @@ from vestige.navigation.reissue import referred_to
 from vestige.streams import stream_key
 from vestige.time import GalileoTime
 
-_ISSUE_S = 600  # time between two issues: ten minutes, as on air
+_ISSUE_S = 600  # time between two issues in s: ten minutes, as on air
 _ISSUES = 128  # number of IODnav values: IODnav is toe in steps of ten minutes, modulo 128, as on air
 Symbols = Callable[[Int64[np.ndarray, " n"]], Int8[np.ndarray, " n"]]
 _SYMBOLS_A_PAGE = PAGE_S * SYMBOLS_PER_S
@@ -40,14 +40,14 @@ _FORGED_CLOCK_S = 2.0**-20  # clock offset of 286 m, a multiple of the resolutio
 
 
 def ephemeris_issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[EphemerisIssue]:
-    """Yield the issues of a satellite from `start` to `end`: each issue has the same orbit and a new IODnav.
+    """Yield the issues of a satellite from `start` to `end`: the orbit does not change, and each IODnav is new.
 
     Parameters
     ----------
     ephemeris
         Orbit and clock, which all issues share to within the rounding of their fields.
     start, end
-        Times between which the satellite always sends an issue.
+        First and last time at which the satellite must have an issue to send.
     """
     first = start + -(start.gst_seconds % _ISSUE_S + start.fraction)
     for number in range(int((end - first) // _ISSUE_S) + 1):
@@ -63,7 +63,7 @@ class SkyMessage:
     Attributes
     ----------
     transmissions
-        Transmission of each satellite, which makes its pages, by SVID.
+        Transmissions of the satellites, by SVID; a transmission makes the pages of its satellite.
     first
         Start of the first subframe.
     n_subframes
@@ -125,8 +125,8 @@ class SkyMessage:
     def forged(self, seed: int) -> SkyMessage:
         """Return the message of an attacker, with the attacker's words, and with tags and keys that are not valid.
 
-        In all words the offset af0 of every satellite clock is 2⁻²⁰ s larger (0.95 µs, 286 m). The attacker repeats the
-        public HKROOT bytes. The attacker cannot know the keys, so the MACK bits are random.
+        In all words the offset af0 of every satellite clock is 2⁻²⁰ s too large (0.95 µs, 286 m). The attacker repeats
+        the public HKROOT bytes. The attacker cannot know the keys, so the MACK bits are random.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ def make_sky_message(
         any `first`.
     almanac
         One ephemeris of each satellite of the constellation, for words 7 to 10. Without any ephemeris, word 0 is sent
-        instead.
+        instead of words 7 to 10.
     ionosphere
         Ionosphere model, sent in word 5.
 

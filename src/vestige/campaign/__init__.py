@@ -1,1 +1,1 @@
-"""Campaigns: measure many epochs in chunks on several workers, store the results, and compute statistics."""
+"""Run campaigns: measure many epochs in chunks on several workers, store the results, and compute statistics."""

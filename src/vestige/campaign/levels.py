@@ -1,6 +1,6 @@
-"""Verdicts of each mitigation level on a campaign, together with the truth.
+"""Make the verdicts of each mitigation level on a campaign, with the true errors of the ranges in use.
 
-The results contain the receiver's measurements (`measured_columns`). In `level_verdicts` the processor judges these
+The results contain the receiver's measurements (`measured_columns`). `level_verdicts` makes verdicts from these
 measurements again, at the level of the scenario or at another level. The same code makes the verdicts of `vestige
 process`. This module adds the errors of the ranges in use (`range_errors.py`).
 """
@@ -46,10 +46,10 @@ _READ = MEASURED_COLUMNS | E1_COLUMNS | OSNMA_COLUMNS | SCENARIO_COLUMNS | OWN_C
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LevelVerdicts(VerdictBlock):
-    """Verdicts of a level on a campaign of n epochs and m satellites, and the error of the ranges in use."""
+    """Verdicts of a level on a campaign of n epochs and m satellites, with the errors of the ranges in use."""
 
-    processor: AcasProcessor
-    budget: Mapping[CheckName | str, AlarmShare]
+    processor: AcasProcessor  # processor that made the verdicts
+    budget: Mapping[CheckName | str, AlarmShare]  # share of each check in the budget of false alarms
     seen: Bool[np.ndarray, "n m"]  # whether the satellite is in view
     # largest error of the range in use that the attack caused since the previous RECS; NaN if no range is in use
     range_error_m: Float[np.ndarray, "n m"]
@@ -112,7 +112,7 @@ def level_verdicts(
     Level 1 takes the results of any campaign. Levels above 1 need a sky, or a processor of level 2 or 3.
     `alarms_per_day` replaces the value in the processor's `MonitoringSettings`; None keeps this value.
 
-    Raises `VestigeError` if the results have too few columns for a level above 1.
+    `VestigeError` is raised if the results have too few columns for a level above 1.
     """
     _check_level(results, max(levels))
     processor, measured = measured_of(results)
@@ -146,9 +146,9 @@ def failures_in_order(
 def judged_by(results: xarray.Dataset, change: Callable[[AcasProcessor], AcasProcessor]) -> LevelVerdicts:
     """Return the verdicts of a processor with other settings on a campaign.
 
-    `change` takes the campaign's processor and returns the processor that judges.
+    `change` takes the campaign's processor and returns the processor that makes the verdicts.
 
-    Raises `VestigeError` if the results have too few columns for the level of that processor.
+    `VestigeError` is raised if the results have too few columns for the level of the returned processor.
     """
     processor, measured = measured_of(results)
     changed = change(processor)
@@ -164,8 +164,9 @@ def failures(check: CheckSeries) -> Proportion:
 def verdicts_of_run(results: xarray.Dataset) -> tuple[xarray.Dataset, LevelVerdicts | None]:
     """Return the results of a run with one verdict for each RECS, and the verdicts of all epochs.
 
-    A run at level 1 without user's checks has no verdicts between RECS. The results of such a run are returned
-    unchanged, with None. The results of a run that has not ended (coordinate `epoch`) are returned in the same way.
+    The results of a run at level 1 without user's checks are returned unchanged, with None, because this run has no
+    verdicts between RECS. The results of a run that has not ended (coordinate `epoch`) are also returned unchanged,
+    with None.
     """
     if not judged_between_recs(results) or "epoch" in results.coords:
         return results, None
@@ -180,7 +181,7 @@ def judged_between_recs(results: xarray.Dataset) -> bool:
 
 
 def highest_level(results: xarray.Dataset) -> int:
-    """Return the highest level at which results can be judged.
+    """Return the highest mitigation level for which verdicts can be made from results.
 
     The result is the level of the scenario if the results have columns for user's checks but no E1 correlators.
     """
@@ -209,7 +210,7 @@ def _check_level(results: xarray.Dataset, level: int) -> None:
 
 
 def _check_own_parts(scenario: StoredScenario, recorded: str) -> None:
-    """Raise if a user's part differs from the part with which the results were made."""
+    """Raise `VestigeError` if the code of a user's detector, attack, error model or check changed since the run."""
     for kind in scenario.own_kinds:
         found = f"{kind}@{digest(kind)}"
         if found not in recorded.split():

@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-A detection gives the delay of a signal after the prediction. The truth gives this delay for the line of sight and for
-each spoofing signal. A detection belongs to the signal with the nearest delay. Two signals closer than the *resolution*
-make one common peak. A detection of this peak belongs to both signals and is MIXED.
+A detection gives the delay of a signal after the prediction. The simulated truth gives this delay for the line of sight
+and for each spoofing signal. A detection belongs to the signal with the nearest delay. Two signals closer than the
+*resolution* make one common peak. A detection of this peak belongs to both signals and is MIXED.
 
 The correlation function of E6-C is a triangle of ±1 chip. The sum of two triangles has two maxima only if the distance
 of the triangles is more than about half of the base. The default resolution is one chip, 58.6 m: at this distance,
@@ -38,7 +38,7 @@ from vestige.campaign.range_errors import worst_range_m
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.definitions import E6C
 
-RESOLUTION_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz  # one chip of E6-C
+RESOLUTION_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz  # length of one chip of E6-C in m
 FLOOR_DB = -15.0
 SHARE = 0.97
 
@@ -76,7 +76,7 @@ def classify(
 
 
 def outcomes(results: xarray.Dataset, *, resolution_m: float = RESOLUTION_M) -> xarray.DataArray:
-    """Return the `DetectedSignal` over (detector, epoch, satellite)."""
+    """Return the `DetectedSignal` of each detector, epoch and satellite."""
     offset = results["range_offset_m"].transpose("detector", "epoch", "satellite")
     values = np.full(offset.shape, DetectedSignal.NONE, np.int8)
     for satellite in range(offset.sizes["satellite"]):
@@ -101,7 +101,7 @@ def attacked_epochs(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_sat
 
 
 def due_verdicts(results: xarray.Dataset) -> Bool[np.ndarray, "n_epochs n_satellites"]:
-    """Return where a verdict is due: in epochs with RECS, for satellites in view."""
+    """Return True where a verdict is due: in epochs with RECS, for satellites in view."""
     due = np.ones((results.sizes["epoch"], results.sizes["satellite"]), dtype=bool)
     if "recs" in results:
         due &= results["recs"].values[:, None]
@@ -119,8 +119,8 @@ class AttackReport:
     epochs: int  # number of attacked epochs with a due verdict
     shares: dict[DetectedSignal, float]  # share of each outcome in attacked epochs with a due verdict
     time_to_detect_s: float  # time from the attack's first epoch to the first alarm under attack; NaN without alarm
-    # time from the attack's first epoch to the epoch from which on the detector finds the true signal; NaN if there is
-    # no such epoch, 0 if the detector always found the true signal
+    # time from the attack's first epoch to the epoch from which on the detector finds the true signal; NaN if the
+    # detector never finds the true signal again, 0 if the detector always found the true signal
     time_to_mitigate_s: float
     # error of a range in use with the largest magnitude, with its sign; NaN if no range was in use
     worst_range_m: float
@@ -128,7 +128,7 @@ class AttackReport:
 
 
 def report(results: xarray.Dataset, detector: str = "early", *, satellite: int = 0) -> AttackReport | None:
-    """Return the outcome of the attack on a satellite; None if no verdict was due under attack.
+    """Return the report on the attack on a satellite; None if no verdict was due under attack.
 
     `satellite` is the index on the axis of satellites. From the time of mitigation on, at least the share `SHARE` of
     the detections belongs to the true signal.

@@ -1,4 +1,4 @@
-"""Plan of a campaign: its epochs, and the sequential and parallel parts of its work.
+"""Define the plan of a campaign: its epochs, and the sequential and parallel parts of its work.
 
 Epoch i of a plan is one snapshot of a simulated receiver. The state of the simulation (clock, multipath, ionosphere)
 has memory and is cheap to compute. Signals, noise, correlators and detection are expensive, but each epoch is
@@ -24,10 +24,10 @@ The following rules make it possible to resume a campaign and to run a campaign 
    inputs. Each column has exactly the dtype of the plan, and the shape that follows from the column's dims. Any
    difference raises `ValueError`.
 4. `judge` returns the same state and columns whether `columns` has only the columns of `measure`, or all columns. A
-   resumed campaign judges its stored chunks again to get the state. The result must not depend on how the epochs are
-   divided into calls.
-5. The plan, the inputs and the results can be pickled, and their pickles are small: the plan is sent with every chunk.
-   Data that can be derived from the plan (replicas, tables) are derived and cached in the worker.
+   resumed campaign calls `judge` again for its stored chunks to get the state. The result must not depend on how the
+   epochs are divided into calls.
+5. The plan, the inputs and the results can be pickled, and their pickles are small, because the plan is sent with every
+   chunk. Data that can be derived from the plan (replicas, tables) are derived and cached in the worker.
 6. Two plans with equal `attrs` give equal results. A store compares `attrs` to decide whether it may be resumed.
    `attrs` contain the scenario, its digest and the seed; the store adds version and source of vestige. If the bits
    depend on the kind of CPU, `attrs` contain the kind of CPU as `processor`.
@@ -63,19 +63,19 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 EPOCH = "epoch"  # the dimension along which a campaign is divided into chunks
-CHUNK_EPOCHS = 2000  # a large number, because each chunk makes about 40 small files, but small compared with a run
+CHUNK_EPOCHS = 2000  # number of epochs in a chunk; large, because each chunk makes about 40 small files
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """A variable of the results."""
+    """Variable of the results: axes, type, unit and description."""
 
     # names of the axes in order; `epoch` may be at any position, and every other axis is the dim of a `Coord`
     dims: tuple[str, ...]
-    dtype: str  # a numpy dtype by name, e.g. `float32`, `complex64`, `int8`.
+    dtype: str  # name of a numpy dtype, e.g. `float32`, `complex64`, `int8`
     units: str  # UDUNITS spelling: `m`, `m s-1`, `Hz`, `rad`, `1`
     long_name: str  # description for the axis of a plot
-    # further attributes, e.g. `flag_values` and `flag_meanings`.
+    # further attributes, e.g. `flag_values` and `flag_meanings`
     attrs: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -110,7 +110,7 @@ class Preparation(Protocol):
 
 @runtime_checkable
 class Plan(Protocol):
-    """The work of a campaign; every plan must follow the rules in the docstring of this module."""
+    """Protocol of a plan: the work of a campaign. Each plan must follow the rules in the docstring of this module."""
 
     @property
     def n_epochs(self) -> int:
@@ -118,7 +118,7 @@ class Plan(Protocol):
 
     @property
     def columns(self) -> Mapping[str, Column]:
-        """The variables of the results, by name."""
+        """Variables of the results, by name."""
 
     @property
     def coords(self) -> Mapping[str, Coord]:
@@ -137,7 +137,7 @@ class Plan(Protocol):
 
 @runtime_checkable
 class JudgedPlan(Plan, Protocol):
-    """A plan with verdicts that depend on earlier epochs."""
+    """Protocol of a plan with verdicts that depend on earlier epochs."""
 
     def judge(self, state: Any, first: int, columns: Mapping[str, np.ndarray]) -> tuple[Any, Mapping[str, np.ndarray]]:
         """Return the state after the epochs of `columns`, which begin at `first`, and all columns of these epochs."""
@@ -153,7 +153,7 @@ def judged(
 def shape_of(plan: Plan, column: Column, n_epochs: int) -> tuple[int, ...]:
     """Return the shape of a column over `n_epochs` epochs.
 
-    Raises `ValueError` if the column has no `epoch`, a dim without coordinate, or a dim whose coordinates differ in
+    `ValueError` is raised if the column has no `epoch`, a dim without coordinate, or a dim whose coordinates differ in
     length.
     """
     if column.dims.count(EPOCH) != 1:
@@ -164,7 +164,7 @@ def shape_of(plan: Plan, column: Column, n_epochs: int) -> tuple[int, ...]:
 def check_results(plan: Plan, results: Mapping[str, np.ndarray], n_epochs: int) -> None:
     """Check that a plan's results for `n_epochs` epochs have the columns, dtypes and shapes of the plan.
 
-    Raises `ValueError` if a column is missing, unknown, or of another dtype or shape.
+    `ValueError` is raised if a column is missing, is unknown, or has another dtype or shape.
     """
     if set(results) != set(plan.columns):
         raise ValueError(f"measure returned {sorted(results)}, the plan's columns are {sorted(plan.columns)}")

@@ -1,14 +1,14 @@
-"""Errors of the ranges in use, and the largest error under attack.
+"""Compute the errors of the ranges in use, and the largest error under attack.
 
 `acas_processor/position/range_in_use.py` decides which range may be used. The results store this range in
 `range_in_use_m` and `range_is_earlier`. This module only compares the ranges with the truth.
 
-**Error of a range in use.** A range in use stands for the time since the previous RECS. The error of an E1 range in use
-is therefore the largest error that the attack caused in that time. If the range of the earliest of several signals is
-in use instead, the error of this range counts.
+**Error of a range in use.** A verdict is used for the whole time since the previous RECS. The error of an E1 range in
+use is therefore the largest error that the attack caused since the previous RECS. If the range of the earliest of
+several signals is in use instead, the error of this range counts.
 
 **RECS that count.** All RECS from the first start of an attack to the last stop count. The first RECS after the stop
-also counts, because this RECS judges the last part of the attack. Without an attack every RECS counts.
+also counts, because its verdict concerns the last part of the attack. Without an attack every RECS counts.
 
 `vestige run`, the page of a run, sweeps and the threat table give the largest error as `worst_range_m`.
 """
@@ -62,14 +62,14 @@ def worst_range_m(results: xarray.Dataset) -> float:
 
 
 def recs_that_count(results: xarray.Dataset) -> Bool[np.ndarray, " n"]:
-    """Return the epochs with RECS that count; the scenario gives the times of its attacks."""
+    """Return True for the epochs whose RECS counts for the largest error; the scenario gives the times of attacks."""
     time_s = results["time_s"].values
     first_s, end_s = window_of(scenario_of(results))
     return recs_since(results["recs"].values.astype(np.bool_), (time_s >= first_s) & (time_s < end_s))
 
 
 def recs_since(recs: Bool[np.ndarray, " n"], attacked: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return the epochs with RECS for which an attack acted since the previous RECS, even if the attack has ended."""
+    """Return True for epochs with RECS if an attack acted since the previous RECS, even if the attack has ended."""
     places = np.flatnonzero(recs)
     acted = np.diff(np.cumsum(attacked)[places], prepend=0) > 0
     found = np.zeros(recs.size, np.bool_)
@@ -97,7 +97,7 @@ def _e1_error_m(results: xarray.Dataset, shape: tuple[int, ...]) -> Float[np.nda
     if "truth_e1_worst_error_m" not in results or not places.size:
         return worst_m
     error_m = values(results, "truth_e1_worst_error_m", "epoch", "satellite")[: places[-1] + 1]
-    after = np.concatenate([[0], places[:-1] + 1])  # the first epoch after the previous RECS
+    after = np.concatenate([[0], places[:-1] + 1])  # first epoch after the previous RECS
     largest_m, smallest_m = np.maximum.reduceat(error_m, after), np.minimum.reduceat(error_m, after)
     worst_m[places] = np.where(largest_m >= -smallest_m, largest_m, smallest_m)
     return worst_m

@@ -1,9 +1,9 @@
-"""RINEX files of the simulated receiver's E1 observations, which other receiver software can read.
+"""Write E1 observations of a simulated receiver as RINEX files, which other receiver software can read.
 
-The files have pseudorange, Doppler and C/N0 of E1-C at every epoch, on the receiver's clock. The observations belong
-to the tracked signal; under attack, the tracked signal may be a spoofing signal. The files have no carrier phase,
-because the results contain no carrier phase. The navigation file has the orbits and clocks of the run, with a new issue
-of the ephemerides every 2 h.
+The files have pseudorange, Doppler and C/N0 of E1-C at every epoch, on the receiver's clock. The observations belong to
+the tracked signal. Under attack, the tracked signal may be a spoofing signal. The files have no carrier phase, because
+the results contain no carrier phase. The navigation file has the orbits and clocks of the run, with a new issue of the
+ephemerides every 2 h.
 
 Pseudoranges contain the residual of the ionosphere, but no troposphere. The settings of `rnx2rtkp` [RTKLIB] therefore
 apply no corrections, and use RAIM with exclusion of one satellite. If the scenario has the table `[atmosphere]`, the
@@ -62,7 +62,7 @@ def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
 
     The results must contain all epochs of a campaign. The folder must not exist.
 
-    Raises `VestigeError` if the results do not belong to a sky, no satellite was tracked, or `folder` exists.
+    `VestigeError` is raised if the results do not belong to a sky, no satellite was tracked, or `folder` exists.
     """
     navigation = attributes_of(results).navigation
     if navigation is None:
@@ -92,7 +92,7 @@ def export_rinex(results: xarray.Dataset, folder: Path) -> RinexExport:
 def _epochs(
     results: xarray.Dataset, start: GalileoTime, tracked: np.ndarray, cn0_dbhz: np.ndarray
 ) -> Iterator[ObservationEpoch]:
-    """Yield the epochs in which a satellite is tracked."""
+    """Yield the observations of each epoch in which at least one satellite is tracked."""
     svids = results["svid"].values.tolist()
     range_m = values(results, "e1_pseudorange_m", "epoch", "satellite")
     doppler_hz = values(results, "e1_doppler_hz", "epoch", "satellite")

@@ -38,7 +38,7 @@ class RunProgress:
     """Progress of a run: epochs in the store, epochs in total, and the time since the run began."""
 
     epochs_done: int  # epochs in the store
-    epochs_total: int
+    epochs_total: int  # epochs of the plan
     epochs_resumed: int  # epochs that were in the store when this run began
     elapsed_s: float  # time since this run began
 
@@ -72,8 +72,8 @@ def run(
     store
         Folder, which is made if it does not exist. Stored results of the same work are kept.
     workers
-        Number of threads or processes to start. For your own executor: number of calls that the executor runs at the
-        same time.
+        Number of threads or processes to start. For your own executor, give the number of calls that the executor runs
+        at the same time.
     executor
         `threads` if the plan's computations release the GIL of Python, `processes` if they do not, or any executor (see
         `cluster.connect`). Your own executor is left open. Processes import the main module again, so a script needs
@@ -210,6 +210,6 @@ def _submitted(
 
 
 def _stored(opened: Store) -> str:
-    """Return a message with the number of epochs on disk; a chunk may be written but not yet counted in memory."""
+    """Return a message with the number of stored epochs, counted on disk; memory may miss the last written chunk."""
     done = sum(len(opened.epochs(chunk)) for chunk in opened.finished(verify=False))
     return f"{done} of {opened.n_epochs} epochs are stored in {opened.path}; the same command continues there"

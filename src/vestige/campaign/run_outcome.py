@@ -1,12 +1,12 @@
-"""The outcome of an attack in one run at one mitigation level: detected, mitigated, missed, denied.
+"""Compute the outcome of an attack in one run at one mitigation level: detected, mitigated, missed, denied.
 
 Theory of operation
 -------------------
 A run is one campaign with one attack. The epochs of a run from the attack's start to its stop are *attacked*.
 `levels.py` gives the verdicts and the ranges in use. For every range in use, `levels.py` also gives the largest error
-that the attack caused since the previous RECS. The first RECS after the stop counts as well, because this RECS judges
-the last part of the attack. An error is *harmful* if the error exceeds twice the limit of the range check, 2κσ. The
-noise of E6 can hide a smaller error from the range check. Several of these outcomes may be true for a run:
+that the attack caused since the previous RECS. The first RECS after the stop counts as well, because the verdict of
+this RECS concerns the last part of the attack. An error is *harmful* if the error exceeds twice the limit of the range
+check, 2κσ. The noise of E6 can hide a smaller error from the range check. Several outcomes may be true for a run:
 
     detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite in attacked epochs or with the next RECS
     missed       a harmful range was in use at any time
@@ -14,16 +14,16 @@ noise of E6 can hide a smaller error from the range check. Several of these outc
     mitigated    protected, and more than half of the ranges were in use in the last quarter of the attack
     denied       more than half of the attacked RECS of the satellites in view had no verdict (NOT_AVAILABLE)
 
-**False alarms.** A user's alarm begins when no alarm was active in the previous epoch. The budget of alarms is an upper
-limit. Nearly all of this budget belongs to the range check, whose assumed σ is larger than the real error. The budget
-of the range check is therefore given separately. Failures of single tests are compared with their budgets in three
-groups:
+**False alarms.** An alarm begins in an epoch with an alarm if the previous epoch had no alarm. The budget of alarms is
+an upper limit. Nearly all of this budget belongs to the range check, whose assumed σ is larger than the real error. The
+budget of the range check is therefore given separately. Failures of single tests are compared with their budgets in
+three groups:
 
 * the checks whose probability can be chosen;
 * the checks whose probability can be chosen and is exact (`AlarmShare.exact`), with a lower and an upper limit;
 * the range check, whose budget is an upper limit.
 
-`budgets` has the failures and the budget of every check by its name, after confirmation.
+`budgets` has the number of failures of every check after confirmation, and the number that the budget allows.
 """
 
 from __future__ import annotations
@@ -84,10 +84,11 @@ class RunOutcome(OutcomeCounts):
     # each failed check with the time of its first failure in s after the first attacked epoch, in order of time:
     # `C/N0 0; RAIM 31`
     checks: str
-    # each check with its failed tests after confirmation, and the number that its own budget allows:
+    # each check with the number of its failed tests after confirmation, and the number that its budget allows:
     # `E6 power 3 2.9; RAIM 0 0.01`
     budgets: str
-    worst_range_m: float  # error of a range in use with the largest magnitude, with its sign; NaN without such a range
+    # error of a range in use with the largest magnitude, with its sign; NaN if no range was in use
+    worst_range_m: float
     worst_position_m: float  # largest error of a position in use; NaN if no position was in use
 
     @property
@@ -101,7 +102,7 @@ class JudgedRun(Protocol):
 
     @property
     def status(self) -> Int8[np.ndarray, "n m"]:
-        """The verdict of each epoch and satellite as the position in `Status`."""
+        """Verdict of each satellite at each epoch, as the position in `Status`."""
 
     @property
     def recs(self) -> Bool[np.ndarray, " n"]:
@@ -113,7 +114,7 @@ class JudgedRun(Protocol):
 
     @property
     def range_error_m(self) -> Float[np.ndarray, "n m"]:
-        """Largest error of the range in use that the attack caused since the last RECS; NaN if no range is in use."""
+        """Largest error of the range in use by the attack since the previous RECS; NaN if no range is in use."""
 
     @property
     def begins(self) -> Bool[np.ndarray, " n"]:
@@ -191,7 +192,7 @@ def run_outcome(
 
 
 def _failures(found: JudgedRun, attacked: Bool[np.ndarray, " n"], names: Set[CheckName | str]) -> tuple[int, float]:
-    """Return the number of failed tests of the named checks in attacked epochs, and the number the budget allows."""
+    """Return the number of failed tests of the named checks in attacked epochs, and how many the budget allows."""
     made = [name for name in found.failed if name in names and name in found.budget]
     return (
         sum(int(np.count_nonzero(found.failed[name][attacked])) for name in made),
@@ -200,7 +201,7 @@ def _failures(found: JudgedRun, attacked: Bool[np.ndarray, " n"], names: Set[Che
 
 
 def _by_check(found: JudgedRun, attacked: Bool[np.ndarray, " n"]) -> Iterator[tuple[str, int, float]]:
-    """Yield each check that has a budget, with its number of failed tests and the number that its budget allows."""
+    """Yield each check that has a budget, its number of failed tests, and the number that the budget allows."""
     for name, failed in found.failed.items():
         if name in found.budget:
             tests = int(np.count_nonzero(found.tests[name][attacked]))
@@ -244,7 +245,7 @@ def outcomes_of(
 def _position_error_m(
     scenario: CampaignScenario, results: xarray.Dataset, found: LevelVerdicts
 ) -> Float[np.ndarray, " n"]:
-    """Return the distance in m of the authenticated position from the true position; NaN without such a position."""
+    """Return the error of the authenticated position in m; NaN without an authenticated position."""
     if found.position is None:
         return np.full(results.sizes["epoch"], np.nan)
     place_m = true_place_m(scenario, results["time_s"].values, results["truth_clock_m"].values)

@@ -1,4 +1,4 @@
-"""Run a campaign from its scenario: `vs.run("scenarios/quick.toml", "quick.zarr")`, as `vestige run` does."""
+"""Run the campaign that a scenario describes, for example `vs.run("scenarios/quick.toml", "quick.zarr")`."""
 
 from __future__ import annotations
 
@@ -22,26 +22,27 @@ def run_scenario(
     executor: ExecutorChoice = "threads",
     progress: Callable[[RunProgress], None] | None = None,
 ) -> Results:
-    """Run a campaign, store the results in a folder, and return the results; `vestige run` does the same.
+    """Run the campaign of a scenario, store the results in a folder, and return the results.
 
-    The same call continues a run that was stopped. The results have the same bits as the results of a run that was not
-    stopped, with any number of workers.
+    The command `vestige run` runs a campaign in the same way as this function. To continue a run that was stopped, call
+    the function again with the same arguments. The results have the same bits as the results of a run without
+    interruption, with any number of workers.
 
     Parameters
     ----------
     scenario
         Campaign, or path of its scenario file.
     store
-        Folder of the results (zarr); `run` makes the folder if it does not exist.
+        Folder of the results (zarr). `run` makes the folder if the folder does not exist.
     settings
         Values that replace values of the scenario file, each as `table.key=value`. Settings need a scenario file.
     workers
         Number of threads or processes.
     executor
-        `"threads"`, `"processes"`, or your own executor, which is left open. With processes, a script needs
-        `if __name__ == "__main__":`.
+        `"threads"`, `"processes"`, or your own executor, which `run` does not shut down. A script that uses
+        `"processes"` needs the line `if __name__ == "__main__":`, because each process imports the script.
     progress
-        Function that is called at the beginning and after each chunk of epochs.
+        Function that is called with the progress at the beginning of the run and after each chunk of epochs.
 
     Returns
     -------
@@ -53,14 +54,14 @@ def run_scenario(
     InputFileError
         If the file describes no scenario, or the folder contains anything but results of this campaign.
     VestigeError
-        If the scenario is no campaign, or workers are lost.
+        If the scenario describes no campaign, or a worker process is lost.
     ValueError
         If there are settings for a campaign that was not read from a file.
 
     See Also
     --------
     open_results : Open results that were stored before.
-    simulate : Go through the snapshots of a campaign without keeping anything.
+    simulate : Go through the snapshots of a campaign without storing results.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Plan of a campaign scenario: measurements of a simulated receiver, verdicts of the processor, and the truth.
+"""Simulate the receiver of a campaign scenario, measure and judge its snapshots, and record the truth.
 
 `measure` makes the snapshots of a chunk on any worker, and the processor measures these snapshots. In `judge`, the
 processor assesses the measurements in order of time. The processor alone decides about checks, alarms and ranges in
@@ -83,10 +83,11 @@ SCENARIO_COLUMNS = column_table(
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioPlan:
-    """A campaign scenario, ready to run."""
+    """Plan that runs the campaign of a scenario; see `Plan`."""
 
     scenario: CampaignScenario
-    # whether `truth_phase_rad` is computed under attack; the column needs the arrival of E6 at all epochs
+    # whether a campaign with an attack has the column `truth_phase_rad`; this column needs the arrival of E6 at all
+    # epochs, and not only at the epochs with RECS
     with_phases: bool = True
 
     @property
@@ -101,13 +102,13 @@ class ScenarioPlan:
 
     @property
     def chunk_epochs(self) -> int:
-        """Default number of epochs in a chunk; the number is larger if an epoch takes only microseconds."""
+        """Default number of epochs in a chunk: 2000, or 10,000 if measuring an epoch takes only microseconds."""
         drawn = self.scenario.fidelity == "correlators" and self.scenario.constellation is None
         return _MANY_EPOCHS if drawn else CHUNK_EPOCHS
 
     @property
     def columns(self) -> Mapping[str, Column]:
-        """The variables of the results."""
+        """Variables of the results, by name."""
         found = MEASURED_COLUMNS | SCENARIO_COLUMNS | JUDGED_COLUMNS | (ATTACK_COLUMNS if self.scenario.attack else {})
         if self._receiver.with_taps:
             found |= E1_COLUMNS
@@ -145,7 +146,7 @@ class ScenarioPlan:
 
     @property
     def attrs(self) -> Mapping[str, Any]:
-        """Attributes that identify the work; see `Plan`."""
+        """Attributes that identify the scenario and its results; see `Plan`."""
         text = self.scenario.model_dump_json()
         processor, receiver = self.scenario.processor, self.scenario.receiver
         navigation = self._navigation
@@ -172,7 +173,7 @@ class ScenarioPlan:
 
     @cached_property
     def _navigation(self) -> str | None:
-        """Ephemerides of the satellites, stored because their file may be deleted later."""
+        """Text of the satellites' ephemerides, which the results keep because the file may be deleted later."""
         return navigation_text(self.scenario)
 
     @cached_property
@@ -181,17 +182,17 @@ class ScenarioPlan:
 
     @cached_property
     def _judged(self) -> Judged:
-        """The campaign with the processor that judges its columns."""
+        """Scenario of the campaign, together with the processor that judges the columns of the campaign."""
         processor = receiver_processor(self.scenario, self._overhead, self._navigation)
         _log.info("%s", processor.limits)
         return Judged(scenario=self.scenario, processor=processor, svids=tuple(one.svid for one in self.simulations))
 
     def prepare(self) -> _Preparation:
-        """Return the simulation of the truth before the first epoch."""
+        """Return the simulation of the truth in its state before the first epoch."""
         return _Preparation(self._receiver.truth())
 
     def measure(self, first: int, inputs: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
-        """Return all columns except the columns of `judge` for the epochs from `first` on: measurements and truth."""
+        """Return the columns of measurements and truth for the epochs of `inputs`, which begin at epoch `first`."""
         with blamed_on_own_parts():
             return self._measured(first, inputs)
 
@@ -231,7 +232,11 @@ class ScenarioPlan:
     def judge(
         self, state: ReceiverState | None, first: int, columns: Mapping[str, np.ndarray]
     ) -> tuple[ReceiverState, Mapping[str, np.ndarray]]:
-        """Return the state after the epochs, and all columns; `columns` has at least the columns of `measure`."""
+        """Return the receiver's state after the epochs of `columns`, and `columns` with the judged columns added.
+
+        The epochs begin at epoch `first`, and `state` is the receiver's state before this epoch. `columns` has at least
+        the columns of `measure`.
+        """
         n = columns["time_s"].size
         measured = measured_block(self._judged, first + np.arange(n, dtype=np.int64), columns)
         block, after = self._judged.processor.assess(state, measured, self._receiver.assistance)
@@ -284,7 +289,10 @@ class _Preparation:
 
 
 def _side_by_side(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Return columns of all satellites from columns of single satellites; columns of the receiver stay unchanged."""
+    """Return the columns of all satellites, stacked from `each`, which has the columns of every single satellite.
+
+    Columns of the receiver have no satellite axis, so these columns are taken from the first satellite.
+    """
     return {
         name: first if name in _OF_RECEIVER else np.stack([values[name] for values in each], axis=1)
         for name, first in each[0].items()

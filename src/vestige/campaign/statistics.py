@@ -1,4 +1,4 @@
-"""Counts of a campaign and their confidence intervals.
+"""Count the detections and false alarms of a campaign, and compute confidence intervals of their probabilities.
 
 Every probability is estimated from k successes in n independent trials. The interval of a probability is the exact
 interval of Clopper and Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects p at level α if and only
@@ -26,32 +26,35 @@ if TYPE_CHECKING:
     import xarray
 
 CONFIDENCE = 0.95
-CLUSTER_M = (-27.0, -18.0)  # cluster of the early detector at −22.5 m [WFO, Sec. VI-A], ± 0.3 spacings of 15 m
-PERCENTILES = (0.01, 0.1, 1.0, 50.0, 99.0, 99.9, 99.99)  # values of [WFO, Sec. VI-A], and 100 minus these values
+# Limits in m of the cluster of range offsets of the early detector at −22.5 m [WFO, Sec. VI-A]. The limits are ± 0.3
+# correlator spacings of 15 m from the centre.
+CLUSTER_M = (-27.0, -18.0)
+# percentages of the percentiles in [WFO, Sec. VI-A], and 100 % minus these percentages
+PERCENTILES = (0.01, 0.1, 1.0, 50.0, 99.0, 99.9, 99.99)
 E6_CHIP_M = SPEED_OF_LIGHT_MPS / E6C.chip_rate_hz
-READ_EPOCHS = 10_000  # epochs that are read at once, so that memory does not grow with the campaign
+READ_EPOCHS = 10_000  # number of epochs that are read at once, so that memory does not grow with the campaign
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proportion:
-    """`successes` in `trials`, with the interval of the probability of a success from `low` to `high`."""
+    """Number of successes in a number of trials, and the confidence interval of the probability of a success."""
 
     successes: int
     trials: int
-    low: float
-    high: float
-    confidence: float
+    low: float  # lower end of the confidence interval
+    high: float  # upper end of the confidence interval
+    confidence: float  # confidence of the interval, such as 0.95
 
     @property
     def value(self) -> float:
-        """Estimate of the probability; NaN without trials."""
+        """Estimate of the probability of a success; NaN without trials."""
         return self.successes / self.trials if self.trials else float("nan")
 
 
 def binomial_intervals(
     successes: Int[np.ndarray, " n"], trials: Int[np.ndarray, " n"] | int, *, confidence: float = CONFIDENCE
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the ends of `binomial_interval` for arrays of counts."""
+    """Return the lower and upper ends of the intervals of `binomial_interval` for arrays of counts."""
     tail, rest = (1 - confidence) / 2, trials - successes
     low = np.where(successes > 0, betaincinv(np.maximum(successes, 1), rest + 1, tail), 0.0)
     high = np.where(rest > 0, betaincinv(successes + 1, np.maximum(rest, 1), 1 - tail), 1.0)
@@ -59,7 +62,7 @@ def binomial_intervals(
 
 
 def binomial_interval(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the exact interval of a probability after `successes` in `trials`.
+    """Return the exact confidence interval of a probability after `successes` in `trials`.
 
     If the true probability is the lower end, a count of at least `successes` has the probability (1 − confidence)/2. If
     the true probability is the upper end, a count of at most `successes` has the probability (1 − confidence)/2. The
@@ -75,7 +78,9 @@ def binomial_interval(successes: int, trials: int, *, confidence: float = CONFID
 
 
 def binomial_test(successes: int, trials: int, probability: float) -> float:
-    """Return the two-sided p-value of `successes` in `trials` for `probability`: twice the smaller tail, at most 1.
+    """Return the two-sided p-value of `successes` in `trials` if the true probability is `probability`.
+
+    The p-value is twice the smaller tail of the binomial distribution, and at most 1.
 
     Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 ≤ probability ≤ 1.
     """
@@ -89,25 +94,26 @@ def binomial_test(successes: int, trials: int, probability: float) -> float:
 
 
 def proportion(successes: int, trials: int) -> Proportion:
-    """Return the proportion of `successes` in `trials`, with the exact interval of the probability."""
+    """Return the proportion of `successes` in `trials`, with the exact confidence interval of the probability."""
     low, high = binomial_interval(successes, trials)
     return Proportion(successes=successes, trials=trials, low=low, high=high, confidence=CONFIDENCE)
 
 
 def count_interval(count: float) -> tuple[float, float, float]:
-    """Return a Poisson count, and the two ends of the exact interval of the mean."""
+    """Return a Poisson count, and the lower and upper ends of the exact confidence interval of its mean."""
     tail = (1 - CONFIDENCE) / 2
     low = float(chdtri(2 * count, 1 - tail)) / 2 if count else 0.0
     return float(count), low, float(chdtri(2 * count + 2, tail)) / 2
 
 
 def enough(successes: int, trials: int, wished_width: float) -> bool:
-    """Return whether the interval after `successes` in `trials` is at most `wished_width` wide, so a sweep may stop.
+    """Return whether the confidence interval after `successes` in `trials` is at most `wished_width` wide.
 
-    Call this function after each chunk in the order of the chunks. Leave out all chunks after the first chunk for which
-    the function returns True. The result then does not depend on the number of workers. The width depends on the
-    estimate: a sequence stops slightly earlier if the estimate is nearer to 0 or 1 than the truth. The confidence of
-    the interval is therefore only nominal.
+    A campaign of a sweep stops when the function returns True. Call the function after each chunk in the order of the
+    chunks, and leave out all chunks after the first chunk for which the function returns True. With this procedure the
+    result does not depend on the number of workers. The width of the interval depends on the estimate. The campaign
+    stops slightly earlier if the estimate is nearer to 0 or 1 than the true probability. The confidence of the interval
+    is therefore only nominal.
 
     Raises `ValueError` unless 0 ≤ successes ≤ trials and wished_width > 0.
     """
@@ -123,8 +129,9 @@ class Summary:
 
     detector: str
     epochs: int
-    # proportion of detections among all decisions (correlated epochs × satellites). With a signal, this proportion is
-    # the probability of detection; without a signal, this proportion is the probability of a false alarm.
+    # proportion of detections among all decisions (correlated epochs × satellites). With a signal, this proportion
+    # estimates the probability of detection. Without a signal, this proportion estimates the probability of a false
+    # alarm.
     detections: Proportion
     misses: int  # number of decisions without a detection
     cluster: Proportion  # proportion of detections with a range offset in `cluster_m`
@@ -140,9 +147,10 @@ def detectors_of(results: xarray.Dataset) -> tuple[str, ...]:
 
 
 def summarise(results: xarray.Dataset, detector: str = "early") -> Summary:
-    """Return the detections, misses and range offsets of one detector.
+    """Return statistics of the detections, misses and range offsets of one detector.
 
-    Epochs and satellites with NaN as `noise_power` do not count, because they were not correlated.
+    A satellite does not count at epochs with NaN as `noise_power`, because the satellite was not correlated at these
+    epochs.
 
     Raises `ValueError` if the results do not have this detector.
     """
@@ -175,10 +183,10 @@ def summarise(results: xarray.Dataset, detector: str = "early") -> Summary:
 def false_alarms(results: xarray.Dataset, processor: AcasProcessor) -> Proportion:
     """Return the proportion of correlators with noise only that exceed the threshold of the processor.
 
-    Only correlators more than a chip apart are counted, so that the trials are independent. The correlation of the
-    noise of two correlators is a triangle that ends at one chip. A narrow filter makes the triangle slightly wider. If
-    there is a signal, only correlators more than a chip before the line of sight and before any spoofing signal are
-    counted. Reflections arrive later, so these correlators contain noise only.
+    Only correlators more than a chip apart are counted, so that the trials are independent. The correlation between the
+    noise of two correlators is a triangle function of their distance, and is zero beyond one chip. A narrow filter
+    makes the triangle slightly wider. If there is a signal, only correlators more than a chip before the line of sight
+    and before any spoofing signal are counted. Reflections arrive later, so these correlators contain noise only.
     """
     apart = E6_CHIP_M / float(np.min(np.diff(results["tap_offset_m"].values)))
     independent = results.isel(tap=slice(None, None, int(np.floor(apart)) + 1))
@@ -196,12 +204,13 @@ def false_alarms(results: xarray.Dataset, processor: AcasProcessor) -> Proportio
     return proportion(exceeding, trials)
 
 
-# terms of the prediction's error with their signs; a positive error means that E6 arrives later than predicted
+# Terms of the error of the predicted E6 range, with their signs. A positive error means that E6 arrives later than
+# predicted.
 _LATE = (("iono_diff", 1), ("bias", 1), ("e1_noise", -1), ("e1_multipath", -1))
 
 
 def _first_arrival_m(block: xarray.Dataset) -> Float[np.ndarray, "epochs satellites"]:
-    """Return the delay in m, after the prediction, of the earliest signal on E6, which may be a spoofing signal."""
+    """Return the delay in m of the earliest signal on E6, true or spoofed, relative to the predicted E6 range."""
     if "truth_spoofer_offset_m" not in block:
         return np.sum([sign * block[f"truth_{name}_m"].values for name, sign in _LATE], axis=0)
     forged = block["forged"].values[:, None, None]

@@ -1,8 +1,8 @@
 """Count the verdicts of a campaign by status, and count its false alarms.
 
-A verdict is due in an epoch with RECS for each satellite in view. An alarm (`ALARMS`) in such an epoch is false if no
-attack acts. In a campaign with an attack, the epochs before and after the attack give the rate of false alarms.
-NOT_AVAILABLE verdicts do not count as trials, because the receiver made no decision.
+A verdict is due in an epoch with RECS for each satellite in view. A due verdict that is an alarm (`ALARMS`) is a false
+alarm if no attack is active. In a campaign with an attack, the epochs before and after the attack give the rate of
+false alarms. NOT_AVAILABLE verdicts do not count as trials, because the receiver made no decision.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ class VerdictCounts:
 
     @property
     def false_alarms_a_day(self) -> tuple[float, float, float]:
-        """Number of false alarms of one satellite in a day, and the two ends of the confidence interval."""
+        """Number of false alarms of one satellite in a day, then lower and upper end of its confidence interval."""
         rate = self.false_alarms
         return rate.value * self.recs_a_day, rate.low * self.recs_a_day, rate.high * self.recs_a_day
 
 
 def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
-    """Return the number of due verdicts of each status in a campaign."""
+    """Return the number of due verdicts of each status in a campaign, and the proportion of false alarms."""
     due = due_verdicts(results)
     status = results["status"].transpose("epoch", "satellite").values
     attacked = attacked_epochs(results)
@@ -64,7 +64,10 @@ def range_limit_m(results: xarray.Dataset) -> float:
 
 
 def results_digest(results: xarray.Dataset) -> str:
-    """Return the SHA-256 of all names, types and values; the hash does not depend on the chunks of the store."""
+    """Return the SHA-256 of the names, types and values of all variables.
+
+    The hash does not depend on the chunks of the store.
+    """
     digest = hashlib.sha256()
     for name in sorted(map(str, results.variables)):
         values = results[name].values

@@ -1,1 +1,4 @@
-"""The command line of vestige, with a file for each verb. No numeric module is imported before a command runs."""
+"""Define the command line of vestige, with a file for each command.
+
+No numeric module is imported before a command runs.
+"""

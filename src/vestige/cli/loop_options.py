@@ -1,4 +1,4 @@
-"""Options of the tracking loops, which `vestige track`, `vestige process` and `vestige live` share."""
+"""Define the options of the tracking loops, which `vestige track`, `vestige process` and `vestige live` share."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Run a command of vestige, and turn errors into exit codes. No large module is imported before the command runs.
+"""Run a command of vestige, and turn errors into exit codes.
 
-The help of `vestige` lists the exit statuses.
+No large module is imported before the command runs. The help of `vestige` lists the exit statuses.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vestige.cli.terminal import echo, usual_amount, warn, with_common_options
 from vestige.errors import VestigeError, VestigeWarning
 from vestige.own_parts import blamed_on_own_parts
 
-# name of each verb, with the module of its `command` within this package, and one line of help
+# Name of each command, with the module of this package that has the function `command`, and with a line of help
 VERBS = {
     "demo": ("start.demo", "Show in a minute what vestige does, with every command as you would type it."),
     "init": ("start.init", "Write the scenario files that come with vestige into a folder."),
@@ -50,7 +50,10 @@ VERBS = {
 
 
 class _LazyVerbs(click.Group):
-    """A group that imports the module of a verb only when the verb is used; the help lines come from `VERBS`."""
+    """Group of commands that imports the module of a command only when the command is used.
+
+    The lines of help come from `VERBS`.
+    """
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(VERBS)
@@ -89,7 +92,7 @@ def vestige() -> None:
       0    The command has finished. Verdicts do not change this status.
       1    Bad input, a failed verification or lost samples. One line on
            standard error says what was expected, and where.
-      2    Options that do not exist or do not go together. The command
+      2    Options that do not exist or exclude each other. The command
            does not begin.
       3    process and live: the verdicts match the value of --fail-on.
       130  Ctrl-C or SIGTERM. A line says which results are kept.
@@ -100,7 +103,7 @@ def vestige() -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line and exit."""
+    """Run the command that the arguments name, and end the program with the exit status of the command."""
     warnings.showwarning = _one_line
     try:
         with _terminable(), blamed_on_own_parts(), usual_amount():
@@ -111,7 +114,7 @@ def main(arguments: list[str] | None = None) -> None:
         echo(*text.getvalue().rstrip("\n").split("\n"), err=True)
         sys.exit(error.exit_code)
     except click.Abort as abort:
-        # the notes report an interrupted write, so asyncio need not log the interruption, too
+        # The notes of the exception report an interrupted write, so asyncio need not log the interruption.
         logging.getLogger("asyncio").setLevel(logging.CRITICAL)
         echo(f"interrupted{_notes(abort.__cause__)}", err=True)
         sys.exit(130)
@@ -122,7 +125,7 @@ def main(arguments: list[str] | None = None) -> None:
         place = f"{error.filename}: " if error.filename else ""
         echo(f"vestige: {place}{error.strerror or error}{_notes(error)}", err=True)
         sys.exit(1)
-    sys.exit(status or 0)  # status that the command set, as with `--fail-on`; None if it set no status
+    sys.exit(status or 0)  # the status is None if the command set no status, for example without `--fail-on`
 
 
 @contextmanager
@@ -152,7 +155,7 @@ def _one_line(message: Warning | str, category: type[Warning], *_: object, **__:
 
 
 def _notes(error: BaseException | None) -> str:
-    """Return the notes of an error as text. The notes say which work of an interrupted or failed run is kept."""
+    """Return the notes of an error as text; the notes say which work of an interrupted or failed run is kept."""
     return "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
 
 

@@ -1,4 +1,4 @@
-"""Command class whose `--help` shows the options in groups, each below a title."""
+"""Define a command class whose `--help` shows the options in groups, each group below a title."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ _REST = "Other options"
 
 
 class GroupedCommand(click.Command):
-    """A command whose many options are shown in groups.
+    """Command whose `--help` shows the options in groups.
 
-    `groups` names the parameters below each title, in the order in which they are shown. Options without a group come
-    last.
+    `groups` names the parameters below each title, in the order of the help text. Options without a group come last.
     """
 
     def __init__(self, *arguments: Any, groups: Mapping[str, tuple[str, ...]], **attributes: Any) -> None:
@@ -22,7 +21,7 @@ class GroupedCommand(click.Command):
         self.groups = groups
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the options in groups."""
+        """Write the help texts of the options in groups, each group below its title."""
         parameters = {str(one.name): one for one in self.get_params(ctx) if isinstance(one, click.Option)}
         named = {name for names in self.groups.values() for name in names}
         rest = tuple(name for name in parameters if name not in named)

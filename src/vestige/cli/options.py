@@ -1,4 +1,4 @@
-"""Options and types of values that several verbs share."""
+"""Define options that several commands share, and the types of the options' values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def options_together(*options: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a decorator that adds several options to a verb, in the given order."""
+    """Return a decorator that adds several options to a command, in the given order."""
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         for option in reversed(options):
@@ -29,10 +29,10 @@ def options_together(*options: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class FiniteNumber(click.types.FloatParamType):
-    """A number that is neither infinite nor NaN."""
+    """Type of an option whose value is a number that is neither infinite nor NaN."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return a value of the command line as a finite number."""
+        """Return a value of the command line as a number; raise a usage error if the number is infinite or NaN."""
         number = float(super().convert(value, param, ctx))
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number", param, ctx)
@@ -40,7 +40,7 @@ class FiniteNumber(click.types.FloatParamType):
 
 
 class FiniteRange(FiniteNumber, click.FloatRange):
-    """A number between two limits; NaN is refused."""
+    """Type of an option whose value is a finite number between two limits."""
 
     name = "number"
 
@@ -59,15 +59,15 @@ def choice_option(name: str, choices: Sequence[str], **attributes: Any) -> Calla
 
 
 class WidthType(click.ParamType[tuple[float, bool]]):
-    """The width of an interval: `0.01`, or `20%` of the estimate.
+    """Type of an option whose value is the width of an interval, such as `0.01`, or `20%` of the estimate.
 
-    The value is (width, whether the width is relative to the estimate).
+    The option has two values: the width, and whether the width is relative to the estimate.
     """
 
     name = "width"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, bool]:
-        """Return the width, and whether the width is relative."""
+        """Return the width, and whether the width is relative to the estimate."""
         if isinstance(value, tuple):
             return value
         text = str(value).strip()
@@ -85,7 +85,7 @@ def _name_folders(_context: click.Context, _parameter: click.Parameter, folders:
         own_parts_from(folder)
 
 
-# With this option scenarios may name the user's own classes; see `own_parts`
+# With this option, scenarios may name classes that the user wrote; see `own_parts`
 parts_option = click.option(
     "--parts",
     multiple=True,
@@ -100,14 +100,14 @@ DETECTOR_NAMES = ("early", "maximum")
 
 
 def detector_name(_context: click.Context, _parameter: click.Parameter, name: str) -> str:
-    """Return the name of a detector; raise a usage error for a name that is not vestige's and not `module:Name`."""
+    """Return `name` if it is a detector of vestige or has the form `module:Name`; otherwise raise a usage error."""
     if name not in DETECTOR_NAMES and not is_own(name):
         raise click.BadParameter(f"found {name!r}, expected {', '.join(DETECTOR_NAMES)} or module:Name")
     return name
 
 
 def _begun_detectors(_context: click.Context, _parameter: click.Parameter, begun: str) -> list[str]:
-    """Return vestige's detectors for completion with Tab; a detector of the form `module:Name` is not completed."""
+    """Return vestige's detectors that begin with the typed text, for completion with Tab."""
     return [name for name in DETECTOR_NAMES if name.startswith(begun)]
 
 
@@ -142,7 +142,7 @@ scheduler_option = click.option(
 )
 
 
-# Verbs that read an assistance folder have these options; the folder may contain both files
+# Options of commands that read an assistance folder. The folder may contain the public key and the Merkle tree.
 trust_options = options_together(
     *(
         click.option(
@@ -164,7 +164,10 @@ def check_trust(public_key: Path | None, merkle_tree: Path | None) -> None:
 
 
 def time_option(_context: click.Context, _parameter: click.Parameter, text: str | None) -> GalileoTime | None:
-    """Return the time that an option gives, None without the option; raise a usage error if the text is no time."""
+    """Return the time that the text of an option states; None without the option.
+
+    Raises a usage error if the text is no time.
+    """
     from vestige.time import GalileoTime
 
     try:
@@ -184,14 +187,14 @@ def assistance_folder(recording: Path, given: Path | None) -> Path:
 
 
 def cipher_mode(options: Mapping[str, Any]) -> CipherMode:
-    """Return the value of `--cipher-mode`."""
+    """Return the AES mode of RECS that the option `--cipher-mode` states."""
     from vestige.crypto.recs.recs_segment import CipherMode
 
     return CipherMode(options["cipher_mode"])
 
 
 def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
-    """Return the value of `--bgd`."""
+    """Return the meaning of a BGD value that the option `--bgd` states."""
     from vestige.crypto.recs.group_delay import GroupDelayConvention, GroupDelayScale
 
     text = options["bgd"]
@@ -200,11 +203,11 @@ def group_delay_convention(options: Mapping[str, Any]) -> GroupDelayConvention:
 
 
 def threads_option(what: str) -> Callable[..., Any]:
-    """Return the option `-j` of a verb that works on the samples of a recording; `what` is the help text."""
+    """Return the option `-j` of a command that works on the samples of a recording; `what` is the help text."""
     return click.option("-j", "--workers", type=click.IntRange(1, 1024), default=2, help=what)
 
 
-# The service has not published the AES mode and the meaning of a BGD value, so the user chooses both by options
+# The service has not published the AES mode and the meaning of a BGD value, so two options choose mode and meaning.
 cipher_mode_option = click.option(
     "--cipher-mode",
     type=click.Choice(["cbc", "ctr"]),
@@ -221,9 +224,9 @@ group_delay_option = click.option(
 
 
 def parse_svids(text: str) -> tuple[int, ...]:
-    """Return the satellites of a text such as `2,3,7-9`; () for an empty text.
+    """Return the numbers of the satellites that a text such as `2,3,7-9` lists; () for an empty text.
 
-    Raises a usage error for a satellite that does not exist.
+    Raises a usage error for a text of another form, or for a satellite that does not exist.
     """
     from vestige.constants import MAX_SVID
 

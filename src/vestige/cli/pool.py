@@ -1,4 +1,4 @@
-"""Executors for the work of a command: threads or processes of this machine, or a cluster."""
+"""Provide an executor for the work of a command: threads or processes of this machine, or a cluster."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ def pool(
 ) -> Iterator[tuple[Executor, int]]:
     """Yield an executor and the number of calls that it runs at the same time.
 
-    On this machine the number is `workers`, by default 1. `threads` is True for threads and False for processes; with
-    None the number of workers decides. `scheduler` is the address of a cluster's scheduler; the cluster is then used in
-    place of this machine. `preload` names modules that worker processes need, as in `local_executor`.
+    On this machine the number is `workers`, by default 1. `threads` is True for threads and False for processes. If
+    `threads` is None, up to `MAX_THREADS` workers are threads, and more workers are processes. If `scheduler` is the
+    address of a cluster's scheduler, the calls run on the cluster. `preload` names modules that worker processes need,
+    as in `local_executor`.
     """
     if scheduler is not None:
         from vestige.campaign.execution.cluster import connect

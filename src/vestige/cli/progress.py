@@ -1,4 +1,4 @@
-"""Progress of long work on stderr: a bar at a terminal, otherwise a line for each step and each half minute.
+"""Show the progress of long work on stderr: a bar on a terminal, otherwise a line for each step and each half minute.
 
 With `--quiet` no progress is printed. With `-v` the time that each step took is printed.
 """
@@ -25,7 +25,7 @@ ProgressReport = Callable[[str, int, int], None]
 
 @contextmanager
 def progress() -> Iterator[ProgressReport]:
-    """Yield `report(step, done, total)`, which may be called at any rate during the work."""
+    """Yield a function `report(step, done, total)` that shows progress, and may be called at any rate."""
     with _step_times() as begin, _shown_progress() as show:
 
         def report(step: str, done: int, total: int) -> None:
@@ -47,7 +47,10 @@ def _shown_progress() -> Iterator[ProgressReport]:
 
 @contextmanager
 def _step_times() -> Iterator[Callable[[str], None]]:
-    """Yield `begin(step)`, which starts the time of a step; the next step or the exit of the context ends the time."""
+    """Yield a function `begin(step)` that starts to measure the duration of a step.
+
+    The next step or the exit of the context ends the measurement, and `-v` prints the duration.
+    """
     step, begin_s = "", 0.0
 
     def end() -> None:
@@ -93,7 +96,8 @@ def _bar() -> Iterator[ProgressReport]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    # On a terminal, results that are printed meanwhile appear above the bar. Results for a file must not go to stderr.
+    # rich redirects results for a terminal, so that these results appear above the bar. Results for a file must not go
+    # to stderr.
     console, above = Console(stderr=True), sys.stdout.isatty()
     with Progress(*columns, console=console, transient=True, redirect_stdout=above) as bar:
         tasks: dict[str, TaskID] = {}
@@ -108,7 +112,7 @@ def _bar() -> Iterator[ProgressReport]:
 
 @contextmanager
 def campaign_progress() -> Iterator[Callable[[str, RunProgress], None]]:
-    """Yield `report(name, progress)`, which shows rate and remaining time of the campaign that runs now."""
+    """Yield a function `report(name, progress)` that shows rate and remaining time of a running campaign."""
     with _step_times() as begin, _shown_campaign() as show:
 
         def report(name: str, now: RunProgress) -> None:
@@ -158,7 +162,7 @@ def _campaign_bar() -> Iterator[Callable[[str, RunProgress], None]]:
 
 
 def _pace(now: RunProgress) -> str:
-    """Return rate and remaining time as text; the text is "starting" as long as the rate is not known."""
+    """Return rate and remaining time of a run as text; the text is "starting" as long as the rate is not known."""
     if now.rate_epochs_per_s != now.rate_epochs_per_s:
         return "starting"
     return f"{now.rate_epochs_per_s:.0f} epochs/s, {_duration(now.remaining_s)} left"

@@ -22,11 +22,11 @@ class Amount(Enum):
 
     QUIET = auto()  # at most one line about warnings
     USUAL = auto()  # warnings, notes and progress
-    DETAILED = auto()  # also details: each file read, thresholds, the time of each stage
+    DETAILED = auto()  # the usual text, and details: each file read, thresholds, the time of each stage
 
 
 class _Terminal(logging.Handler):
-    """Amount of text that the terminal shows, and the handler of log messages."""
+    """Handler that prints log messages as details, and that keeps the amount of text for the terminal."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
@@ -49,7 +49,7 @@ def echo(*lines: object, err: bool = False, nl: bool = True) -> None:
 
 
 def warn(line: object) -> None:
-    """Print a warning on standard error. With `--quiet`, one line at the end replaces all warnings."""
+    """Print a warning on standard error; with `--quiet`, one line at the end replaces all warnings."""
     if is_quiet():
         _terminal.n_unsaid += 1
         _terminal.first_unsaid = _terminal.first_unsaid or str(line)
@@ -64,7 +64,7 @@ def note(*lines: object) -> None:
 
 
 def detail(line: object) -> None:
-    """With `-v`, print the time since the command began and a line on standard error."""
+    """Print a line of details with the time since the command began on standard error, if `-v` is given."""
     if is_detailed():
         echo(f"{time.monotonic() - _terminal.began_s:8.2f} s  {line}", err=True)
 
@@ -138,7 +138,7 @@ def with_common_options(command: click.Command) -> click.Command:
 
 
 def raise_last(errors: Sequence[Exception]) -> None:
-    """Raise the last error of `errors`, and print the earlier errors. Without errors, do nothing."""
+    """Print all errors of `errors` except the last error, and raise the last error; without errors, do nothing."""
     for earlier in errors[:-1]:
         echo(f"vestige: {earlier}", err=True)
     if errors:

@@ -1,4 +1,4 @@
-"""Options for the reference values of a receiver: power, C/N0, errors of E1 ranges, and accepted false alarms a day.
+"""Define options for the reference values of a receiver: power, C/N0, E1 range errors, and accepted false alarms.
 
 If a power or a C/N0 is not stated, the receiver learns the value from RECS without an alarm.
 """
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vestige.navigation.ephemeris import Ephemeris
 
 
-# Reference values of the checks, and the accepted rate of false alarms
+# options for the reference values of the checks, and for the accepted number of false alarms a day
 usual_level_options = options_together(
     *(
         number_option(
@@ -84,9 +84,10 @@ usual_level_options = options_together(
 
 
 def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
-    """Return the reference levels that the options state. The receiver learns the other levels.
+    """Return the reference levels that the options state; the receiver learns levels that are not stated.
 
-    Raises `click.UsageError` if only one C/N0 is given, or if `--cn0-fall-db` is given without both C/N0.
+    Raises `click.UsageError` if the C/N0 of only one band is given, or if `--cn0-fall-db` is given without the C/N0 of
+    E1 and E6.
     """
     from vestige.acas_processor.monitoring.baseline import Antenna, ReferenceLevels
 
@@ -156,9 +157,9 @@ def approximate_position(options: dict[str, Any]) -> ApproximatePosition | None:
 
 
 def pseudorange_errors(options: dict[str, Any]) -> PseudorangeErrors:
-    """Return the standard deviations of E1 ranges that the options state.
+    """Return the standard deviations of the errors of E1 ranges that the options state.
 
-    Raises `click.UsageError` if the floor is 0.
+    Raises `click.UsageError` if `--floor-sigma-m` is 0.
     """
     from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
 

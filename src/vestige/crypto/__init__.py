@@ -1,1 +1,1 @@
-"""File formats and cryptography of OSNMA messages, keys, RECS and group delays. The package does not read samples."""
+"""Read, write and verify OSNMA messages, keys, RECS and group delays; this package does not read samples."""

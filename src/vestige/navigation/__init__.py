@@ -1,1 +1,1 @@
-"""Positions of satellites and receiver: broadcast orbits and clocks, position fix, RAIM."""
+"""Compute positions of satellites and receiver, and check pseudoranges by RAIM."""

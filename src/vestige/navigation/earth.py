@@ -1,4 +1,4 @@
-"""The rotating Earth: Earth-centred, Earth-fixed (ECEF), geodetic and local coordinates.
+"""Convert between Earth-centred, Earth-fixed (ECEF), geodetic and local coordinates of the rotating Earth.
 
 Positions are ECEF in the Galileo Terrestrial Reference Frame (GTRF), in m. Latitude and height refer to the WGS 84
 ellipsoid, which differs from the GTRF ellipsoid by 0.1 mm. Local axes are east, north, up. Azimuth is counted from
@@ -18,13 +18,13 @@ FLATTENING = 1 / 298.257223563  # f [WGS84]
 _SEMI_MINOR_AXIS_M = SEMI_MAJOR_AXIS_M * (1 - FLATTENING)
 _E2 = FLATTENING * (2 - FLATTENING)  # first eccentricity squared
 _SECOND_E2 = _E2 / (1 - _E2)
-_BOWRING_STEPS = 4  # keeps the latitude error below 1e-15 rad from the ground to beyond Galileo's orbit
+_BOWRING_STEPS = 4  # 4 steps keep the latitude error below 1e-15 rad from the ground to beyond Galileo's orbit
 
 
 def ecef_from_geodetic(
     latitude_rad: Float[np.ndarray, " n"], longitude_rad: Float[np.ndarray, " n"], height_m: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Return ECEF positions in m.
+    """Return the ECEF positions in m of points with geodetic coordinates.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def ecef_from_geodetic(
 def geodetic_from_ecef(
     position_m: Float[np.ndarray, "n 3"],
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return latitude and longitude in rad and height in m, by Bowring's iteration.
+    """Return geodetic latitude and longitude in rad and height in m of ECEF positions, by Bowring's iteration.
 
     The iteration is valid from 100 km above the Earth's centre on. Latitude and height are exact at the poles too.
 
@@ -83,7 +83,10 @@ def local_axes(
 
 
 def local_axes_at(position_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Return the local axes (rows east, north, up) at ECEF positions. Equal positions are computed once."""
+    """Return the local axes (rows east, north, up) at ECEF positions.
+
+    If all positions are equal, the axes are computed only once.
+    """
     if position_m.ndim == 2 and position_m.shape[0] > 1 and np.array_equal(position_m[1:], position_m[:-1]):
         return np.repeat(local_axes_at(position_m[:1]), position_m.shape[0], axis=0)
     latitude, longitude, _ = geodetic_from_ecef(position_m)

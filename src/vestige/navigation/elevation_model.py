@@ -1,4 +1,4 @@
-"""Elevation model: multipath power, and obliquity of the path through the ionosphere.
+"""Compute the multipath power and the obliquity of the path through the ionosphere from the elevation.
 
 The multipath power in dB falls linearly from −14 dB at 5° to −18 dB at 30°, and is −22 dB above 30°. At 16.25° the
 power is −15.8 dB, as in the paper. The ionosphere is a thin shell at the height h = 350 km, with the obliquity
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 _EARTH_M, _SHELL_M = 6_371_000.0, 350_000.0
-REFERENCE_OBLIQUITY_DEG = 17.5  # middle elevation of the ionosphere presets
+REFERENCE_OBLIQUITY_DEG = 17.5  # middle of 5 to 30°, the elevations of the ionosphere presets
 LOWEST_DEG, HIGH_DEG = 5.0, 30.0
 MULTIPATH_DB = (-14.0, -18.0)  # multipath power at LOWEST_DEG and at HIGH_DEG
 OPEN_SKY_DB = -22.0
@@ -20,13 +20,13 @@ _GRID_DEG = np.arange(0.0, 90.5, 0.5)
 
 
 def multipath_power_db(elevation_deg: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return the mean power of all reflections over the direct signal in dB."""
+    """Return the mean power in dB of all reflections together, relative to the power of the direct signal."""
     low_db = np.interp(elevation_deg, [LOWEST_DEG, HIGH_DEG], MULTIPATH_DB)
     return np.where(np.asarray(elevation_deg) > HIGH_DEG, OPEN_SKY_DB, low_db)
 
 
 def relative_ray_amplitude(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return the amplitude of reflections over the amplitude at −15.8 dB; 1 where the elevation is unknown."""
+    """Return the amplitude of reflections relative to the amplitude at −15.8 dB, and 1 where the elevation is NaN."""
     degrees = np.degrees(np.where(np.isfinite(elevation_rad), elevation_rad, 0.0))
     power_db = multipath_power_db(np.maximum(_GRID_DEG, LOWEST_DEG))
     place = np.clip(np.round(degrees * 2), 0, power_db.size - 1).astype(np.int64)
@@ -35,7 +35,10 @@ def relative_ray_amplitude(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.n
 
 
 def obliquity(elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Return the obliquity M(e) over M(17.5°). Elevations below the horizon count as 0°."""
+    """Return the ratio M(e)/M(17.5°) of the obliquities at the elevation e and at 17.5°.
+
+    Elevations below the horizon count as 0°.
+    """
     return _mapping(elevation_rad) / _mapping(np.radians(np.array([REFERENCE_OBLIQUITY_DEG])))
 
 

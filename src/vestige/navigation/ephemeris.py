@@ -1,4 +1,4 @@
-"""The broadcast ephemeris of a Galileo satellite, and the choice of the ephemeris for a time.
+"""Define the broadcast ephemeris of a Galileo satellite, and choose the ephemeris for a time.
 
 An ephemeris has the fields of the I/NAV words [OS-ICD, 4.3.5], with angles in rad instead of semicircles.
 `vestige.navigation.inav.ephemeris_words` reads and writes the words.
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from vestige.time import GalileoTime
 
 NO_ACCURACY = float("nan")  # SISA "no accuracy prediction available" [OS-ICD, SISA]
-FIT_INTERVAL_S = 4 * 3600.0  # longest use of an ephemeris after its toe [OS-SDD]
+FIT_INTERVAL_S = 4 * 3600.0  # largest time in s between toe and the use of an ephemeris [OS-SDD]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,11 +22,11 @@ class Ephemeris:
     Attributes
     ----------
     iod_nav
-        Issue of data.
+        Issue number of the ephemeris (IODnav).
     toe, toc
         Times to which orbit and clock refer.
     sqrt_a
-        √A, the root of the semi-major axis, in √m.
+        √A, the square root of the semi-major axis, in √m.
     eccentricity
         Eccentricity e.
     m0_rad, delta_n_radps
@@ -38,11 +38,11 @@ class Ephemeris:
     omega_rad
         ω, argument of perigee.
     cuc_rad, cus_rad, crc_m, crs_m, cic_rad, cis_rad
-        Second harmonics of argument of latitude, radius and inclination.
+        Cosine and sine amplitudes of the corrections to argument of latitude, radius and inclination.
     af0_s, af1, af2_per_s
-        Clock polynomial about toc, of the pair (E1, E5b).
+        Coefficients of the polynomial in time after toc that gives the clock error for the signal pair (E1, E5b).
     bgd_e1_e5a_s, bgd_e1_e5b_s
-        Broadcast group delays of the pairs (E1, E5a) and (E1, E5b).
+        Broadcast group delays of the signal pairs (E1, E5a) and (E1, E5b).
     sisa_m
         Predicted signal-in-space accuracy in m, NaN without a prediction.
     e1b_health
@@ -81,7 +81,7 @@ class Ephemeris:
 
     @property
     def healthy(self) -> bool:
-        """Whether E1-B may be used: signal OK and data valid."""
+        """Whether the status of E1-B is OK and its data are valid, so that E1-B may be used."""
         return self.e1b_health == 0 and self.e1b_data_valid
 
 
@@ -91,7 +91,8 @@ def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> 
     Parameters
     ----------
     ephemerides
-        Ephemerides of any satellites, in any order. The later of two equally near ephemerides is used.
+        Ephemerides of any satellites, in any order. If the toes of two ephemerides are equally near, the second of the
+        two ephemerides is used.
     time
         Time at which the ephemerides are used.
     """
@@ -104,7 +105,7 @@ def nearest_ephemerides(ephemerides: Iterable[Ephemeris], time: GalileoTime) -> 
 
 
 def why_no_orbits(ephemerides: Iterable[Ephemeris], time: GalileoTime, needed: int) -> str | None:
-    """Return the reason why fewer than `needed` satellites have an ephemeris for a time; None without such a reason.
+    """Return why fewer than `needed` satellites have an ephemeris for a time; None if there are enough satellites.
 
     Parameters
     ----------

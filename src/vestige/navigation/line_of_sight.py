@@ -1,9 +1,9 @@
-"""Line of sight from a satellite to a receiver at times of reception: range, derivatives of the range, and direction.
+"""Compute the range from a satellite to a receiver, the derivatives of the range, and the direction to the satellite.
 
 Theory of operation
 -------------------
-The frame is at rest in space and coincides with ECEF at reception. With r the receiver, s the satellite and τ the
-travel time,
+The frame is at rest in space and coincides with ECEF at reception. r is the position of the receiver, s is the position
+of the satellite, and τ is the travel time:
 
     d = r(t) − s(t − τ),   ρ = |d| = c τ,   u = d/ρ
     ρ̇ = u·(ṙ − ṡ) / (1 − u·ṡ/c)                                        exact: s is taken at t − τ, and τ changes too
@@ -27,7 +27,7 @@ from vestige.navigation.orbit import satellite_position, satellite_state
 from vestige.time import GalileoTime
 
 _TYPICAL_FLIGHT_S = 0.08
-_LIGHT_TIME_STEPS = 3  # each step multiplies the error by ρ̇/c < 3e-6, from 0.02 s to 60 ns, 0.2 ps and 0
+_LIGHT_TIME_STEPS = 3  # each step multiplies the error by ρ̇/c < 3e-6, so 0.02 s becomes 60 ns, 0.2 ps and 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,12 +46,13 @@ class LineOfSight:
     Attributes
     ----------
     range_m, rate_mps, acceleration_mps2
-        Geometric range along the light's path and its derivatives, positive when the range grows.
+        Geometric range in m along the light's path, and its first and second derivatives, positive when the range
+        grows.
     azimuth_rad, elevation_rad
-        Direction to the satellite.
+        Azimuth and elevation of the satellite in rad.
     satellite_clock_m, satellite_clock_mps
-        c times the satellite clock's error on E1 at transmission, and its rate. A positive error shortens the
-        pseudorange.
+        Error of the satellite clock on E1 at transmission, times c, in m, and the rate of this product in m/s. A
+        positive error shortens the pseudorange.
     """
 
     range_m: Float[np.ndarray, " n"]
@@ -73,7 +74,7 @@ def line_of_sight(
     ephemeris
         Orbit and clock of the satellite, which are assumed to be true.
     start, elapsed_s
-        Times of reception.
+        Times of reception `start` + `elapsed_s` in system time.
     receiver
         Motion of the receiver at the times of reception.
     """
@@ -107,7 +108,7 @@ def line_of_sight(
 def range_less_clock_m(
     ephemeris: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], receiver: ReceiverMotion
 ) -> Float[np.ndarray, " n"]:
-    """Return `range_m` minus `satellite_clock_m` of `line_of_sight`, in half the computing time."""
+    """Return `range_m` − `satellite_clock_m` of `line_of_sight`, in half the computing time of `line_of_sight`."""
     flight_s = _flight_s(ephemeris, start, elapsed_s, receiver)
     position_m, clock_s = satellite_position(ephemeris, start, elapsed_s - flight_s)
     return _length(receiver.position_m - turned_with_earth(position_m, flight_s)) - SPEED_OF_LIGHT_MPS * clock_s
@@ -129,7 +130,7 @@ def at_rest_in_space(
     velocity_mps: Float[np.ndarray, "*n 3"],
     acceleration_mps2: Float[np.ndarray, "*n 3"],
 ) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n 3"]]:
-    """Return position, velocity and acceleration in the frame at rest that now coincides with the rotating frame."""
+    """Return position, velocity and acceleration in the frame at rest that momentarily coincides with ECEF."""
     carried = carried_by_earth(position_m)
     coriolis = 2 * carried_by_earth(velocity_mps)
     return position_m, velocity_mps + carried, acceleration_mps2 + coriolis + carried_by_earth(carried)

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from datetime import datetime
 
 TALKER = "GA"
-_MAX_SATELLITES = 12  # largest number in the field of GGA
-_ROUNDED = 5  # decimals of minutes, for steps of 2 cm
+_MAX_SATELLITES = 12  # largest number of satellites that GGA can state
+_ROUNDED = 5  # decimals of the minutes of an angle; a step of the last decimal is 2 cm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NmeaFix:
-    """A position that is a valid fix.
+    """An authentic position, which the sentences state as a valid fix.
 
     Attributes
     ----------
@@ -36,12 +36,12 @@ class NmeaFix:
 
 
 def sentences(utc: datetime, fix: NmeaFix | None) -> tuple[str, str]:
-    """Return GGA and RMC for one time, without line ends.
+    """Return the sentences GGA and RMC for a time, without line ends.
 
-    Without a model of the geoid the altitude is the height over the ellipsoid, and the geoid separation is 0. So the
-    sum of altitude and separation is right. Dilution of precision, speed and course are empty. RMC ends with the mode,
-    as before NMEA 0183 4.1. A navigational status after the mode could only be V (not provided), and readers such as
-    pynmea2 take V as no fix.
+    Without a model of the geoid the altitude is the height over the ellipsoid, and the geoid separation is 0. The sum
+    of altitude and separation is therefore the true height over the ellipsoid. Dilution of precision, speed and course
+    are empty. RMC ends with the mode, as before NMEA 0183 4.1. A navigational status after the mode could only be V
+    (not provided), and readers such as pynmea2 take V as no fix.
 
     Parameters
     ----------

@@ -1,9 +1,11 @@
-"""Compute the ionospheric delay in closed form from Galileo's broadcast coefficients: NTCM-G [NTCM-G].
+"""Compute the ionospheric delay from Galileo's broadcast coefficients by the closed formulas of NTCM-G [NTCM-G].
 
-The European Commission publishes NTCM-G as an alternative to NeQuick-G for receivers. NTCM-G uses the same three
-coefficients of word 5, and 12 coefficients of its own in place of NeQuick's profile. The vertical electron content is
-computed at the pierce point of a shell at 450 km. The content is a product of five factors: local time and season,
-year, geomagnetic latitude, equatorial anomalies, and solar activity. A mapping function gives the slant content.
+The European Commission publishes NTCM-G as an alternative to NeQuick-G for receivers. NTCM-G uses the three
+coefficients of word 5, as NeQuick-G does, and 12 coefficients of its own in place of NeQuick's profile. The vertical
+electron content is computed at the point where the line of sight pierces a shell at 450 km. The vertical electron
+content is a product of five factors. The factors depend on local time and season, day of the year, geomagnetic
+latitude, equatorial anomalies, and solar activity. A mapping function converts the vertical electron content to the
+slant electron content.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ _DEFAULT_ACTIVITY = 63.7  # solar activity in sfu if the message has no coeffici
 _LOCAL_TIME = (0.92519, 0.16951, 0.00443, 0.06626, 0.00899)
 _YEAR = (0.21289, -0.15414)
 _GEOMAGNETIC = -0.38439
-_CRESTS = ((1.14023, 16.0, 12.0), (1.20556, -10.0, 13.0))  # strength, geomagnetic latitude and width in degrees
+# strength of each crest of the equatorial anomaly, and its geomagnetic latitude and width in degrees
+_CRESTS = ((1.14023, 16.0, 12.0), (1.20556, -10.0, 13.0))
 _ACTIVITY = (1.41808, 0.13985)
 
 
@@ -39,15 +42,16 @@ def ntcm_slant_tecu(
     Parameters
     ----------
     ionosphere
-        Coefficients of word 5. If all coefficients are zero, 63.7 sfu is used. The disturbance flags are not used.
+        Coefficients of word 5. If all coefficients are zero, the solar activity is taken as 63.7 sfu. The disturbance
+        flags are not used.
     day_of_year
         Day of the year, 1 to 366.
     ut_hours
         Universal time in hours. Whole days may be added.
     latitude_rad, longitude_rad
-        Position of the receiver.
+        Latitude and longitude of the receiver in rad.
     azimuth_rad, elevation_rad
-        Direction to the satellite. Below the horizon the elevation counts as 0.
+        Azimuth and elevation of the satellite in rad. A negative elevation counts as 0.
 
     Examples
     --------
@@ -72,7 +76,8 @@ def ntcm_slant_tecu(
 def delay_e1_m(slant_tecu: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the delay of the code on E1 in m for a slant electron content.
 
-    The carrier is advanced by the same amount. On E6 delay and advance are `constants.GAMMA_E1_E6` times larger.
+    The carrier on E1 is advanced by as much as the code is delayed. On E6 delay and advance are `constants.GAMMA_E1_E6`
+    times larger.
 
     Examples
     --------
@@ -88,7 +93,7 @@ def _pierce_point(
     azimuth_rad: Float[np.ndarray, " n"],
     elevation_rad: Float[np.ndarray, " n"],
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return latitude and longitude in rad of the pierce point of the line of sight through the shell."""
+    """Return latitude and longitude in rad of the point where the line of sight pierces the shell at 450 km."""
     angle = np.pi / 2 - elevation_rad - np.arcsin(_EARTH_M / (_EARTH_M + _SHELL_M) * np.cos(elevation_rad))
     latitude = np.arcsin(
         np.sin(latitude_rad) * np.cos(angle) + np.cos(latitude_rad) * np.sin(angle) * np.cos(azimuth_rad)
@@ -100,7 +105,7 @@ def _pierce_point(
 def _of_local_time(
     local_hours: Float[np.ndarray, " n"], latitude: Float[np.ndarray, " n"], day_of_year: int
 ) -> Float[np.ndarray, " n"]:
-    """Return F1, the factor of the sun's elevation and of waves with periods of 24, 12 and 8 hours."""
+    """Return F1, the factor of local time and season, with the sun's elevation and waves of 24, 12 and 8 hours."""
     declination = np.radians(23.44) * np.sin(np.radians(0.9856 * (day_of_year - 80.7)))
     height = np.cos(latitude - declination)
     day, half, third = (

@@ -1,13 +1,13 @@
-"""Satellite position, velocity, acceleration and clock from a broadcast ephemeris [OS-ICD, 5.1.1, 5.1.3].
+"""Compute position, velocity, acceleration and clock of a satellite from its ephemeris [OS-ICD, 5.1.1, 5.1.3].
 
     E − e sin E = M0 + (√(μ/A³) + Δn) t,   t = time − toe           Kepler's equation, by Newton's method
     φ = ν + ω,   ν from E                                           argument of latitude
-    u = φ + Cus sin 2φ + Cuc cos 2φ                                 r and i have such corrections, too
+    u = φ + Cus sin 2φ + Cuc cos 2φ                                 r and i are corrected in the same way
     Ω = Ω0 + (Ω̇ − ω_E) t − ω_E · (toe's second of the week)         longitude of the node
     x = R_z(Ω) R_x(i) (r cos u, r sin u, 0)
 
-Velocity and acceleration are the exact derivatives of these equations in the rotating frame. The clock error for a user
-of the pair (E1, E5b) is
+Velocity and acceleration are the exact derivatives of the equations above in the rotating frame. The clock error for a
+user of the pair (E1, E5b) is
 
     Δt = af0 + af1 t_c + af2 t_c² + F e √A sin E,   t_c = time − toc,   F = −2√μ/c²    [OS-ICD, 5.1.4]
 
@@ -30,9 +30,9 @@ from vestige.time import GalileoTime
 RELATIVITY_S_PER_SQRT_M = (
     -2 * np.sqrt(GRAVITATION_M3PS2) / SPEED_OF_LIGHT_MPS**2
 )  # F = −4.442807309e-10 [OS-ICD, 5.1.4]
-_NEWTON_STEPS = 10  # 4 steps are enough for the e < 0.01 of Galileo, and 10 steps up to e = 0.9
+_NEWTON_STEPS = 10  # 4 steps are enough for Galileo with e < 0.01, and 10 steps for e up to 0.9
 
-_Curve = tuple[Float[np.ndarray, " n"], ...]  # the value, or the value and two derivatives
+_Curve = tuple[Float[np.ndarray, " n"], ...]  # value of a quantity, with or without its first two derivatives
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class SatelliteState:
     Attributes
     ----------
     position_m, velocity_mps, acceleration_mps2
-        ECEF coordinates.
+        Position in m, velocity in m/s and acceleration in m/s² in ECEF coordinates.
     clock_s, clock_drift
         Satellite clock minus system time in s, for a user of E1 alone, and rate of this difference in s/s.
     """
@@ -113,7 +113,7 @@ def satellite_position(
 
 
 def _clock_s(orbit: Ephemeris, t: Float[np.ndarray, " n"], sine: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the error of the satellite clock at the times `t` after toc. `sine` is sin E."""
+    """Return the error of the satellite clock in s at the times `t` in s after toc. `sine` is sin E."""
     aging = (orbit.af1 + orbit.af2_per_s * t) * t
     return orbit.af0_s + aging + _relativity_s(orbit) * sine - orbit.bgd_e1_e5b_s
 
@@ -125,7 +125,7 @@ def _relativity_s(orbit: Ephemeris) -> float:
 def _orbit(
     orbit: Ephemeris, start: GalileoTime, elapsed_s: Float[np.ndarray, " n"], *, derivatives: bool
 ) -> tuple[tuple[Float[np.ndarray, "n 3"], ...], tuple[Float[np.ndarray, " n"], ...]]:
-    """Return the position with or without its two derivatives, and return sin E, cos E and the derivative of E."""
+    """Return the position, with or without its first two derivatives, and sin E, cos E and the derivative of E."""
     t = (start - orbit.toe) + elapsed_s
     axis, e = orbit.sqrt_a**2, orbit.eccentricity
     motion = np.sqrt(GRAVITATION_M3PS2 / axis**3) + orbit.delta_n_radps
@@ -155,7 +155,7 @@ def _orbit(
 
 
 def _harmonic(sine_term: float, cosine_term: float, angle: _Curve, twice: _Curve) -> _Curve:
-    """Return S sin 2φ + C cos 2φ and its derivatives. `twice` is sin 2φ and cos 2φ."""
+    """Return S sin 2φ + C cos 2φ, with derivatives if `angle` has derivatives. `twice` is sin 2φ and cos 2φ."""
     sine, cosine = twice
     value = sine_term * sine + cosine_term * cosine
     if len(angle) == 1:
@@ -175,7 +175,7 @@ def _product(a: _Curve, b: _Curve) -> _Curve:
 
 
 def _circle(angle: _Curve) -> tuple[_Curve, _Curve]:
-    """Return cosine and sine of an angle."""
+    """Return cosine and sine of an angle, with derivatives if `angle` has derivatives."""
     cosine, sine = np.cos(angle[0]), np.sin(angle[0])
     if len(angle) == 1:
         return (cosine,), (sine,)
@@ -187,20 +187,20 @@ def _circle(angle: _Curve) -> tuple[_Curve, _Curve]:
 
 
 def _polar(radius: _Curve, angle: _Curve) -> tuple[_Curve, _Curve]:
-    """Return the point in the orbital plane."""
+    """Return the two coordinates in the orbital plane of a point with a given radius and angle."""
     cosine, sine = _circle(angle)
     return _product(radius, cosine), _product(radius, sine)
 
 
 def _tilted(plane: tuple[_Curve, _Curve], inclination: _Curve) -> tuple[_Curve, _Curve, _Curve]:
-    """Return the point rotated about the line of nodes."""
+    """Return the three coordinates of a point of the orbital plane, which is rotated about the line of nodes."""
     x, y = plane
     cosine, sine = _circle(inclination)
     return x, _product(y, cosine), _product(y, sine)
 
 
 def _turned(x: _Curve, y: _Curve, z: _Curve, angle: _Curve) -> tuple[Float[np.ndarray, "n 3"], ...]:
-    """Return the point rotated about the Earth's axis, with its derivatives."""
+    """Return the coordinates of a point, and their derivatives, after a rotation by `angle` about the Earth's axis."""
     cosine, sine = _circle(angle)
     minus_sine = tuple(-one for one in sine)
     east = _sum(_product(x, cosine), _product(y, minus_sine))

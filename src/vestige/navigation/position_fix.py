@@ -3,23 +3,24 @@
 Theory of operation
 -------------------
 A signal with pseudorange P at the receiver's clock time t left the satellite at t − P/c on the satellite's own clock.
-So the satellite's state at transmission needs no iteration. With s the satellite's position at transmission, rotated
-with the Earth during the travel time,
+So the satellite's state at transmission needs no iteration. Let s be the satellite's position at transmission, rotated
+with the Earth during the travel time. The equation
 
     P + c Δt_sat − corrections = |s − r| + b + error
 
-is linearised in (r, b) and solved by Gauss–Newton from the Earth's centre. W contains the weights 1/σ²:
+is linearised in the receiver's position r and clock error b, and solved by Gauss–Newton steps from the Earth's centre.
+W contains the weights 1/σ²:
 
     x ← x + (HᵀWH)⁻¹HᵀW y,   H = [−(s − r)/|s − r|, 1]
 
-The errors of satellites may have a common part c cᵀ in addition to the diagonal. An example is the ionosphere above a
-receiver, with c the obliquity. A common part that is equal for all satellites affects only the clock. A common part
-that grows towards the horizon affects height and clock, and appears in no residual. W does not contain the common part,
-but the covariance does: with S = (HᵀWH)⁻¹HᵀW and σ² = 1/w,
+The errors of satellites may have a common part c cᵀ in addition to the diagonal. An example is the error of the
+ionosphere above a receiver, for which c is proportional to the obliquity. A common part that is equal for all
+satellites affects only the clock. A common part that grows towards the horizon affects height and clock, and appears in
+no residual. W does not contain the common part, but the covariance does: with S = (HᵀWH)⁻¹HᵀW and σ² = 1/w,
 
     P = S (diag(σ² − c²) + c cᵀ) Sᵀ
 
-The range rate is linear in velocity and drift, with the same matrix up to the factor 1/(1 − u·ṡ/c).
+The range rate is linear in velocity and drift, with the matrix H up to the factor 1/(1 − u·ṡ/c).
 
 The first axis of arrays is the epoch, and the second axis is the satellite. NaN means that a satellite was not
 measured.
@@ -42,20 +43,21 @@ from vestige.time import GalileoTime
 UNKNOWNS = 4  # position and clock of one system
 _STEPS = 12  # largest number of steps; 6 steps are enough from the Earth's centre
 _SETTLED_M = 1e-4
-# limit of the smallest over the largest eigenvalue of HᵀH; a geometry with a DOP of 10⁴ has 1e-8
+# Ratio of the smallest to the largest eigenvalue of HᵀH below which a geometry counts as singular. A geometry with a
+# DOP of 10⁴ has the ratio 1e-8.
 _SINGULAR = 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transmission:
-    """States of m satellites at the transmission of the signals of n epochs; NaN for signals that were not received.
+    """States of m satellites when they transmitted the signals of n epochs; NaN for signals that were not received.
 
     Attributes
     ----------
     position_m, velocity_mps
         ECEF coordinates at the time of transmission.
     clock_m, clock_mps
-        c times the satellite clock's error on E1, and its rate.
+        Error of the satellite clock on E1, times c, in m, and the rate of this product in m/s.
     """
 
     position_m: Float[np.ndarray, "n m 3"]
@@ -71,7 +73,7 @@ class Fix:
     Attributes
     ----------
     position_m, clock_m
-        ECEF position, and c times the receiver clock's error, positive if the clock is ahead.
+        ECEF position in m, and c times the receiver clock's error in m, positive if the clock is ahead.
     covariance_m2
         Covariance P of (x, y, z, clock) in ECEF. The covariance is valid if the errors have the σ of the weights and
         are independent apart from the common part.
@@ -80,9 +82,9 @@ class Fix:
     geometry
         Matrix H, with rows of zeros for unused satellites.
     weight
-        1/σ² in 1/m²; 0 for unused satellites.
+        Weights 1/σ² in 1/m²; 0 for unused satellites.
     n_used
-        Number of satellites used.
+        Number of satellites that the fix uses.
     """
 
     position_m: Float[np.ndarray, "n 3"]
@@ -105,12 +107,12 @@ def transmission(
     elapsed_s: Float[np.ndarray, " n"],
     pseudorange_m: Float[np.ndarray, "n m"],
 ) -> Transmission:
-    """Return the states of the satellites at the transmission of the received signals.
+    """Return the states of the satellites when they transmitted the received signals.
 
     Parameters
     ----------
     ephemerides
-        One ephemeris for each column.
+        One ephemeris for each column of `pseudorange_m`.
     start, elapsed_s
         Times of reception `start` + `elapsed_s` on the receiver's clock.
     pseudorange_m
@@ -137,18 +139,19 @@ def position_fix(
     *,
     common_m: Float[np.ndarray, "n m"] | None = None,
 ) -> Fix:
-    """Return the weighted least-squares fixes.
+    """Return the position and clock of the receiver at each epoch by weighted least squares.
 
     Parameters
     ----------
     sent
-        Satellites at transmission.
+        States of the satellites at transmission.
     pseudorange_m
         Pseudoranges in m; NaN for satellites that were not measured.
     sigma_m
         Standard deviation of each pseudorange in m.
     common_m
-        Vector c in m: the contribution of 1σ of the common part to each pseudorange. `sigma_m` includes this part.
+        Vector c in m, the error of each pseudorange if the common error has the size 1σ. `sigma_m` includes the common
+        error. None means that there is no common error.
     """
     measured = pseudorange_m + sent.clock_m
     used, weight = _weights(measured, sigma_m)
@@ -183,7 +186,7 @@ def fixed_position_m(
 def _weights(
     measured: Float[np.ndarray, "n m"], sigma_m: Float[np.ndarray, "n m"]
 ) -> tuple[Bool[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
-    """Return which measurements are used, and their weights."""
+    """Return whether each measurement is used, and its weight in 1/m², which is 0 if the measurement is not used."""
     used = np.isfinite(measured) & np.isfinite(sigma_m)
     return used, np.where(used, 1.0 / np.where(used, sigma_m, 1.0) ** 2, 0.0)
 
@@ -202,7 +205,7 @@ def _position_and_clock(
         residual = np.where(used, measured - predicted - clock[:, None], 0.0)
         step = np.where(moving[:, None], _solve(geometry, weight, residual), 0.0)
         position, clock = position + step[:, :3], clock + step[:, 3]
-        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # for each epoch, so that fixes are independent
+        moving = np.any(np.abs(step) > _SETTLED_M, axis=1)  # tested for each epoch, so that fixes are independent
         if not np.any(moving):
             break
     return position, clock
@@ -216,9 +219,9 @@ def velocity_fix(
     Parameters
     ----------
     sent
-        Satellites at transmission.
+        States of the satellites at transmission.
     fix
-        Position fix of the same epochs, whose weights are used.
+        Position fix of the epochs of `sent`. The weights of this fix also weight the range rates.
     range_rate_mps
         Rate of the pseudorange, −λ · Doppler, in m/s; NaN for satellites that were not measured.
     """
@@ -234,20 +237,20 @@ def velocity_fix(
 def static_range_rate(sent: Transmission, fix: Fix) -> Float[np.ndarray, "n m"]:
     """Return the pseudorange rates of a receiver at rest at the position of the fix, with a clock without drift.
 
-    The rates are NaN for satellites that are not used.
+    The rates are NaN for satellites that the fix does not use.
 
     Parameters
     ----------
     sent
-        Satellites at transmission.
+        States of the satellites at transmission.
     fix
-        Position fix of the same epochs.
+        Position fix of the epochs of `sent`.
     """
     return np.where(fix.weight > 0, _static_rates(sent, fix)[0], np.nan)
 
 
 def _static_rates(sent: Transmission, fix: Fix) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
-    """Return the rates of a receiver at rest, and 1 − u·ṡ/c."""
+    """Return the pseudorange rates of a receiver at rest without clock drift, and the factors 1 − u·ṡ/c."""
     in_space = sent.velocity_mps + carried_by_earth(sent.position_m)
     s_1 = turned_with_earth(in_space, _flight_s(sent.position_m, fix.position_m))
     carried = carried_by_earth(fix.position_m)
@@ -281,14 +284,14 @@ def dilution(geometry_local: Float[np.ndarray, "n m 4"]) -> Dilution:
 
 
 def local_geometry(fix: Fix) -> Float[np.ndarray, "n m 4"]:
-    """Return H of the fixes in local axes (east, north, up, clock)."""
+    """Return the matrix H of the fixes in local axes (east, north, up, clock)."""
     return in_local_axes(fix.geometry, fix.position_m)
 
 
 def in_local_axes(
     geometry: Float[np.ndarray, "n m 4"], position_m: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "n m 4"]:
-    """Return an ECEF geometry in the local axes at the positions."""
+    """Return the matrix H in the local axes at the positions, from the matrix H in ECEF."""
     turned = np.einsum("nij,nmj->nmi", local_axes_at(position_m), geometry[..., :3])
     return np.concatenate((turned, geometry[..., 3:]), axis=-1)
 
@@ -296,10 +299,10 @@ def in_local_axes(
 def inverse_normal(
     geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n 4 4"]:
-    """Return (HᵀWH)⁻¹, NaN where HᵀWH is singular."""
+    """Return (HᵀWH)⁻¹; NaN where HᵀH of the used satellites is singular."""
     sighted = np.matmul(np.where(weight[..., None] > 0, geometry, 0.0).transpose(0, 2, 1), geometry)
     solvable = _solvable(np.where(np.isfinite(sighted), sighted, 0.0))
-    # The epochs are the last axis, so that a sum over satellites adds long rows.
+    # The epochs become the last axis of `columns`, so that a sum over satellites adds long rows, which is fast.
     columns = np.ascontiguousarray(np.moveaxis(geometry, 0, -1))
     normal = np.moveaxis(np.sum((columns * weight.T[:, None])[:, :, None] * columns[:, None], axis=0), -1, 0)
     normal[~solvable] = np.eye(UNKNOWNS)
@@ -309,7 +312,7 @@ def inverse_normal(
 
 
 def _solvable(sighted: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
-    """Return which matrices HᵀH are not singular.
+    """Return whether each matrix HᵀH is regular, which means that a fix exists.
 
     With t the trace, the product of the three larger eigenvalues is at most (t/3)³. The smallest eigenvalue is
     therefore at least det(HᵀH) (3/t)³. The largest eigenvalue is at most t. If the lower limit of the smallest
@@ -317,7 +320,7 @@ def _solvable(sighted: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
     """
     trace = np.trace(sighted, axis1=1, axis2=2)
     least = np.linalg.det(sighted) * (3 / np.maximum(trace, 1e-9)) ** 3
-    solvable = least > 1e4 * _SINGULAR * np.maximum(trace, 1.0)  # rounding of the determinant is 1e-4 of this limit
+    solvable = least > 1e4 * _SINGULAR * np.maximum(trace, 1.0)  # the determinant's rounding error is 1e-4 of the limit
     rest = np.flatnonzero(~solvable)
     if rest.size:
         eigenvalues = np.linalg.eigvalsh(sighted[rest])
@@ -337,7 +340,8 @@ def _covariance(
 
 
 def _flight_s(sent_m: Float[np.ndarray, "n m 3"], receiver_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n m"]:
-    # A travel time without Earth rotation has an error of up to 0.1 µs. The error of the Sagnac correction is 0.3 mm.
+    # A travel time without Earth rotation has an error of up to 0.1 µs. A Sagnac correction with such a travel time has
+    # an error of 0.3 mm.
     apart = sent_m - receiver_m[:, None]
     flight_s = np.sqrt(np.einsum("nmi,nmi->nm", apart, apart)) / SPEED_OF_LIGHT_MPS
     apart = turned_with_earth(sent_m, flight_s) - receiver_m[:, None]
@@ -357,5 +361,5 @@ def _predict(
 def _solve(
     geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"], residual: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n 4"]:
-    """Return (HᵀWH)⁻¹HᵀW y."""
+    """Return (HᵀWH)⁻¹HᵀW y, the weighted least-squares solution for the residuals y."""
     return np.einsum("nij,nmj,nm->ni", inverse_normal(geometry, weight), geometry, weight * residual)

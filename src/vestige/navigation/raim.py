@@ -1,9 +1,9 @@
-"""Check whether pseudoranges agree with each other: receiver autonomous integrity monitoring.
+"""Check whether pseudoranges agree with each other by receiver autonomous integrity monitoring (RAIM).
 
 Theory of operation
 -------------------
 The residuals of a weighted least-squares fix are r = (I − H(HᵀWH)⁻¹HᵀW) y. The tests use the matrices S = (HᵀWH)⁻¹HᵀW
-and P = I − HS. The diagonal of P is the share of each measurement that no position can explain.
+and P = I − HS. The diagonal element Pᵢᵢ is the share of an error of measurement i that appears in the residual rᵢ.
 
     chi-square            T = Σ rᵢ²wᵢ ~ χ²(m − 4),    alarm if T > χ²⁻¹(1 − P_fa)
     bias b on satellite i T ~ χ²(m − 4, λ),  λ = b² wᵢ Pᵢᵢ
@@ -12,8 +12,8 @@ and P = I − HS. The diagonal of P is the share of each measurement that no pos
     solution separation   alarm if |x₍ᵢ₎ − x|_q > K σ_ss,q,   K = Q⁻¹(P_fa,q / 2m)
     exclusion             T₍ᵢ₎ = T − rᵢ²wᵢ/Pᵢᵢ                              the fault has the smallest T₍ᵢ₎
 
-For single faults, exclusion and solution separation use rᵢ√wᵢ/√Pᵢᵢ. So the two tests differ only in the division of the
-false-alarm probability.
+For single faults, exclusion and solution separation both use the statistic rᵢ√wᵢ/√Pᵢᵢ. So exclusion and solution
+separation differ only in how the false-alarm probability is divided.
 
 RAIM does not detect errors that a position and a clock explain. A bias common to all satellites changes the clock, but
 no residual. Errors of all satellites that agree with a wrong position change the position, but no residual.
@@ -30,7 +30,7 @@ from scipy.special import chdtrc, chdtri, chndtr, ndtri
 from vestige.navigation.position_fix import UNKNOWNS, inverse_normal
 
 NOT_EXCLUDED = -1
-_UNSEEN = 1e-9  # smallest share of a measurement in the residuals at which its fault is detectable
+_UNSEEN = 1e-9  # smallest Pᵢᵢ with which a fault of satellite i is detectable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,9 +40,9 @@ class Redundancy:
     Attributes
     ----------
     gain
-        Matrix S from measurements to (three coordinates, clock).
+        Matrix S, which converts errors of the measurements to errors of (three coordinates, clock).
     unexplained
-        Pᵢᵢ, 0 to 1; 0 for unused satellites.
+        Diagonal elements Pᵢᵢ, 0 to 1; 0 for unused satellites.
     inverse
         (HᵀWH)⁻¹, a factor of S.
     """
@@ -53,14 +53,14 @@ class Redundancy:
 
 
 def redundancy(geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "n m"]) -> Redundancy:
-    """Return S and the diagonal of P; NaN where the geometry has no fix.
+    """Return S, the diagonal of P and (HᵀWH)⁻¹; NaN where the geometry has no fix.
 
     Parameters
     ----------
     geometry
-        Matrix H in any axes. S gives coordinates in the same axes.
+        Matrix H in any axes. S gives coordinates in the axes of H.
     weight
-        1/σ² in 1/m²; 0 for unused satellites.
+        Weights 1/σ² in 1/m²; 0 for unused satellites.
     """
     inverse = inverse_normal(geometry, weight)
     gain = np.einsum("nij,nmj,nm->nim", inverse, geometry, weight)
@@ -71,7 +71,7 @@ def redundancy(geometry: Float[np.ndarray, "n m 4"], weight: Float[np.ndarray, "
 def chi_square_statistic(
     residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, " n"]:
-    """Return T = Σ r²w. NaN residuals of unused measurements do not count."""
+    """Return the chi-square statistic T = Σ r²w. NaN residuals of unused measurements do not count."""
     return np.sum(np.where(weight > 0, residual_m, 0.0) ** 2 * weight, axis=1)
 
 
@@ -81,12 +81,12 @@ def degrees_of_freedom(weight: Float[np.ndarray, "n m"]) -> Int[np.ndarray, " n"
 
 
 def chi_square_threshold(freedom: Int[np.ndarray, " n"], p_fa: float) -> Float[np.ndarray, " n"]:
-    """Return the threshold of T; NaN without redundancy."""
+    """Return the threshold of the chi-square statistic T; NaN without degrees of freedom."""
     return np.where(freedom > 0, chdtri(np.maximum(freedom, 1), p_fa), np.nan)
 
 
 def missed_detection(noncentrality: Float[np.ndarray, " n"], freedom: int, p_fa: float) -> Float[np.ndarray, " n"]:
-    """Return the probability that T stays below its threshold in spite of a fault of noncentrality λ."""
+    """Return the probability that T stays below its threshold although a fault has the noncentrality λ."""
     threshold = chdtri(freedom, p_fa)
     fault = chndtr(threshold, freedom, np.maximum(noncentrality, 1e-300))
     return np.where(noncentrality > 0, fault, 1 - chdtrc(freedom, threshold))
@@ -94,9 +94,9 @@ def missed_detection(noncentrality: Float[np.ndarray, " n"], freedom: int, p_fa:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """Differences between the fix without a satellite and the full fix, for each satellite; NaN if undefined.
+    """Fix without a satellite minus fix with all satellites, for each satellite in turn.
 
-    The differences are in the axes of the geometry.
+    The differences are in the axes of the matrix H. A difference is NaN if a fault of the satellite is not detectable.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Separation:
 def solution_separation(
     parts: Redundancy, residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"]
 ) -> Separation:
-    """Return the change of the fix without each satellite in turn, and its standard deviation."""
+    """Return how the fix changes if each satellite in turn is left out, and the standard deviation of each change."""
     seen = (weight > 0) & (parts.unexplained > _UNSEEN)
     share, known_weight = np.where(seen, parts.unexplained, np.nan), np.where(seen, weight, np.nan)
     return Separation(
@@ -130,7 +130,7 @@ def separation_factor(p_fa: float, n_modes: int) -> float:
 def exclude_one(
     parts: Redundancy, residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"], p_fa: float
 ) -> Int[np.ndarray, " n"]:
-    """Return the column of the satellite without which a failed test passes; `NOT_EXCLUDED` without such a satellite.
+    """Return the column of the satellite whose exclusion makes a failed test pass; otherwise `NOT_EXCLUDED`.
 
     An exclusion needs six satellites, because any four of five satellites fit exactly.
 

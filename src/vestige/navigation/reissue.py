@@ -1,8 +1,8 @@
-"""Issue an orbit repeatedly as a satellite does: the same orbit and clock, referred to later times.
+"""Issue an ephemeris repeatedly as a satellite does, with the same orbit and clock referred to later times.
 
 Mean anomaly, node, inclination and clock continue with their rates, and the harmonics depend only on the argument of
-latitude. So a new issue is exactly the old orbit. Ω0 is the longitude at the start of toe's week, so Ω0 changes after
-the end of a week.
+latitude. So a new issue gives exactly the orbit of the old issue. Ω0 is the longitude at the start of toe's week, so Ω0
+changes after the end of a week.
 
 Satellites issue orbits whose toe is in the past, and receivers expect a toe in the past. `rnx2rtkp` refuses orbits with
 a future toe [RTKLIB], and some programs refuse orbits that are older than 2 h.
@@ -19,20 +19,20 @@ from vestige.navigation.earth import GRAVITATION_M3PS2, ROTATION_RADPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.time import GalileoTime
 
-ISSUE_S = 7200.0  # time between issues
+ISSUE_S = 7200.0  # time between two issues in s
 _ISSUES = 1024  # IODnav has 10 bits [OS-ICD, 4.3.5]
-_BEFORE_S = 60.0  # margin before the start for the travel time and a wrong clock
+_BEFORE_S = 60.0  # margin in s before the start, for the travel time and a wrong clock
 
 
 def referred_to(ephemeris: Ephemeris, toe: GalileoTime) -> Ephemeris:
-    """Return the same orbit and clock, referred to another time. The issue of data does not change.
+    """Return an ephemeris for the same orbit and clock that refers to another time. The IODnav does not change.
 
     Parameters
     ----------
     ephemeris
         Any ephemeris.
     toe
-        New toe. The time toc moves by the same amount.
+        New toe. The time toc moves by as much as toe.
     """
     t = toe - ephemeris.toe
     motion = math.sqrt(GRAVITATION_M3PS2 / ephemeris.sqrt_a**6) + ephemeris.delta_n_radps
@@ -47,7 +47,7 @@ def referred_to(ephemeris: Ephemeris, toe: GalileoTime) -> Ephemeris:
 
 
 def with_clock_moved(ephemeris: Ephemeris, t: float) -> Ephemeris:
-    """Return the same orbit and clock, the clock referred to a time `t` seconds later."""
+    """Return an ephemeris for the same orbit and clock, with toc moved by `t` seconds."""
     return replace(
         ephemeris,
         toc=ephemeris.toc + t,
@@ -63,7 +63,10 @@ def reissued(ephemeris: Ephemeris, number: int) -> Ephemeris:
 
 
 def issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[Ephemeris]:
-    """Yield issues of an ephemeris. At any time from `start` to `end`, an issue has a toe at most 2 h in the past."""
+    """Yield the issues of an ephemeris that are in use from `start` to `end`.
+
+    At any time from `start` to `end`, an issue has a toe that is at most 2 h in the past.
+    """
     first, last = (math.ceil((time - ephemeris.toe) / ISSUE_S) - 1 for time in (start + -_BEFORE_S, end))
     for number in range(first, last + 1):
         yield reissued(ephemeris, number) if number else ephemeris

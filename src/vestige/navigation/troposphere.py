@@ -1,6 +1,6 @@
-"""Compute the delay of the troposphere: Saastamoinen zenith delays in a standard atmosphere, mapped to the elevation.
+"""Compute the slant delay of the troposphere from Saastamoinen's zenith delays in a standard atmosphere.
 
-The delay is the same for all frequencies, and for code and carrier. The formulas have the pressure p in hPa, the
+The delay is the same for all frequencies, and for code and carrier. The formulas use the pressure p in hPa, the
 temperature T in K, and the pressure e of water vapour in hPa. The receiver has the height h in km and the latitude φ:
 
     dry    2.2768 mm · p / (1 − 0.00266 cos 2φ − 0.00028 h)         [SAAST72]
@@ -27,7 +27,7 @@ _LOWEST_M = -1000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SaastamoinenTroposphere:
-    """The troposphere of a standard atmosphere.
+    """Troposphere whose delay follows from Saastamoinen's formulas in a standard atmosphere.
 
     Parameters
     ----------
@@ -60,14 +60,14 @@ class SaastamoinenTroposphere:
         latitude_rad: Float[np.ndarray, " n"],
         height_m: Float[np.ndarray, " n"],
     ) -> Float[np.ndarray, " n"]:
-        """Return the slant delay in m.
+        """Return the delay of the troposphere in m along the line of sight.
 
         Parameters
         ----------
         elevation_rad
             Elevation of the satellite in rad. Below the horizon the delay equals the delay at the horizon.
         latitude_rad, height_m
-            Position of the receiver. The height is limited to the range from −1 km to 11 km.
+            Latitude in rad and height in m of the receiver. The height is limited to the range from −1 km to 11 km.
         """
         height_m = np.clip(height_m, _LOWEST_M, _TROPOPAUSE_M)
         temperature_k = _SEA_LEVEL_K - _LAPSE_K_PER_M * height_m

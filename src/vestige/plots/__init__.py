@@ -1,9 +1,10 @@
-"""Figures of the results of a campaign.
+"""Draw figures of the results of a campaign.
 
-Each function takes results and returns axes. A figure computes only bins and counts.
+A function that draws a figure takes the results of a campaign and returns the axes of the figure. The functions compute
+only bins and counts.
 
-`results` are the results of a campaign. `detector` and `svid` choose a detector and a satellite. If `svid` is None, the
-results must have only one satellite. A figure is drawn on the axes `ax`, by default on new axes.
+The arguments `detector` and `svid` choose a detector and a satellite. If `svid` is None, the results must have only one
+satellite. A figure is drawn on the axes `ax`, by default on new axes.
 """
 
 from __future__ import annotations

@@ -13,12 +13,12 @@ from vestige.plots.epochs import column
 from vestige.plots.figure import GREY
 
 EDGE_LABEL = "edge of the bank"
-# style of the limits of the range check
+# style of the lines that mark the limits of the range check
 LIMIT_LINE: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 0.7}
 _EDGE_LINE: dict[str, Any] = {"color": GREY, "linestyle": (0, (7, 3)), "linewidth": 0.9, "zorder": 1.5}
-# A range offset belongs to a tap that is at least one detector spacing inside the edge. The range offset lies at most
-# half a spacing from this tap. So range offsets end half a tap inside the edge for a spacing of 1 tap, and 1 tap inside
-# the edge for a spacing of 2 taps.
+# A detector chooses a tap that is at least one detector spacing inside the edge. The range offset lies at most half a
+# detector spacing from the chosen tap. So range offsets end half a tap inside the edge for a detector spacing of 1 tap,
+# and 1 tap inside the edge for a detector spacing of 2 taps.
 _NEAR_TAPS = 1.0
 
 
@@ -27,8 +27,8 @@ def mark_bank_edge(
 ) -> Float[np.ndarray, " n_edges"]:
     """Draw a dashed line at each edge of the bank that lies within a tap of a range offset in `shown_m`, in m.
 
-    The axis of the range offset is the ordinate, or the abscissa if `upright`. The line may widen the limits of the
-    axes. Return the range offsets of the lines in m.
+    The axis of the range offset is the ordinate, or the abscissa if `upright` is true. The lines may widen the limits
+    of the axes. The function returns the range offsets of the lines in m.
     """
     taps_m = column(selected, "tap_offset_m")
     values_m = np.concatenate([one[np.isfinite(one)] for one in shown_m] or [np.zeros(0)])

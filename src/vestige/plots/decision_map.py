@@ -1,4 +1,4 @@
-"""Figure of the decision regions of power and distortion, with the measurements of a receiver [WESSON18]."""
+"""Draw the decision regions of power and distortion, with the measurements of a receiver [WESSON18]."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CLASS_COLOURS = {
 
 
 class Regions(Protocol):
-    """Decision regions of the power–distortion plane in the processor's check."""
+    """Decision regions of the processor's power–distortion check."""
 
     @property
     def power_edges_db(self) -> Float[np.ndarray, " k"]:
@@ -32,7 +32,7 @@ class Regions(Protocol):
 
     @property
     def distortion_edges(self) -> Float[np.ndarray, " l"]:
-        """Edges of the cells along the distortion."""
+        """Edges of the cells along the distortion, in standard deviations."""
 
     @property
     def classes(self) -> Int8[np.ndarray, "a b"]:
@@ -48,7 +48,7 @@ def decision_map(
     attacked: Bool[np.ndarray, " n"] | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Return the axes of the map: power to the right, distortion upwards, a colour for each class.
+    """Draw the map with power to the right, distortion upwards and a colour for each class, and return the axes.
 
     Measurements are drawn as dots, or as crosses under attack. Measurements beyond the map are drawn at the edge of the
     map, and belong to the class at the edge.

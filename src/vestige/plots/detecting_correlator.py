@@ -1,4 +1,4 @@
-"""Figure of the output of the detecting correlator against time [WFO, Sec. VI-A, first figure]."""
+"""Draw the output of the detecting correlator against time [WFO, Sec. VI-A, first figure]."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _draw_phase(
     right = ax.twinx()
     size = dot_size_pt(time_s.size)
     right.plot(time_s, phase, linestyle="none", color=BLUE, markersize=size, **_DOTS)
-    end = 1.15 * np.pi  # leaves a small distance to the frame and to the magnitude
+    end = 1.15 * np.pi  # the factor 1.15 leaves a small distance to the frame and to the magnitude
     right.set_ylim(end - 2 * end / (1 - above), end)
     right.set_yticks([-np.pi, 0, np.pi], ["−π", "0", "π"])
     dress(right, title="", x="", y="phase (rad)")
@@ -87,7 +87,7 @@ def _draw_phase(
 
 
 def _name_the_curves(ax: Axes, threshold: float | None) -> None:
-    """Set a legend below the axes, with larger dots than the dots of a long run."""
+    """Set a legend below the axes, with dots that are larger than the dots in the axes of a long campaign."""
     dot: dict[str, Any] = {**_DOTS, "linestyle": "none", "markersize": 4.0}
     names = [
         Line2D([], [], color=ORANGE, linewidth=1.2, label="magnitude"),

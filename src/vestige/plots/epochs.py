@@ -1,4 +1,4 @@
-"""Select campaign results for a figure: one satellite, one detector, an interval of time."""
+"""Select the results of one satellite, one detector and an interval of time for a figure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from vestige.errors import VestigeError
 
-# kinds of numbers and axes of the variables that figures read
+# allowed NumPy kinds of number, and axes, of the variables that figures read
 VARIABLES = {
     "time_s": ("fiu", "epoch"),
     "taps": ("c", "epoch", "satellite", "tap"),
@@ -31,7 +31,7 @@ def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None
     Without `svid` the only satellite is chosen.
 
     Raises `VestigeError` if the results lack a variable, the detector or the satellite. The error is also raised if
-    there are several satellites without `svid`, or times or taps do not ascend.
+    `svid` is None and there are several satellites, or if times or tap offsets do not ascend.
     """
     for name, (kinds, *dims) in VARIABLES.items():
         expected = f"{name}({', '.join(dims)})"
@@ -59,9 +59,9 @@ def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None
 
 
 def between(results: xarray.Dataset, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
-    """Return the epochs with start ≤ time < stop, in s after the start of the scenario.
+    """Return the epochs with `start_s` ≤ time < `stop_s`, in s after the start of the scenario.
 
-    Raises `VestigeError` if there is no such epoch.
+    Raises `VestigeError` if no epoch is in this interval.
     """
     if start_s is None and stop_s is None:
         return results
@@ -87,14 +87,14 @@ def column(selected: xarray.Dataset, name: str) -> Float[np.ndarray, " n"]:
 
 
 def magnitudes_sigma(selected: xarray.Dataset) -> Float[np.ndarray, "n_epochs n_taps"]:
-    """Return |tap| in standard deviations of the noise per dimension; NaN without a correlation."""
+    """Return the magnitudes of the taps in standard deviations of the noise per dimension; NaN without correlation."""
     magnitudes = np.abs(selected["taps"].transpose("epoch", "tap").values).astype(np.float64)
     sigma = np.sqrt(_noise_power(selected) / 2)
     return np.where(np.isfinite(magnitudes), magnitudes, np.nan) / sigma[:, None]
 
 
 def phase_rad(selected: xarray.Dataset) -> tuple[Float[np.ndarray, " n_epochs"], str]:
-    """Return the phase of the detecting correlator, and a label if the phase is relative to the prediction of E1.
+    """Return the phase of the detecting correlator in rad, and a label if the phase is relative to E1's prediction.
 
     The carrier makes thousands of cycles from an epoch to the next epoch. The prediction of E1 contains these cycles.
     """
@@ -126,12 +126,12 @@ def _noise_power(selected: xarray.Dataset) -> Float[np.ndarray, " n_epochs"]:
 
 
 def thinned(n: int, limit: int) -> slice:
-    """Return every k-th of `n` indices, at most `limit` indices."""
+    """Return a slice of every k-th of `n` indices, with the smallest k that leaves at most `limit` indices."""
     return slice(None, None, max(1, -(-n // limit)))
 
 
 def title_of(what: str, selected: xarray.Dataset, *, with_detector: bool = True) -> str:
-    """Return the title of a figure: its subject, the detector, the satellite and the C/N0."""
+    """Return the title of a figure, which names the subject, the detector, the satellite and the C/N0."""
     by_detector = [f"{selected['detector'].item()} detector"] if with_detector else []
     parts = [what, *by_detector, f"E{int(selected['svid']):02d}"]
     if (cn0_dbhz := attribute(selected, "cn0_dbhz")) is not None:
@@ -140,7 +140,7 @@ def title_of(what: str, selected: xarray.Dataset, *, with_detector: bool = True)
 
 
 def attribute(selected: xarray.Dataset, name: str) -> float | None:
-    """Return a number among the attributes of the results, None if the number is missing or not finite."""
+    """Return a number among the attributes of the results; None if the number is missing or not finite."""
     value = selected.attrs.get(name)
     try:
         number = float(value) if isinstance(value, (int, float, np.number)) else math.nan

@@ -1,4 +1,4 @@
-"""Bins and counts of all histograms."""
+"""Compute the bins of histograms, and scale the axis of counts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MOST_BINS = 600  # largest number of bins, each 1.5 pixels wide in a figure of 
 def bin_edges(values: Float[np.ndarray, " n"], *, border: float, width: float) -> Float[np.ndarray, " n_edges"]:
     """Return equidistant borders of bins, with an empty bin on either side of the values.
 
-    A border lies at `border`. The width is doubled until at most 600 bins are needed.
+    A border of two bins lies at `border`. The width of the bins is doubled until at most 600 bins are needed.
     """
     low, high = min(values.min(initial=border), border), max(values.max(initial=border), border)
     while (high - low) / width > _MOST_BINS:
@@ -25,7 +25,7 @@ def bin_edges(values: Float[np.ndarray, " n"], *, border: float, width: float) -
 
 
 def width_of(edges: Float[np.ndarray, " n_edges"]) -> float:
-    """Return the width of the bins, without rounding errors of their borders."""
+    """Return the width of the bins, without the rounding errors of the borders."""
     return float(f"{edges[1] - edges[0]:.6g}")
 
 

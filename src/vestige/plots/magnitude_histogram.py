@@ -1,4 +1,4 @@
-"""Histogram of the magnitude of the detecting or strongest correlator [WFO, Sec. VI-A, third figure]."""
+"""Draw the histogram of the magnitude of the detecting or strongest correlator [WFO, Sec. VI-A, third figure]."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def magnitude_histogram(
 
     Detections begin at the threshold, which is a border of two bins. Below the threshold the detecting correlator is
     not defined. Epochs without a detection are counted by their strongest correlator. The line is the Rice distribution
-    of a single correlator that is aligned with the signal. This distribution follows from C/N0 and integration time of
-    the results. The detecting correlator has another distribution because of misalignment, multipath, and its
-    selection.
+    of a single correlator that is aligned with the signal. The Rice distribution follows from C/N0 and integration time
+    of the results. The detecting correlator has another distribution because of misalignment, multipath, and the
+    selection of the correlator.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def magnitude_histogram(
         Width of a bin in standard deviations of the noise per dimension. The width is doubled until at most 600 bins
         are needed.
     log
-        Whether counts are in log scale. In linear scale some tens of misses in 100,000 are invisible.
+        Whether counts are in log scale. In linear scale some tens of misses among 100,000 epochs are invisible.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Histogram of the range offset in log scale [WFO, Sec. VI-A, fourth figure]."""
+"""Draw the histogram of the range offset in log scale [WFO, Sec. VI-A, fourth figure]."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from vestige.plots.figure import BLACK, BLUE, ORANGE, dress, legend, new_axes
 from vestige.plots.histogram import bin_edges, log_counts, width_of
 
 BIN_M = 0.5
-# Detections on the early flank cluster at this offset, in taps. The offset is the second tap before the prediction plus
-# half a tap, the largest correction of the s-curve. With taps of 15 m the cluster is at −22.5 m ± 4.5 m [WFO, VI-A].
+# Offset in taps at which detections on the early flank cluster. The offset is the second tap before the prediction plus
+# half a tap, which is the largest correction of the s-curve. With taps of 15 m the cluster is at −22.5 m ± 4.5 m [WFO,
+# VI-A].
 CLUSTER_TAPS = -1.5
 CLUSTER_REACH_TAPS = 0.3
 _LEAST_M = 30.0  # least extent of the axis in m on both sides, so that the position of the cluster is visible
@@ -36,7 +37,7 @@ class RightFlank:
 
     @classmethod
     def fitted(cls, offsets_m: Float[np.ndarray, " n"], start_m: float) -> RightFlank | None:
-        """Return the most likely law beyond `start_m`, with the mean excess as scale; None without offsets."""
+        """Return the law with the largest likelihood for the offsets beyond `start_m`; None if there are no offsets."""
         excess_m = offsets_m[offsets_m > start_m] - start_m
         if not excess_m.size:
             return None
@@ -72,12 +73,12 @@ def range_histogram(
         Width of a bin in m. The width is doubled until at most 600 bins are needed. 0 m is the middle of a bin.
     mark_cluster
         Whether to mark the cluster of detections on the early flank for a detector's spacing of 1 tap. The cluster is
-        at −22.5 m for taps of 15 m. The mark gives the number of epochs within 4.5 m.
+        at −22.5 m for taps of 15 m. The mark gives the number of epochs within 4.5 m of the cluster.
     right_flank
-        Law to draw over the right flank, a straight line in log scale. A number is the offset in m beyond which a law
-        is fitted.
+        Law to draw over the right flank, which is a straight line in log scale. If the value is a number, a law is
+        fitted to the offsets beyond this number in m.
     limit_m
-        Largest range offset in m that passes the range check, drawn as dashed lines on both sides.
+        Largest range offset in m that passes the range check. Dashed lines mark plus and minus this limit.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Figures of a constellation: positions of the satellites, errors of the fix, failures of the checks over time."""
+"""Draw the satellites in the sky, the errors of the fix, and the failures of the checks over time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ from vestige.plots.figure import (
     time_label,
 )
 
-# corners of a name to the upper right of its dot, relative to the dot, in degrees of the map
+# corners of the name of a satellite, to the upper right of the satellite's dot, relative to the dot, in ° of the sky
+# plot
 _NAME_DEG = np.array([(3.0, 2.0), (17.0, 2.0), (3.0, 9.0), (17.0, 9.0)]).T
 _AXES, _DOTS = ("east", "north", "up"), "authenticated"
 
@@ -63,7 +64,8 @@ def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
         last = seen[-1]
         ax.plot(azimuth[last], away_deg[last], "o", color=RED, markersize=3)
         east_deg, north_deg = away_deg[last] * np.sin(azimuth[last]), away_deg[last] * np.cos(azimuth[last])
-        crosses = np.max(np.hypot(east_deg + _NAME_DEG[0], north_deg + _NAME_DEG[1])) > 90  # beyond the horizon
+        # whether the name would cross the horizon, which is 90° from the zenith
+        crosses = np.max(np.hypot(east_deg + _NAME_DEG[0], north_deg + _NAME_DEG[1])) > 90
         left, below = crosses and east_deg > 0, crosses and north_deg > 0
         ax.annotate(
             f"E{svid:02d}",
@@ -111,7 +113,7 @@ def position_error(results: xarray.Dataset) -> Axes:
 
 
 def monitor_timeline(time_s: Float[np.ndarray, " n"], lines: Sequence[MonitorLine], ax: Axes | None = None) -> Axes:
-    """Return the axes of a time-line with a line for the tests of each check, and with marks for the failures."""
+    """Draw for each check a line while the check was run, and marks at its failures, and return the axes."""
     ax = new_axes(height_cm=1.6 + 0.4 * len(lines)) if ax is None else ax
     for row, line in enumerate(lines):
         ax.plot(time_s, np.where(line.run, float(row), np.nan), color=GREY, linewidth=0.8)

@@ -1,4 +1,4 @@
-"""Figures of a vestigial signal search: results on E1 and in E6, as in the sketch [WFO, Fig. 3]."""
+"""Draw the results of a vestigial signal search on E1 and in E6, as in the sketch [WFO, Fig. 3]."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from vestige.plots.figure import BLUE, GREEN, GREY, RED, dot_size_pt, dress, legend, new_axes
 
-_ROOM = 1.25  # upper end of the axis over the strongest signal, with space for the legend
+_ROOM = 1.25  # upper end of the axis divided by the strongest magnitude, so that the legend has space
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

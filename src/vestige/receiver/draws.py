@@ -1,4 +1,4 @@
-"""Random draws in blocks of epochs, so that the draws of an epoch do not depend on the division into chunks."""
+"""Draw random numbers in blocks of epochs, so that the numbers of an epoch do not depend on the chunks."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def joined_blocks(parts: Sequence[_T]) -> _T:
 
 
 def rows_of(value: _T, rows: slice) -> _T:
-    """Return some rows of an array, or of a record of arrays and of the records in it."""
+    """Return some rows of an array, or of each array in a record and in the records that it contains."""
     if isinstance(value, np.ndarray):
         return value[rows]  # type: ignore[return-value]
     if hasattr(value, "part"):

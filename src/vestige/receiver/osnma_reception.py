@@ -1,4 +1,4 @@
-"""Reception of I/NAV pages from E1-B, and of the OSNMA data and keys in these pages.
+"""Simulate the reception of I/NAV pages on E1-B, and of the OSNMA data and keys in these pages.
 
 Theory of operation
 -------------------
@@ -8,7 +8,7 @@ and constraint length 7 (171, 133 octal) [OS-ICD, 4.1.4]. E1-B and E1-C have the
     Es/N0 = C/N0 / 250 Hz · e^{−σφ²},    σφ² = B_φ/(C/N0) (1 + 1/(2T C/N0))
 
 Here σφ is the phase error of the carrier loop. The phase error changes within a page, and the interleaver spreads the
-affected symbols. A soft-decision Viterbi decoder loses half a page with the probability in the table `_HALF_LOST`. This
+affected symbols. A soft-decision Viterbi decoder loses half a page with the probability in the table `_HALF_LOST`. The
 table comes from a simulation of the code, which `tests/unit/receiver/test_osnma_reception.py` repeats. Beyond the
 table, error events of the free distance 10 dominate, so the logarithm of the probability is extrapolated linearly. A
 page is lost if the checksum of one of its halves fails. The probability of a lost page is
@@ -16,8 +16,8 @@ page is lost if the checksum of one of its halves fails. The probability of a lo
     C/N0     22 dBHz  23 dBHz  24 dBHz  25 dBHz  26 dBHz
     lost     0.52     0.13     0.02     0.0008   0.00002     without phase error
 
-An ideal receiver thus goes from hardly any lost page to most pages lost within 3 dB of C/N0. Fading, a worse decoder or
-soft decisions of few bits increase the loss.
+If the C/N0 falls from 25 to 22 dBHz, the lost pages of an ideal receiver thus rise from 0.08 % to 52 %. Fading, a worse
+decoder or soft decisions of few bits increase the loss.
 
 Pages 10 to 14 of every satellite's subframe carry the same key [OSNMA-ICD], so a single satellite is enough.
 
@@ -48,8 +48,8 @@ _DECI = 10  # times are counted in tenths of a second, which are exact as intege
 def page_loss(cn0_dbhz: Float[np.ndarray, "*n"], tracking: TrackingModel | None = None) -> Float[np.ndarray, "*n"]:
     """Return the probability that a page is lost.
 
-    `cn0_dbhz` is the C/N0 of E1-B, equal to that of E1-C. If `cn0_dbhz` is NaN or −∞, every page is lost. Without
-    `tracking` the phase has no error.
+    `cn0_dbhz` is the C/N0 of E1-B, which is equal to the C/N0 of E1-C. If `cn0_dbhz` is NaN or −∞, every page is lost.
+    Without `tracking` the phase has no error.
     """
     cn0 = 10 ** (np.where(np.isfinite(cn0_dbhz), cn0_dbhz, 0.0) / 10)
     phase_loss = np.zeros_like(cn0) if tracking is None else tracking.phase_variance_rad2(cn0)
@@ -89,7 +89,7 @@ def key_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarr
 
 
 def data_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndarray, "n 17"]:
-    """Return the pages that the key of a RECS authenticates: the words, and their tag in the next subframe.
+    """Return the pages with the words that the key of a RECS authenticates, and the pages with the tag of these words.
 
     The key of subframe k belongs to the tags of subframe k − 1, which cover the data of subframe k − 2 [OSNMA-ICD].
     """
@@ -106,7 +106,7 @@ def data_pages(week_s: Float[np.ndarray, " n"], key_delay: int) -> Int64[np.ndar
 def demodulated(
     page: Int64[np.ndarray, "*n"], loss: Float[np.ndarray, "*n"], *, seed: int, svid: int
 ) -> Bool[np.ndarray, "*n"]:
-    """Return which pages of a satellite are received; a page has the same draw in every call.
+    """Return whether each page of a satellite is received; a page has the same random draw in every call.
 
     A negative number means no page, and gives False.
     """
@@ -120,10 +120,10 @@ def demodulated(
 
 
 def as_mask(places: Bool[np.ndarray, "*n 15"]) -> Int16[np.ndarray, "*n"]:
-    """Return the positions in a subframe as bits; bit 0 is the first page."""
+    """Return the selected pages of a subframe as the bits of an integer; bit 0 is the first page."""
     return (places @ (1 << np.arange(PAGES_A_SUBFRAME))).astype(np.int16)
 
 
 def of_mask(mask: Int16[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n 15"]:
-    """Return which positions in a subframe are set in `mask`; bit 0 is the first page."""
+    """Return whether each page of a subframe is set in `mask`; bit 0 is the first page."""
     return (mask[..., None].astype(np.int64) >> np.arange(PAGES_A_SUBFRAME) & 1).astype(bool)

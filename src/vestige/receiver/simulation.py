@@ -1,19 +1,21 @@
-"""One satellite of the simulated receiver: its truth, its keys, and E6 of its RECS at either fidelity [WFO, Sec. V].
+"""Simulate one satellite of a receiver: the truth, the keys, and E6 of the RECS at either fidelity [WFO, Sec. V].
 
-P is the pseudorange from geometry and receiver clock, common to both bands:
+P is the pseudorange from geometry and receiver clock, which both bands have in common. P1 and P6 are the ranges on E1
+and E6:
 
     P1 = P + e1_noise + e1_multipath                 range that E1 tracking measures
     P6 = P + iono_diff + bias                        range of the line of sight in E6
 
-The hand-over thus misses the line of sight by P6 − P1 = iono_diff + bias − e1_noise − e1_multipath. The reflections
-arrive later by their excess delay. All these terms are delays of the code. The carrier has no bias, and the ionosphere
-advances the carrier (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the signal that the E1
-loop followed. Spoofing signals, noise and jamming are then in E6 (`sampled_attack`, `disturbance`).
+The range error of the hand-over is thus P6 − P1 = iono_diff + bias − e1_noise − e1_multipath. Reflections arrive later
+than the line of sight by their excess delay. All terms of P1 and P6 are delays of the code. The carrier has no bias,
+and the ionosphere advances the carrier (`sampled_epoch`). Under attack, P1 also contains e1_error, the offset of the
+signal that the E1 loop followed. Under attack, E6 also contains spoofing signals, noise and jamming (`sampled_attack`,
+`disturbance`).
 
 The two fidelities of E6 are:
 
 * `samples`: the server encrypts the epoch's chips under the epoch's OSNMA key. The receiver samples the chips with
-  reflections and noise, and the real processor decrypts and correlates them. Under a sky the samples are those of one
+  reflections and noise, and the real processor decrypts and correlates them. Under a sky the samples come from one
   recording of all satellites (`snapshots.sky_samples`).
 * `correlators`: the correlators of a block are drawn at random from the exact model (`correlator_model`).
 """
@@ -54,11 +56,14 @@ from vestige.validated_key import ValidatedKey
 
 Fidelity = Literal["samples", "correlators"]
 
-SVID = 11  # SVID of the paper's single line of sight, which has no number in the paper
-KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))  # alpha does not change the time at which a key is sent
-CLOCK_FOLLOWS_S = 0.1  # a travel time changes by less than 0.1 s, so a larger delay is an error of the clock
+SVID = 11  # SVID of the single line of sight, chosen here because the paper gives no SVID
+# parameters that give the time at which a key is sent, whatever the value of alpha
+KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))
+# delay in s above which the receiver's clock is wrong, because travel times differ by less than 0.1 s
+CLOCK_FOLLOWS_S = 0.1
 _STREAMS_A_SATELLITE = 1 << 16
-_AFTER_LAST_EPOCH_S = 2.0  # time after the last epoch that samples and message need without a delay, rounded up
+# upper limit of the time in s that samples and message last after the last epoch if no attack delays the signals
+_AFTER_LAST_EPOCH_S = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,64 +71,67 @@ class Simulation:
     """A receiver on one line of sight, either single or part of a sky."""
 
     seed: int  # seed from which all random numbers follow
-    start: GalileoTime  # time of epoch 0, a whole second; epochs are times of transmission
+    start: GalileoTime  # time of transmission of the first RECS (epoch 0), a whole second
     n_epochs: int  # number of RECS
     interval_s: float  # time between RECS in s, a multiple of 0.1 s
     line_of_sight: RangeHistory
     models: ErrorModels
-    cn0_dbhz: float  # C/N0 of E6-C alone; −∞ means no line of sight and no reflections
-    cn0_e1_dbhz: float  # C/N0 of E1-C alone
-    # front end of E6, with the sampling rate; E1 tracking has its own front end, in `BetzTrackingNoise`
+    cn0_dbhz: float  # C/N0 of the component E6-C; −∞ if E6 has neither line of sight nor reflections
+    cn0_e1_dbhz: float  # C/N0 of the component E1-C
+    # front end of E6 with the sampling rate; `BetzTrackingNoise` contains the front end of E1 tracking
     front_end: FrontEnd
-    time_uncertainty_s: float  # uncertainty that the receiver assumes for its clock
+    time_uncertainty_s: float  # upper limit in s that the receiver assumes for the error of its clock
     n_chips: int  # number of chips of a RECS
     key_delay: int  # KDI
     cipher_mode: CipherMode = CipherMode.CBC  # mode in which the service encrypts the RECS
     spoofer: Spoofer = NO_SPOOFER
-    # constant error of the receiver's clock in addition to the oscillator's error, positive if ahead; unknown to the
-    # receiver, and possible only at the fidelity `correlators`
+    # constant error of the receiver's clock in addition to the oscillator's error, positive if the clock is ahead. The
+    # receiver does not know this error. Only the fidelity `correlators` allows such an error.
     clock_offset_s: float = 0.0
     svid: int = SVID
     osnma: OsnmaService = SERVICE_WITHOUT_EVENTS  # events of the OSNMA operator and its keys
-    # effects of the elevation, for a satellite of a sky; the random numbers then depend on the SVID
+    # effects of the elevation on a satellite of a sky, whose random numbers depend on the SVID; None without a sky
     elevation: ElevationEffects | None = None
-    # time between the epochs of `truth` if there are epochs between the RECS; None if every epoch has a RECS
+    # time in s between the epochs of `truth` if some epochs have no RECS; None if every epoch has a RECS
     truth_interval_s: float | None = None
-    # time from the loss of E1, or a restart of the receiver, to the next measurements
+    # time in s from the loss of E1, or from a restart of the receiver, to the next measurements
     reacquisition_s: float = REACQUISITION_S
-    longest_delay_s: float = 0.0  # upper limit of the delays of spoofing signals under a sky
+    longest_delay_s: float = 0.0  # upper limit in s of the delays of spoofing signals under a sky
 
     def truth(self) -> TruthProcess:
-        """Return the truth process in its state at the start."""
+        """Return a new process that gives the truth from epoch 0 on."""
         return TruthProcess(self)
 
     @property
     def epoch_interval_s(self) -> float:
-        """Time between the epochs of `truth`."""
+        """Time in s between the epochs of `truth`."""
         return self.interval_s if self.truth_interval_s is None else self.truth_interval_s
 
     def transmit_time(self, epoch: int) -> GalileoTime:
-        """Return the time of an epoch, exact in deciseconds."""
+        """Return the time of transmission of RECS number `epoch`, a whole multiple of 0.1 s."""
         deciseconds = epoch * round(10 * self.interval_s)
         return GalileoTime.normalized(self.start.week, self.start.second + deciseconds // 10, deciseconds % 10 / 10)
 
     def osnma_operator(self) -> OsnmaOperator:
-        """Return the OSNMA operator of the run in its state at the start; the operator has the key of every RECS."""
+        """Return the OSNMA operator of the run before the first broadcast.
+
+        The operator has the key of every RECS of the run.
+        """
         return osnma_operator(self.seed, self.start, self._subframes, self.osnma)
 
     @property
     def _labels(self) -> tuple[int, ...]:
-        """Labels of the random numbers; a single line of sight has the labels of the receiver."""
+        """Labels of the satellite's random numbers: the SVID under a sky, no label on a single line of sight."""
         return () if self.elevation is None else (self.svid,)
 
     @property
     def first_stream(self) -> int:
-        """First stream number of the noise in samples."""
+        """Number of the first random stream for the noise in samples."""
         return 0 if self.elevation is None else _STREAMS_A_SATELLITE * self.svid
 
     @property
     def _subframes(self) -> int:
-        """Number of subframes of the OSNMA operator from the start on, enough for all keys and for all messages."""
+        """Number of subframes that the OSNMA operator needs from the start on, for all keys and all messages."""
         duration_s = self.n_epochs * self.interval_s
         message_s = self.start - self.start.subframe + duration_s + self.longest_delay_s + _AFTER_LAST_EPOCH_S
         return max(int(duration_s / SUBFRAME_S) + 3, int(message_s / SUBFRAME_S) + 1)
@@ -135,13 +143,16 @@ class Simulation:
         return e1_multipath_error_m(truth.rays.delay_m, truth.rays.amplitude_e1)
 
     def seconds_late_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-        """Return the delay of E1 on the receiver's clock, times c; 0 for delays up to `CLOCK_FOLLOWS_S`."""
+        """Return the delay of the E1 signal on the receiver's clock in m, or 0 for delays up to `CLOCK_FOLLOWS_S`."""
         error_m = truth.e1.error_m + self.clock_offset_m
         return np.where(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS, error_m, 0.0)
 
     @property
     def spoofer_as_received(self) -> Spoofer:
-        """The attacker for E1 and drawn correlators, with the geometry of a replay, which samples contain already."""
+        """Attacker for E1 tracking and for drawn correlators, whose signals under a sky have the geometry of a replay.
+
+        Samples contain the geometry of a replay without this attacker.
+        """
         if self.elevation is None or not self.spoofer.attacks:
             return self.spoofer
         return SpooferUnderSky(
@@ -149,10 +160,11 @@ class Simulation:
         )
 
     def repeated_later_m(self, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-        """Return the delay of the RECS to which E1 leads, relative to the true RECS, times c.
+        """Return the delay in m of the RECS to which the E1 hand-over leads, relative to the true RECS.
 
-        The delay equals the E1 error, unless this error amounts to seconds. Under a sky an error of seconds also
-        contains the motion of the satellite in these seconds. The RECS itself has only the delay.
+        The delay equals the E1 error on a single line of sight, and for E1 errors up to `CLOCK_FOLLOWS_S`. Under a sky
+        a larger E1 error also contains the change of the satellite's range during the delay. The returned delay does
+        not contain the change of the range.
         """
         error_m = truth.e1.error_m
         rows = np.flatnonzero(np.abs(error_m) > CLOCK_FOLLOWS_S * SPEED_OF_LIGHT_MPS)
@@ -165,7 +177,7 @@ class Simulation:
 
     @property
     def clock_offset_m(self) -> float:
-        """Constant error of the receiver's clock, times c."""
+        """Constant error of the receiver's clock, times c, in m."""
         return self.clock_offset_s * SPEED_OF_LIGHT_MPS
 
     @property
@@ -178,10 +190,10 @@ class Simulation:
         return arrival(self.line_of_sight, truth)
 
     def received_s(self, truth: TruthBlock, arrived: Arrival) -> Float[np.ndarray, " n"]:
-        """Return the time of the last sample of each RECS, in s after the start, on a clock that no attacker moves.
+        """Return the time of the last sample of each RECS in s after the start, on a clock that no attacker can shift.
 
-        This clock may have the error `clock_offset_s`. If the time tag of the RECS is later than this time, the time
-        tag is returned.
+        The clock may have the constant error `clock_offset_s`. If the time tag of a RECS is later than the time on this
+        clock, the time tag is returned.
         """
         expected_s = arrived.dt_s + (self.repeated_later_m(truth) + self.clock_offset_m) / SPEED_OF_LIGHT_MPS
         received_s = truth.time_s + recorded_until_s(expected_s, self.n_chips, self.front_end)
@@ -196,10 +208,10 @@ class Simulation:
         offsets_m: Float[np.ndarray, " n_taps"],
         other_signals: Float[np.ndarray, " n"] | None = None,
     ) -> tuple[Complex128[np.ndarray, "n n_taps"], Float[np.ndarray, " n"]]:
-        """Return drawn taps and noise power of RECS; the division into blocks does not change these values.
+        """Return drawn taps and noise powers of RECS, which do not depend on the division of the run into blocks.
 
-        `other_signals` is the power density, divided by N0, of the noise that all other signals of a sky add to a
-        correlator; None if the scenario has a single line of sight.
+        `other_signals` is the density of the noise that all other signals of a sky add to a correlator, divided by N0.
+        On a single line of sight `other_signals` is None.
         """
         model = CorrelatorModel(offsets_m=tuple(offsets_m.tolist()), n_chips=self.n_chips, front_end=self.front_end)
         n = truth.time_s.size
@@ -235,22 +247,25 @@ class Simulation:
         return taps, noise_power
 
     def segment(self, number: int) -> tuple[EncryptedSegment, ValidatedKey]:
-        """Return a RECS by its number, and its key."""
+        """Return the RECS number `number`, and the OSNMA key that decrypts this RECS."""
         chips = self.chips(self.transmit_time(number))
         key = self.key(chips.transmit_time)
         return encrypt(chips, key.data, key_delay=self.key_delay, mode=self.cipher_mode), key
 
     def chips(self, sent: GalileoTime) -> ChipSequence:
-        """Return the chips of the RECS that is sent at a time."""
+        """Return the chips of the RECS that is sent at the time `sent`."""
         return _chips_sent(self.seed, self.svid, sent, self.n_chips)
 
     def withheld(self, subframe_s: float) -> bool:
-        """Return whether the attacker withholds the key of a subframe, in s after the start, from the receiver."""
+        """Return whether an attacker withholds from the receiver the key of the subframe that begins at `subframe_s`.
+
+        `subframe_s` is in s after the scenario's start.
+        """
         on_air = subframe_s + KEY_ON_AIR.disclosure_start_s, subframe_s + KEY_ON_AIR.disclosure_end_s
         return self.spoofer.withholds_osnma(*on_air)
 
     def key(self, sent: GalileoTime) -> ValidatedKey:
-        """Return the OSNMA key of the RECS that is sent at a time."""
+        """Return the OSNMA key that decrypts the RECS that is sent at the time `sent`."""
         return osnma_keys(self.seed, self.start, self._subframes, self.osnma)[key_time(sent, self.key_delay)]
 
 
@@ -261,5 +276,5 @@ def e1_error_m(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"]) -> Float
 
 @lru_cache(maxsize=16)
 def _chips_sent(seed: int, svid: int, sent: GalileoTime, n_chips: int) -> ChipSequence:
-    """Return the chips that a satellite sends from a time on; the server encrypts the same chips."""
+    """Return `n_chips` encrypted chips that a satellite sends from the time `sent` on."""
     return encrypted_chips(encryption_key(seed), svid, sent, n_chips)

@@ -1,7 +1,7 @@
-"""The truth of a simulated line of sight, epoch after epoch: every term of every error, and the effects of an attack.
+"""Compute the truth of a simulated line of sight, epoch after epoch: all errors, and the effects of an attack.
 
-The errors correlate in time and cost little computation, so the errors are drawn in order. The result does not depend
-on the division of the epochs into calls.
+The errors are correlated in time and cost little computation, so the errors are drawn in the order of the epochs. The
+truth does not depend on the division of the epochs into calls of `advance`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from vestige.spoofer.spoofer import NO_SPOOFER, BandEffects
 if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
-_WORST_NOISE = 10.0  # upper limit of the tracking noise, over the noise of an undisturbed loop
+_WORST_NOISE = 10.0  # upper limit of the tracking noise, divided by the noise of an undisturbed loop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,11 +37,11 @@ class TruthBlock:
     acceleration_mps2: Float[np.ndarray, " n"]
     clock_m: Float[np.ndarray, " n"]  # error of the receiver clock times c, positive if the clock is ahead
     clock_drift_mps: Float[np.ndarray, " n"]
-    iono_diff_m: Float[np.ndarray, " n"]  # delay of E6 relative to E1 that the prediction does not contain
+    iono_diff_m: Float[np.ndarray, " n"]  # ionospheric delay of E6 relative to E1 that the prediction does not contain
     ionosphere_e1_m: Float[np.ndarray, " n"]  # the ionosphere's residual on E1; 0 on a single line of sight
     # ionospheric delay on E1 that the message describes; E6 has γ times this delay
     broadcast_ionosphere_e1_m: Float[np.ndarray, " n"]
-    iono_on_carrier: Float[np.ndarray, " n"]  # 1 if the ionosphere advances the carriers, 0 if not
+    iono_on_carrier: Float[np.ndarray, " n"]  # 1 if the ionosphere's residual advances the carriers, 0 if not
     bias_m: Float[np.ndarray, " n"]  # delay of the E6 code relative to the E1 code, in addition to iono_diff_m
     e1_noise_m: Float[np.ndarray, " n"]  # noise of the pseudorange on E1
     e1_phase_noise_m: Float[np.ndarray, " n"]  # noise of the carrier phase on E1, times the wavelength
@@ -53,11 +53,11 @@ class TruthBlock:
     geometry: SatelliteGeometry
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the delay of a band's code by the ionosphere in m, with residual and broadcast model."""
+        """Return the ionospheric delay of a band's code in m, the sum of broadcast model and residual."""
         return self._residual_m(band) + self._modelled_m(band)
 
     def carrier_advance_m(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the advance of a band's carrier by the ionosphere in m."""
+        """Return the ionospheric advance of a band's carrier in m."""
         return self._residual_m(band) * self.iono_on_carrier + self._modelled_m(band)
 
     def _residual_m(self, band: Band) -> Float[np.ndarray, " n"]:
@@ -68,7 +68,7 @@ class TruthBlock:
 
 
 class TruthProcess:
-    """Process that steps through the epochs in order."""
+    """Process that gives the truth of one satellite at the epochs in order."""
 
     def __init__(self, of: Simulation) -> None:
         models = of.models
@@ -120,7 +120,8 @@ class TruthProcess:
     def _without_attack(self, first: int, count: int) -> UndisturbedTruth:
         """Return the part of the truth that no attack changes.
 
-        The simulations of a threat table differ only in their attack, so this part of a short run is cached.
+        The simulations of a threat table differ only in their attack, so the truth without attacks of a short run is
+        cached.
         """
         if first == 0 and count <= KEPT_EPOCHS:
             return kept_truth(self._undisturbed, count)

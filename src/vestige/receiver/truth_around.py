@@ -1,9 +1,9 @@
-"""The truth of a block of epochs together with the epochs around them, which also affect the block's samples.
+"""Compute the truth of a block of epochs and of the epochs around the block, which also affect the block's samples.
 
-Between two epochs the receiver's samples change from the truth of the first epoch to the truth of the second
+Between two epochs the receiver's samples change from the truth of the first epoch to the truth of the second epoch
 (`continuous`). In a spoofing signal, the chips of an epoch arrive later than in the true signal. So the samples of a
-block depend on epochs before its first and after its last epoch. A delayed signal in these samples has the errors of
-its own time, which is earlier by the delay.
+block depend on epochs before its first and after its last epoch. A delayed signal has the errors of a time that is
+earlier by the delay.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from vestige.records import Band
 if TYPE_CHECKING:
     from vestige.receiver.simulation import Simulation
 
-# time after a RECS was sent that covers the reception of the RECS and the 100 ms of E1 around the reception
+# time in s after the transmission of a RECS in which the RECS and the 100 ms of E1 around the RECS are received
 TAIL_S = 0.3
-_REACH_S = 0.5  # time longer than the time from an epoch to the end of its true samples
+_REACH_S = 0.5  # time in s that is longer than the time from an epoch to the end of the epoch's true samples
 _SPARE_S = 0.2
 
 _T = TypeVar("_T")
@@ -34,9 +34,9 @@ def epochs_around(interval_s: float, tail_s: float) -> tuple[int, int]:
     Parameters
     ----------
     interval_s
-        Time between two epochs.
+        Time in s between two epochs.
     tail_s
-        Time in s from the transmission at an epoch to its last sample, at least `TAIL_S`.
+        Time in s from the transmission at an epoch to the epoch's last sample, at least `TAIL_S`.
     """
     reaches_s = (_REACH_S + tail_s - TAIL_S, tail_s + _SPARE_S)
     before, after = (int(np.ceil(reach_s / interval_s)) + 1 for reach_s in reaches_s)
@@ -45,7 +45,7 @@ def epochs_around(interval_s: float, tail_s: float) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruthWithin(TruthBlock):
-    """The truth of a block of epochs and of the epochs around them."""
+    """Truth of a block of epochs and of the epochs around the block."""
 
     around: TruthBlock  # truth of the block's epochs, and of some epochs before and after the block
 
@@ -61,7 +61,8 @@ class TruthAround:
         self._of, self._before, self._after = of, before, after
         self._process = TruthProcess(of)
         self._known: TruthBlock | None = None
-        self._first = self._end = 0  # numbers of the first known epoch, and of the last known epoch plus 1
+        # number of the first known epoch, and number of the epoch after the last known epoch
+        self._first = self._end = 0
 
     def advance(self, first: int, count: int) -> TruthWithin:
         """Return the truth of the next epochs, `first` to `first + count − 1`."""
@@ -78,7 +79,10 @@ class TruthAround:
         return TruthWithin(around=around, **{one.name: getattr(own, one.name) for one in fields(TruthBlock)})
 
     def _joined(self, before: TruthBlock, after: TruthBlock) -> TruthBlock:
-        """Return two blocks as one; effects of attacks are not joined, because the effects follow from the times."""
+        """Return the truth of two consecutive blocks as one block.
+
+        The effects of attacks are computed again from the times of the joined block.
+        """
         times_s = np.concatenate([before.time_s, after.time_s])
         spoofer, svid = self._of.spoofer_as_received, self._of.svid
         joined: dict[str, Any] = {

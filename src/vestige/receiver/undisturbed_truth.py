@@ -1,7 +1,7 @@
-"""The part of the truth of a line of sight that no attack changes: geometry, clock, ionosphere, multipath, noise, bias.
+"""Compute the truth of a line of sight without attacks: geometry, clock, ionosphere, multipath, noise and bias.
 
-The errors correlate in time and cost little computation, so the errors are drawn in order. The result does not depend
-on the division of the epochs into calls. If a model is None, its error is zero.
+The errors are correlated in time and cost little computation, so the errors are drawn in the order of the epochs. The
+truth does not depend on the division of the epochs into calls of `advance`. If a model is None, its error is zero.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _KEPT_BLOCKS = 128  # number of blocks in the cache, enough for eight satellites
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorModels:
-    """The error models of a receiver; None if a model is absent [WFO, Sec. V]."""
+    """Error models of a receiver, each None if the model is absent [WFO, Sec. V]."""
 
     clock: ClockModel | None = None
     ionosphere: IonosphereModel | None = None
@@ -48,7 +48,10 @@ class ErrorModels:
 
     @property
     def n_rays(self) -> int:
-        """Number of reflections that a block has space for; at least 1, which may have amplitude 0."""
+        """Number of reflections that a block has space for, at least 1.
+
+        Without a multipath model the single reflection has amplitude 0.
+        """
         return 1 if self.multipath is None else self.multipath.n_rays
 
 
@@ -72,7 +75,7 @@ class UndisturbedTruth:
 
 
 class UndisturbedProcess:
-    """Process that steps through the epochs in order."""
+    """Process that gives the truth without attacks at the epochs in order."""
 
     def __init__(self, of: Simulation) -> None:
         models, elevation = of.models, of.elevation
@@ -87,7 +90,7 @@ class UndisturbedProcess:
         self._bias = models.bias and models.bias.process(own, receiver=receiver)
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> UndisturbedTruth:
-        """Return the truth of the next epochs, at times after the scenario's start."""
+        """Return the truth of the next epochs, at times in s after the scenario's start."""
         count = times_s.size
         zero = np.zeros(count)
         models = self._of.models
@@ -128,7 +131,7 @@ class UndisturbedProcess:
     def _weaker(
         self, geometry: SatelliteGeometry, code_m: Float[np.ndarray, " n"], doppler_hz: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Return the tracking noise at the strength of each epoch, from the noise at the nominal strength."""
+        """Return code and Doppler noise at the strength of each epoch, from the noise at the nominal strength."""
         if self._of.models.e1_tracking is None:
             return code_m, doppler_hz
         code, doppler = noise_growth(

@@ -1,1 +1,1 @@
-"""Files as a source of snapshots: samples, E1 observations, navigation pages, assistance."""
+"""Read files as a source of snapshots: samples, E1 observations, navigation pages, assistance."""

@@ -1,11 +1,12 @@
-"""Description of a recording before any sample is read: file, sample format and start of each band.
+"""Describe a recording before any sample is read: file, sample format and start of each band.
 
 A recording has up to two bands, which share one clock and one sample counter. Sample 0 of both bands belongs to the
 same time. Sample n of a band comes n sampling intervals of that band after sample 0. A file may start at any sample
 number (`first_sample`), so front ends that started at different times share the counter.
 
 `center_frequency_hz` is the radio frequency that appears at 0 Hz in the *stored* samples. For example, a real IF
-recording with a local oscillator at 1572.42 MHz has the value 1572.42e6. E1 is then at +3 MHz in the samples.
+recording with a local oscillator at 1572.42 MHz has the value 1572.42e6. In the samples of this recording, E1 is at +3
+MHz.
 """
 
 from __future__ import annotations
@@ -42,10 +43,11 @@ class BandFile:
     form: SampleFormat
     sample_rate_hz: float
     center_frequency_hz: float  # radio frequency that appears at 0 Hz in the stored samples
-    spectral_inversion: bool = False  # whether the stored spectrum is inverted; the reader inverts it again
+    # whether the stored spectrum is inverted, so that the reader inverts the spectrum again
+    spectral_inversion: bool = False
     first_sample: int = 0  # number of the file's first sample on the counter that the bands share
     start: GalileoTime | None = None  # time of the file's first sample on the receiver's clock; None if unknown
-    bandwidth_hz: float | None = None  # bandwidth of the front end, two-sided; None if not stated
+    bandwidth_hz: float | None = None  # two-sided bandwidth of the front end; None if not stated
     header_bytes: int = 0  # bytes before the first sample
     trailing_bytes: int = 0  # bytes after the last sample
     stated_samples: int | None = None  # number of samples as the description states it; None if not stated
@@ -75,7 +77,10 @@ class RecordingDescription:
 
 
 def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
-    """Return the band whose carrier is in the sampled spectrum, the nearer of two carriers; None without a carrier."""
+    """Return the band whose carrier is in the sampled spectrum, or None if no carrier is in the spectrum.
+
+    If two carriers are in the spectrum, the nearer carrier counts.
+    """
     band = min(CARRIER_HZ, key=lambda band: abs(center_frequency_hz - CARRIER_HZ[band]))
     return band if abs(center_frequency_hz - CARRIER_HZ[band]) <= sample_rate_hz / 2 else None
 
@@ -102,7 +107,10 @@ def counter_seconds(band: BandFile) -> Fraction:
 
 
 def redated(description: RecordingDescription, start: GalileoTime) -> RecordingDescription:
-    """Return the recording with its earliest sample at `start`; the counter gives the start of the other band."""
+    """Return the description of a recording whose earliest sample is at `start`.
+
+    The counter gives the start of the other band.
+    """
     if not description.bands:
         return description
     earliest = min(description.bands.values(), key=counter_seconds)

@@ -1,4 +1,4 @@
-"""Times of samples, and times as text, without loss of precision.
+"""Compute times of samples, and write times as text, without loss of precision.
 
 The time of 5·10¹³ samples at 10 MHz in s has a resolution of 1 ns as a float64, or 30 cm of range. So the whole seconds
 are split off in exact arithmetic first. Only the fraction is rounded, and only once.
@@ -14,7 +14,10 @@ from vestige.time import GalileoTime
 
 
 def later(start: GalileoTime, seconds: Fraction) -> GalileoTime:
-    """Return the time exactly `seconds` after `start` (before `start`, if negative); the fraction is rounded once."""
+    """Return the time exactly `seconds` after `start`, with the fraction of a second rounded once.
+
+    Negative `seconds` give a time before `start`.
+    """
     if not seconds:
         return start
     whole, rest = divmod(seconds + Fraction(start.fraction), 1)
@@ -22,7 +25,7 @@ def later(start: GalileoTime, seconds: Fraction) -> GalileoTime:
 
 
 def samples_later(start: GalileoTime, count: int, sample_rate_hz: float) -> GalileoTime:
-    """Return the time `count` samples after `start`; the value of the rate in Hz is taken as exact."""
+    """Return the time `count` samples after `start`, with the sampling rate in Hz taken as exact."""
     return later(start, Fraction(count) / Fraction(sample_rate_hz))
 
 

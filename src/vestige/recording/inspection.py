@@ -1,10 +1,10 @@
-"""Inspection of a recording: its content, and the data that ACAS lacks to authenticate the recording.
+"""Inspect a recording: list the content, and the data that ACAS lacks to authenticate the recording.
 
 For each verdict ACAS needs three inputs: E6 samples that contain a RECS, the RECS itself, and the OSNMA key of the
 RECS. E1 (samples or observations) predicts the position of the RECS in E6. The group delay of the satellite corrects
-that prediction. The receiver clock's error must be provably smaller than the time from the RECS to the disclosure of
-its key. For a key delay of one subframe (KDI 1), the paper states 30 s for this time [WFO, Sec. III-D]. The exact time
-is 22 to 52 s.
+the predicted position. The receiver clock's error must be provably smaller than the time from the RECS to the
+disclosure of the key. For a key delay of one subframe (KDI 1), the paper states 30 s from the RECS to the disclosure
+[WFO, Sec. III-D]. The exact time from the RECS to the disclosure is 22 to 52 s.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ CENTER_TOLERANCE = 0.25  # largest distance of the pass band's centre from the c
 class BandInspection:
     """The samples of a band and the statistics of the first samples.
 
-    `hash_agrees` is whether the file has the hash that its description states; None if no hash is stated or compared.
+    `hash_agrees` tells whether the file has the hash that the description of the file states. `hash_agrees` is None if
+    no hash is stated or compared.
     """
 
     reader: SampleReader
@@ -48,7 +49,10 @@ class BandInspection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationCoverage:
-    """Coverage of a file of E1 observations; `span` is the first and the last epoch, or None without an epoch."""
+    """Coverage of a file of E1 observations.
+
+    `span` has the times of the first and the last epoch, and is None without an epoch.
+    """
 
     file: ObservationFile
     n_epochs: int
@@ -58,7 +62,7 @@ class ObservationCoverage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inspection:
-    """Result of an inspection: the data at a path, and what ACAS lacks."""
+    """Result of an inspection: the data at a path, and the data that ACAS lacks."""
 
     path: Path
     description: RecordingDescription | None  # description of the recording; None if the path has no samples
@@ -105,7 +109,8 @@ def inspect_recording(
     signals
         Whether to search for satellites and for errors of the description, which takes 10 to 40 s.
     progress
-        Called with the name of the search step, the number of its parts that are done and the number of all parts.
+        Function that is called with the name of the search step, the number of finished parts and the number of all
+        parts.
     """
     description, observation_path = _find(path)
     if description is not None and start is not None:

@@ -1,4 +1,4 @@
-"""Tables of numbers as CSV: a header with the column names, then rows that are sorted by time, the first column."""
+"""Read tables of numbers as CSV: a header with the column names, then rows sorted by time, the first column."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WAYPOINTS: Mapping[str, tuple[float, float]] = {
 
 
 def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> Float[np.ndarray, "n k"]:
-    """Return the rows of a table that has exactly these columns, two or more.
+    """Return the rows of a table that has exactly the columns of `columns`, and at least two rows.
 
     `columns` gives the smallest and the largest value of each column, in the order of the file.
 
@@ -49,13 +49,16 @@ def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> 
 
 
 def check_header(path: Path, line: str, columns: Mapping[str, tuple[float, float]]) -> None:
-    """Raise InputFileError unless the first line of a file names exactly these columns."""
+    """Raise InputFileError unless the first line of a file names exactly the columns of `columns`."""
     if line.strip() != (header := ",".join(columns)):
         raise InputFileError(path, "line 1", line.strip() or "nothing", header)
 
 
 def numeric_row(path: Path, number: int, line: str, columns: Mapping[str, tuple[float, float]]) -> list[float]:
-    """Return the values of a line; raises the errors of `read_numeric_csv`."""
+    """Return the values of a line.
+
+    Raises `InputFileError` if the line has another number of values, or a value is not a number within its limits.
+    """
     texts = line.split(",")
     if len(texts) != len(columns):
         raise InputFileError(path, f"line {number}", f"{len(texts)} fields", f"{len(columns)}: {','.join(columns)}")

@@ -1,4 +1,4 @@
-"""Blocks of one epoch for the processor: a snapshot of a recording, or the state of E1 tracking between two snapshots.
+"""Make blocks of one epoch for the processor, from a snapshot of a recording or from E1 tracking between snapshots.
 
 A block includes the data of other channels since the previous block.
 """
@@ -20,7 +20,7 @@ from vestige.records.snapshot_block import OBSERVED, E1Block, FrontEndBlock, Sna
 from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 
-OSNMA_SUBFRAMES = 20  # number of subframes before the first block whose keys are compared: 10 minutes
+OSNMA_SUBFRAMES = 20  # number of subframes whose keys are compared at the first block: the 10 minutes before this block
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +29,7 @@ class OtherChannels:
 
     # OSNMA keys of a second channel, and its pages if known [WFO, Sec. IV-C]; None without a second channel
     second_channel: Assistance | None = None
-    accelerations: Accelerations | None = None  # readings of inertial sensors; None without sensors
+    accelerations: Accelerations | None = None  # accelerations from inertial sensors; None without sensors
 
     def block(self, snapshot: Snapshot, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
         """Return a snapshot as a block of one epoch.
@@ -39,7 +39,7 @@ class OtherChannels:
         return self.joined(block_of(snapshot, since=since, accelerations=self.accelerations), assistance, since)
 
     def joined(self, block: SnapshotBlock, assistance: Assistance, since: GalileoTime | None) -> SnapshotBlock:
-        """Return a block of one epoch with the result of comparing its OSNMA data with the second channel."""
+        """Compare the OSNMA data with the second channel, and return the block of one epoch with the result."""
         now = block.time.at(0)
         if self.second_channel is None or not block.svids:
             return block
@@ -84,7 +84,7 @@ def tracked_block(
 
 
 def with_correlators(block: SnapshotBlock, epoch: ObservationEpoch) -> SnapshotBlock:
-    """Return a block of one epoch with the tracked E1 correlators and the power of E1 at that time."""
+    """Return a block of one epoch with the E1 correlators and the E1 power that were tracked at `epoch`."""
     if not epoch.tap_chips:
         return block
     nothing = np.full(len(epoch.tap_chips), np.nan + 0j)

@@ -1,4 +1,4 @@
-"""Access to an opened recording: its samples by band and time, and its E1 observations.
+"""Open a recording, and read the samples by band and time, and the E1 observations.
 
 A recording is given as:
 
@@ -8,8 +8,8 @@ A recording is given as:
 * a folder with an `.sdrx` file, or the path of an `.sdrx` or `.xml` file: ION GNSS SDR metadata.
 
 If a folder contains several of these descriptions, the first description in this list is used. E1 observations are in
-the same folder, or `recording.toml` names the file of the observations. The first line of the file tells its format
-(RINEX or CSV).
+the same folder, or `recording.toml` names the file of the observations. The first line of the file of observations
+tells the format (RINEX or CSV).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from vestige.records import Band, SampleBatch
 from vestige.time import GalileoTime
 
 OBSERVATION_NAMES = re.compile(r".*\.(rnx|obs|csv|\d\do|crx|\d\dd)", re.IGNORECASE)
-SAMPLE_TOLERANCE = 1e-3  # share of a sampling interval by which a time may miss the exact time of a sample
+SAMPLE_TOLERANCE = 1e-3  # share of a sampling interval by which a time may differ from the exact time of a sample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ class Recording:
     observations: ObservationFile | None
 
     def reader(self, band: Band) -> SampleReader | None:
-        """Return the samples of a band, or None."""
+        """Return the reader of the samples of a band, or None if the band was not recorded."""
         return self.e1 if band is Band.E1 else self.e6
 
     @property
@@ -67,8 +67,8 @@ class Recording:
 
         The batch begins with the first sample at or after `start_time`. A sample up to a thousandth of a sampling
         interval before `start_time` is also included. The batch has ⌈duration · rate⌉ samples, the same number for
-        every position of the window. Samples outside the recording are left out. `start`, `first_sample` and the length
-        of the batch then describe the remaining samples.
+        every position of the window. Samples outside the recording are left out. If samples are left out, `start`,
+        `first_sample` and the length of the batch describe the remaining samples.
 
         Raises `InputFileError` if the samples cannot be read.
         """
@@ -85,7 +85,9 @@ class Recording:
 
 
 def find_recording(path: Path) -> Path | None:
-    """Return the file that describes the recording at `path`; the folder if several files do so together, or None.
+    """Return the path of the description of the recording at `path`, or None without a description.
+
+    If several files together describe the recording, the path of their folder is returned.
 
     Raises `InputFileError` if a folder has more than one collection, or more than one `.sdrx` file and no SigMF. Raises
     `UnsupportedError` for a SigMF archive.

@@ -1,4 +1,4 @@
-"""`recording.toml`: the description of a raw recording, written by hand beside the sample files.
+"""Read `recording.toml`, the description of a raw recording that is written by hand beside the sample files.
 
 ::
 

@@ -1,8 +1,8 @@
-"""Log file of exhaustive searches: after an interruption the same search continues, and no result is lost.
+"""Store the states of exhaustive searches in a log file, so that an interrupted search continues without a loss.
 
-The file is replaced as a whole, after the new file is on the disk, so the log is complete at any moment. The log
-contains the identity of the searches (`of`), so that no search continues from the state of another search. The log has
-a state for each search, by the name of the search.
+Each new log replaces the old log only after the new log is on the disk, so the log file is complete at any moment. The
+log names the recording, the codes and the settings of the searches (`of`). So a search never continues from the state
+of another search. The log has one state for each search, by the name of the search.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vestige.output import replacement
 from vestige.sample_processor.search.exhaustive_search import SearchState
 
 EXPECTED_LOG = "the log of an exhaustive search"
-_MAX_BYTES = 1 << 26  # largest size of a log; a search needs some kB
+_MAX_BYTES = 1 << 26  # largest size of a log file in bytes; the state of one search has some kB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +31,7 @@ class _Content:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchLog:
-    """The states of searches, and the file in which the states are stored."""
+    """States of exhaustive searches, and the log file in which these states are stored."""
 
     path: Path
     of: Mapping[str, str | float]  # identity of the searches: recording, codes and settings as text and numbers
@@ -41,7 +41,7 @@ class SearchLog:
     def open(cls, path: Path, of: Mapping[str, str | float]) -> SearchLog:
         """Return the log in a file, or an empty log if the file does not exist.
 
-        Raises `InputFileError` if the file is not a log, or belongs to other searches.
+        Raises `InputFileError` if the file is not a log of searches, or if the log has another identity than `of`.
         """
         if not path.exists():
             return cls(path=path, of=of)
@@ -63,7 +63,7 @@ class SearchLog:
         return cls(path=path, of=of, states=content.states)
 
     def keep(self, name: str, state: SearchState) -> None:
-        """Store the state of a search, and write the file."""
+        """Store the state of a search under the name of the search, and write the log file."""
         self.states[name] = state
         content = {"of": dict(self.of), "states": {key: asdict(one) for key, one in self.states.items()}}
         with replacement(self.path) as part:

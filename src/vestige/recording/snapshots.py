@@ -1,9 +1,9 @@
-"""A recording as a source of snapshots: a snapshot for each time of transmission of RECS in its E6 samples.
+"""Make snapshots from a recording, one for each time of transmission of RECS in the E6 samples.
 
-A snapshot is made for every time of transmission whose RECS can have reached the receiver during the recording. The E6
-samples are cut from just before the earliest to just after the latest arrival. The observations come from the
-observation file, from tracking, or from 100 ms of E1 samples around the RECS. Only short windows of samples are read,
-so a recording may be far larger than memory.
+A snapshot is made for every time of transmission if its RECS can arrive during the recording. The E6 samples of a
+snapshot begin 1 ms before the first RECS arrives, and end 1 ms after the last RECS has arrived. The observations come
+from the observation file, from tracking, or from 100 ms of E1 samples around the RECS. Only short windows of samples
+are read, so a recording may be far larger than memory.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_time_uncertainty
 
-MARGIN_S = 1e-3  # margin of E6 samples on both sides for hardware bias, correlators and errors of the observation
+MARGIN_S = 1e-3  # duration in s of E6 samples before and after the RECS, for hardware bias, correlators and E1 errors
 ALL_SVIDS = range(1, MAX_SVID + 1)
 
 
@@ -41,7 +41,7 @@ class _E1AndFrontEnds(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingSource:
-    """Snapshots of a recording, as an iterable.
+    """Iterable of the snapshots of a recording, each as a `SnapshotBlock`.
 
     Attributes
     ----------
@@ -50,28 +50,27 @@ class RecordingSource:
     assistance
         RECS, group delays, keys and corrections.
     tracked
-        Observations that the receiver has tracked in the E1 samples, in place of an observation file; None without
-        tracking.
+        Observations from tracking the E1 samples, in place of an observation file; None if E1 was not tracked.
     time_uncertainty_s
-        Upper limit of the receiver clock's error in s, in place of the limit that the recording states.
+        Upper limit of the receiver clock's error in s; None for the limit that the recording states.
     time_tag_error_s
         Error of the samples' time tag in s, positive if the time tag is ahead of Galileo System Time. The error comes
-        from the message or from `time_tag_search`. The error gives the position of a RECS in the recording, and
-        resolves the ambiguity of 100 ms of E1.
+        from the navigation message or from `time_tag_search`. The error is needed to find a RECS in the recording, and
+        to resolve the ambiguity of 100 ms in the E1 ranges.
     searchable
-        Whether snapshots contain the E1 samples and give access to all E6 samples. Mitigation levels 2 and 3 need these
-        samples for searches.
+        Whether snapshots contain the E1 samples around the RECS and give access to all E6 samples. Mitigation levels 2
+        and 3 need these samples for searches.
     cn0_estimator
-        Estimator of the C/N0 of E1 if E1 is measured in the samples; see `measure_e1`.
+        Name of the estimator for the C/N0 of E1 when E1 is measured in the samples; see `measure_e1`.
     channels
-        Second OSNMA channel and accelerations, if there are any.
+        Data of a second OSNMA channel and of inertial sensors; no such data by default.
     progress
         Function that is called during long steps with the name of the step, the finished amount and the whole amount.
 
     Raises
     ------
-    ValueError
-        If the time uncertainty is negative or not finite.
+    VestigeError
+        If the time uncertainty is negative or NaN.
 
     Examples
     --------
@@ -97,10 +96,10 @@ class RecordingSource:
             require_time_uncertainty(self.time_uncertainty_s)
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
-        """Yield a block for each snapshot; between two snapshots yield a block of E1 tracking each second.
+        """Yield a block for each snapshot, and a block of E1 tracking for each whole second between snapshots.
 
-        The blocks between snapshots need `tracked` and `searchable`. The checks of level 1 do not use E1 between two
-        RECS.
+        The blocks of E1 tracking are made only if `tracked` is given and `searchable` is true, because the checks of
+        level 1 do not use E1 between two RECS.
         """
         between = deque(self.tracked if self.tracked is not None and self.searchable else ())
         since, index, last = None, 0, None
@@ -134,7 +133,7 @@ class RecordingSource:
         return self.recording.description.time_uncertainty_s if stated is None else stated
 
     def snapshots(self) -> Iterator[Snapshot]:
-        """Yield one snapshot for each time of transmission in `epochs`."""
+        """Yield one snapshot for each time of transmission that `epochs` returns."""
         observations = self.recording.observations if self.tracked is None else self.tracked
         track = ObservationTrack(observations) if observations is not None else None
         for index, (transmit_time, segments) in enumerate(self.epochs().items()):
@@ -158,9 +157,9 @@ class RecordingSource:
         segments: tuple[EncryptedSegment, ...],
         track: ObservationTrack | None,
     ) -> Snapshot:
-        """Return the snapshot of one time of transmission.
+        """Return the snapshot of the RECS that have one time of transmission.
 
-        Without `track` the observations are measured in the E1 samples.
+        If `track` is None, the observations are measured in the E1 samples.
         """
         svids = frozenset(segment.svid for segment in segments)
         time, observations = self._observe(transmit_time, svids, track)
@@ -178,7 +177,7 @@ class RecordingSource:
         )
 
     def _for_searches(self, transmit_time: GalileoTime, e6: SampleBatch | None) -> _E1AndFrontEnds:
-        """Return E1 around the RECS, and the status of both front ends from their samples."""
+        """Return the E1 samples around the RECS, and the status of each front end from its samples."""
         e1 = None if self.recording.e1 is None else self._e1(self.recording.e1, transmit_time)
         readers = ((self.recording.e1, e1), (self.recording.e6, e6))
         status = {
@@ -241,7 +240,10 @@ def time_span(
 
 
 def e1_window(reader: SampleReader, middle: GalileoTime) -> SampleBatch:
-    """Return up to 100 ms of E1 samples around a time; at the ends of the recording the window is moved inward."""
+    """Return up to 100 ms of E1 samples around a time.
+
+    Near an end of the recording, the window of samples is moved into the recording.
+    """
     count = min(round(E1_WINDOW_S * reader.file.sample_rate_hz), reader.n_samples)
     wish = reader.first_sample + round((middle - reader.start) * reader.file.sample_rate_hz) - count // 2
     return reader.read(min(max(wish, reader.first_sample), reader.end_sample - count), count)

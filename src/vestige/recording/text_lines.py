@@ -1,4 +1,4 @@
-"""Numbered lines of an untrusted text file, read one at a time and with limited length."""
+"""Read the numbered lines of an untrusted text file one at a time, with a limit for the length of a line."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from pathlib import Path
 from vestige.crypto.file_bytes import open_file
 from vestige.errors import InputFileError
 
-LONGEST_LINE = 1 << 16  # limit in bytes; a RINEX line with every Galileo signal has fewer than 1000 bytes
+LONGEST_LINE = 1 << 16  # longest line in bytes; a RINEX line with every Galileo signal has fewer than 1000 bytes
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield (number from 1, line without its end); each byte becomes a character, so columns count bytes.
+    """Yield the number of each line, from 1, and the text of the line without the line end.
 
-    Raises `InputFileError` if the file cannot be read, a line is longer than `LONGEST_LINE`, or the last line has no
-    end. A file without a last line end was cut off, and its last number may lack digits.
+    Each byte becomes one character, so columns count bytes.
+
+    Raises `InputFileError` if the file cannot be read, if a line is longer than `LONGEST_LINE`, or if the last line has
+    no line end. A file without a last line end was cut off, so the last number in the file may lack digits.
     """
     with open_file(path) as stream:
         try:
@@ -38,7 +40,10 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 class GrowingLines:
-    """The lines of a file that another process is still writing; a line is complete when its end is written."""
+    """Reader of the lines of a file that another process is still writing.
+
+    A line is complete when its line end is written.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -47,9 +52,10 @@ class GrowingLines:
         self._lines: deque[bytes] = deque()
 
     def take(self) -> tuple[int, str] | None:
-        """Return the number and the text of the next line, like `numbered_lines`; None if no line is complete yet.
+        """Return the number and the text of the next line, like `numbered_lines`; None if no new line is complete.
 
-        Raises `InputFileError` if the file cannot be read, became shorter, or a line is longer than `LONGEST_LINE`.
+        Raises `InputFileError` if the file cannot be read, if the file became shorter, or if a line is longer than
+        `LONGEST_LINE`.
         """
         if not self._lines and self._path.exists():
             self._read()
@@ -61,7 +67,7 @@ class GrowingLines:
         return self._number, text.decode("latin-1").rstrip("\r")
 
     def _read(self) -> None:
-        """Read the next whole lines, and close the file again."""
+        """Read the complete lines in the next `LONGEST_LINE` bytes, and close the file again."""
         with open_file(self._path) as stream:
             try:
                 size = os.fstat(stream.fileno()).st_size

@@ -1,7 +1,8 @@
-"""Records that the parts of vestige exchange.
+"""Define the records that the parts of vestige exchange.
 
-Records are frozen and keyword-only, with units in the names. By convention, **a positive offset is later**.
-The processor receives only `Snapshot` and `Assistance`, so the processor cannot tell a simulation from a recording.
+Records are frozen dataclasses with keyword arguments, and the names of attributes contain the units. By convention, **a
+positive offset is later**. The processor receives only `Snapshot` and `Assistance`, so the processor cannot tell a
+simulation from a recording.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite, require_finite_if_known, require_time_uncertainty
 from vestige.validated_key import ValidatedKey
 
-_ROUNDING_S = 1e-6  # largest rounding difference between two computations of the time at which samples end
+_ROUNDING_S = 1e-6  # largest rounding difference in s between two computations of the time at which samples end
 
 if TYPE_CHECKING:
     from vestige.records.recs_block import RecsLookup
@@ -41,7 +42,7 @@ class Band(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Observation:
-    """E1 measurements of one satellite at the time of its snapshot.
+    """E1 measurements of one satellite at the time of a snapshot.
 
     Attributes
     ----------
@@ -79,7 +80,8 @@ class SampleBatch:
     Attributes
     ----------
     samples
-        complex64[n_samples]. A real (IF-sampled) recording has zero imaginary parts; spectral inversion is removed.
+        complex64[n_samples], without spectral inversion. Samples of a real (IF-sampled) recording have an imaginary
+        part of 0.
     center_frequency_hz
         Radio frequency in Hz that is at 0 Hz in the samples.
     first_sample
@@ -103,7 +105,10 @@ class SampleBatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrontEndStatus:
-    """Status of one front end over one snapshot; powers are in dB relative to the front end's own reference."""
+    """Status of one front end during one snapshot.
+
+    The power is in dB relative to a fixed reference of the front end.
+    """
 
     agc_gain_db: float
     total_power_db: float
@@ -112,7 +117,9 @@ class FrontEndStatus:
 
 @dataclass(frozen=True, kw_only=True)
 class ChipSequence:
-    """The E6-C chips of one decrypted RECS, or other chips of ±1; `of` makes a sequence from chips of ±1.
+    """Chips of ±1 that one satellite sends, for example the E6-C chips of a decrypted RECS.
+
+    The class method `of` makes a sequence from an array of +1 and −1.
 
     Attributes
     ----------
@@ -134,7 +141,7 @@ class ChipSequence:
     def of(
         cls, *, svid: int, transmit_time: GalileoTime, chip_rate_hz: float, chips: Int8[np.ndarray, " n_chips"]
     ) -> ChipSequence:
-        """Return a sequence of chips of ±1.
+        """Return a chip sequence from an array of +1 and −1.
 
         Raises `ValueError` if a chip is neither +1 nor −1.
         """
@@ -150,7 +157,7 @@ class ChipSequence:
 
     @cached_property
     def chips(self) -> Int8[np.ndarray, " n_chips"]:
-        """The chips as int8 of ±1."""
+        """Chips as an int8 array of +1 and −1."""
         return unpacked_chips(self.packed, self.n_chips)
 
     @property
@@ -182,14 +189,14 @@ class Handover:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatorBank:
-    """The correlators of one satellite and one snapshot.
+    """Bank of correlators of one satellite in one snapshot.
 
     Attributes
     ----------
     offsets_m
         float64[n_taps], offset of each tap from the hand-over's prediction in m; positive is later.
     taps
-        complex128[n_taps], the correlators at these offsets.
+        complex128[n_taps], correlators at the offsets `offsets_m`.
     noise_power
         Mean of |tap|², in phase and in quadrature together, when the replica is a code that is not in the signal.
     integration_s
@@ -204,7 +211,10 @@ class CorrelatorBank:
 
 @runtime_checkable
 class SampleSource(Protocol):
-    """Samples of one band, read in pieces by the counter that both bands share."""
+    """Source of the samples of one band, which can be read in pieces.
+
+    Sample numbers count on the counter that E1 and E6 share.
+    """
 
     @property
     def first_sample(self) -> int:
@@ -252,15 +262,16 @@ class Snapshot:
     time
         Receiver-clock time to which the observations refer.
     received_at
-        Receiver-clock time at which the last E6 sample of the snapshot was received. This time is never before the time
-        tag of the end of the samples. The delayed-disclosure rule uses this time and the correlated window.
+        Receiver-clock time at which the last E6 sample of the snapshot was received. `received_at` is never before the
+        time tag at the end of the samples. The processor compares `received_at` and the time tags of the correlated
+        samples with the disclosure of the key.
     time_uncertainty_s
         Upper limit of the error of the receiver's clock against Galileo System Time, in s; infinite if unknown.
     observations
         E1 observations by SVID, with Doppler and Doppler rate.
     recs
-        Satellites whose RECS are in the snapshot, tracked on E1 or not; empty if the source does not name these
-        satellites.
+        SVIDs of the satellites whose RECS are in the snapshot, tracked on E1 or not; empty if the source does not name
+        these satellites.
     """
 
     index: int
@@ -297,7 +308,7 @@ class EncryptedSegment:
     n_chips
         Number of chips to correlate. The body may have more chips (the padding of the last AES block).
     cipher
-        The RECS body.
+        Body of the RECS, which contains the encrypted chips.
     key_time
         Start of the 30 s subframe that transmits the key of the RECS.
     key_delay
@@ -354,7 +365,7 @@ class Assistance:
     ionosphere_e1_m: Mapping[int, float] = field(default_factory=dict)
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
-        """Return the RECS from the satellites of a block, with their keys."""
+        """Return the RECS that the satellites of a block sent, each with its key."""
         from vestige.records.recs_block import find_recs  # noqa: PLC0415  (`recs_block` needs this module)
 
         return find_recs(snapshots, self)

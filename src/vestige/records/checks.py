@@ -1,4 +1,4 @@
-"""Names of the checks, and results of a check over many epochs."""
+"""Define the names of the checks, and the results of a check over many epochs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from vestige.records import CheckResult, Outcome
 
 
 class CheckName(StrEnum):
-    """Names of all checks of the mitigation levels; every new check adds a member."""
+    """Names of all checks of the mitigation levels.
+
+    Every new check of vestige adds a member.
+    """
 
     E6_POWER = "E6 power"
     E1_E6_RANGE = "E1-E6 range"
@@ -51,7 +54,9 @@ class SignalClass(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CheckSeries:
-    """Result of a check over n epochs, for the receiver (axes: epoch) or each satellite (axes: epoch, satellite).
+    """Results of a check at n epochs, for the whole receiver or for each satellite.
+
+    The arrays have the axis epoch for the whole receiver, and the axes epoch and satellite otherwise.
 
     Attributes
     ----------
@@ -62,11 +67,12 @@ class CheckSeries:
     p_fa
         False-alarm probability of one test.
     statistic, threshold
-        float64 of equal shape; NaN where the check was not run. The check fails where |statistic| > threshold.
+        Statistic and threshold of each test, float64 of equal shape; NaN where the check was not run. The check fails
+        where |statistic| > threshold.
     explain
         Function that returns the reason why the check failed, or was not run, at an epoch and satellite.
     exact
-        Whether p_fa is exact; otherwise it is an upper limit.
+        Whether `p_fa` is exact; otherwise `p_fa` is an upper limit.
     """
 
     name: CheckName | str
@@ -93,11 +99,11 @@ class CheckSeries:
         return self.statistic.ndim == 1
 
     def place(self, epoch: int, satellite: int) -> tuple[int, ...]:
-        """Return the index of an epoch and satellite in the arrays."""
+        """Return the index of an epoch and a satellite in `statistic` and `threshold`."""
         return (epoch,) if self.of_receiver else (epoch, satellite)
 
     def result(self, epoch: int, satellite: int) -> CheckResult:
-        """Return the check of one epoch and satellite, with its reason."""
+        """Return the result of the check at one epoch for one satellite, with the reason unless the check passed."""
         here = self.place(epoch, satellite)
         run, failed = bool(self.run[here]), bool(self.failed[here])
         return CheckResult(
@@ -115,10 +121,10 @@ class AlarmShare:
     """Share of a check in the false alarms of a level."""
 
     p_fa: float  # false-alarm probability of one test, before confirmation
-    confirm: int = 1  # number of tests in a row that must fail
+    confirm: int = 1  # number of tests in a row that must fail before the check fails
     alarms_a_day: float  # upper limit of the false alarms a day, after confirmation
     chosen: bool  # True if p_fa is a share of the level's budget, False if the check sets its own p_fa
-    exact: bool = False  # whether p_fa is exact; otherwise it is an upper limit
+    exact: bool = False  # whether p_fa is exact; otherwise p_fa is an upper limit
 
     @property
     def confirmed_p_fa(self) -> float:

@@ -1,4 +1,4 @@
-"""Accelerations of the antenna between two epochs, from inertial sensors."""
+"""Integrate the antenna's accelerations from inertial sensors between two epochs."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite
 
-LONGEST_STEP_S = 1.5  # longest step between two samples over which linear interpolation is allowed
+LONGEST_STEP_S = 1.5  # longest step in s between two samples over which linear interpolation is allowed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Accelerations:
-    """Samples of inertial sensors: kinematic acceleration of the antenna relative to the Earth."""
+    """Kinematic acceleration of the antenna relative to the Earth, as samples from inertial sensors."""
 
-    # ascending times of the samples, `start` + `elapsed_s` on the receiver's clock
+    # the samples are at the ascending times `start` + `elapsed_s` (in s) on the receiver's clock
     start: GalileoTime
     elapsed_s: Float[np.ndarray, " n"]
     # acceleration to the east, north and up at the receiver's position, without gravity
@@ -32,7 +32,7 @@ class Accelerations:
     def increments(self, first: GalileoTime | None, last: GalileoTime) -> VelocityIncrements:
         """Return the velocity increments ∫ a dt between two epochs, one for each step between samples.
 
-        The acceleration is linear between samples. If `first` is None, there are no increments.
+        The acceleration is linear between samples. If `first` is None, or samples are missing, there are no increments.
         """
         found = None if first is None or not last - first > 0 else self._between(first, last)
         if found is None:

@@ -1,4 +1,4 @@
-"""E1 observations at one time, from a file or a receiver."""
+"""Define the record of the E1 observations at one time, from a file or a receiver."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ObservationEpoch:
         Satellites whose carrier phase is not continuous with the previous epoch.
     taps
         E1-C correlators over the last 100 ms by SVID, complex64[k]. The unit is the standard deviation per dimension
-        that a correlator would have if the samples were noise alone. Empty if the source has no correlators.
+        that a correlator would have if the samples were noise alone. `taps` is empty if the source has no correlators.
     tap_chips
         Offsets of the correlators from the prompt in chips; positive is later.
     power_db

@@ -1,7 +1,7 @@
-"""Chips of ±1 as bits, 32 chips to a word: the form that ciphers give and that compiled loops read.
+"""Pack chips of ±1 as bits, 32 chips in a word, for ciphers and compiled loops.
 
-Chip i is bit 31 − i mod 32 of word 1 + ⌊i / 32⌋. A set bit means −1. The word before the first
-chip and three words after the last chip are 0, so that loops may read beyond both ends.
+Chip i is bit 31 − (i mod 32) of word 1 + ⌊i / 32⌋, where all numbers count from 0. A set bit means −1. The word before
+the first chip and three words after the last chip are 0, so that loops may read beyond both ends of the chips.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ PAD = 32  # number of zero bits before the first chip; at least 32 zero bits fol
 
 
 def packed_chips(chips: Int8[np.ndarray, " n"]) -> UInt32[np.ndarray, " n_words"]:
-    """Return chips of ±1 as packed chips."""
+    """Return chips of ±1 as packed bits."""
     return packed_bits(np.packbits(chips < 0).tobytes(), chips.size)
 
 
@@ -22,7 +22,7 @@ def packed_bits(bits: bytes, n_chips: int, skip: int = 0) -> UInt32[np.ndarray, 
 
     The most significant bit of each byte comes first.
 
-    Raises `ValueError` if there are fewer bits.
+    Raises `ValueError` if `bits` has fewer than `skip` + `n_chips` bits.
     """
     if not (n_chips >= 0 and skip + n_chips <= 8 * len(bits)):
         raise ValueError(f"{len(bits)} bytes do not hold {skip + n_chips} chips")
@@ -40,7 +40,7 @@ def packed_bits(bits: bytes, n_chips: int, skip: int = 0) -> UInt32[np.ndarray, 
 
 
 def bits_of_packed(packed: UInt32[np.ndarray, " n_words"], n_bytes: int) -> bytes:
-    """Return the first bits of packed chips as bytes, the most significant bit first; bits after the chips are 0."""
+    """Return the first `n_bytes` bytes of packed chips, the most significant bit first; bits after the chips are 0."""
     return packed[1:].astype(">u4").tobytes()[:n_bytes].ljust(n_bytes, b"\0")
 
 

@@ -1,4 +1,4 @@
-"""RECS of each satellite of a block, and their keys."""
+"""Find the RECS of each satellite and epoch of a block, and the key of each RECS."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
-SEGMENT_WINDOW_S = 0.5  # largest difference between the time of a snapshot and the arrival of its RECS
+SEGMENT_WINDOW_S = 0.5  # largest difference in s between the expected and the stated transmission time of a RECS
 _NEVER = GalileoTime(0, 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecsBlock:
-    """The RECS of n epochs and m satellites, and the times of their keys."""
+    """RECS of n epochs and m satellites, and the times at which the keys of these RECS are on air."""
 
-    found: Bool[np.ndarray, "n m"]  # whether there is a RECS
-    with_key: Bool[np.ndarray, "n m"]  # whether there is a RECS with a validated key
-    key_time: GalileoTimes  # start of the subframe of the key; undefined without a RECS
+    found: Bool[np.ndarray, "n m"]  # whether a RECS was found for the epoch and satellite
+    with_key: Bool[np.ndarray, "n m"]  # whether a RECS and its validated key were found
+    key_time: GalileoTimes  # start of the subframe that sends the key; undefined without a RECS
     disclosed: GalileoTimes  # time of the first bit of the key on air; undefined without a validated key
     complete: GalileoTimes  # end of the last bit of the key on air; undefined without a validated key
 
 
 @runtime_checkable
 class RecsLookup(Protocol):
-    """The RECS of a block as arrays, and each segment with its key on request."""
+    """Source of the RECS of a block: arrays for all RECS, and single RECS with their keys on request."""
 
     @property
     def block(self) -> RecsBlock:
-        """RECS of the block, and the times at which their keys are on air."""
+        """RECS of the block, and the times at which the keys of these RECS are on air."""
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
-        """Return the RECS of one satellite at one epoch, and its key."""
+        """Return the RECS of one satellite at one epoch, and the key that decrypts this RECS."""
 
 
 @runtime_checkable
@@ -50,11 +50,11 @@ class Corrections(Protocol):
 
     @property
     def group_delays(self) -> tuple[GroupDelay, ...]:
-        """Broadcast group delays."""
+        """Broadcast group delays BGD(E1,E6) of the satellites."""
 
     @property
     def hardware_bias_e1_e6_s(self) -> float:
-        """Calibrated delay of the E6 front end minus that of E1, in s."""
+        """Calibrated delay of the E6 front end minus the delay of the E1 front end, in s."""
 
     @property
     def ionosphere_e1_m(self) -> Mapping[int, float]:
@@ -66,23 +66,23 @@ class AssistanceData(Corrections, Protocol):
     """Data that the processor gets in addition to snapshots: `Assistance`, or the data of a simulated service."""
 
     def recs_of(self, snapshots: SnapshotBlock) -> RecsLookup:
-        """Return the RECS that the satellites of a block sent, with their keys."""
+        """Return the RECS that the satellites of a block sent, each with its key."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FoundRecs:
-    """The RECS of a block, each found by its satellite and epoch."""
+    """RECS of a block that were found in the assistance, by epoch and satellite."""
 
     block: RecsBlock
     segments: dict[tuple[int, int], tuple[EncryptedSegment, ValidatedKey]]
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
-        """Return the RECS of one satellite at one epoch, and its key."""
+        """Return the RECS of one satellite at one epoch, and the key that decrypts this RECS."""
         return self.segments[epoch, satellite]
 
 
 def find_recs(snapshots: SnapshotBlock, assistance: Assistance) -> FoundRecs:
-    """Return the RECS from the satellites of a block."""
+    """Return the RECS that the satellites of a block sent, with the keys in the assistance."""
     shape = snapshots.asked.shape
     found, with_key = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     times = np.full((3, *shape), _NEVER, object)

@@ -1,4 +1,4 @@
-"""Input of the processor for n epochs of m satellites; one snapshot is a block of one epoch."""
+"""Define the input of the processor for n epochs and m satellites; a single snapshot is a block of one epoch."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ OBSERVED = tuple(one.name for one in fields(E1Observation) if one.name != "svid"
 class E1Block:
     """E1 measurements as arrays [epoch, satellite], NaN where a satellite is not tracked."""
 
-    # quantities of `E1Observation`; the C/N0 is the receiver's estimate
+    # attributes of `E1Observation` as arrays; the C/N0 is the receiver's estimate
     pseudorange_m: Float[np.ndarray, "n m"]
     carrier_phase_cycles: Float[np.ndarray, "n m"]
     doppler_hz: Float[np.ndarray, "n m"]
     doppler_rate_hz_per_s: Float[np.ndarray, "n m"]
     cn0_dbhz: Float[np.ndarray, "n m"]
     # E1 correlators around the prompt, measured behind the gain control. The unit is the standard deviation per
-    # dimension of the noise without interference. None if E1 is not tracked between two RECS.
+    # dimension of the noise without interference. `taps` is None if E1 is not tracked between two RECS.
     taps: Complex128[np.ndarray, "n m k"] | None = None
     tap_chips: tuple[float, ...] = ()  # offsets of the correlators from the prompt in chips
 
     @property
     def seen(self) -> Bool[np.ndarray, "n m"]:
-        """Whether a satellite is tracked on E1."""
+        """Whether E1 of a satellite is tracked at an epoch."""
         return np.isfinite(self.pseudorange_m)
 
     def observation(self, svid: int, epoch: int, satellite: int) -> E1Observation:
@@ -44,7 +44,10 @@ class E1Block:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrontEndBlock:
-    """Status of a front end as arrays [epoch]; powers in dB relative to its own reference, NaN if unknown."""
+    """Status of one front end as arrays [epoch].
+
+    The power is in dB relative to a fixed reference of the front end. An unknown power or gain is NaN.
+    """
 
     agc_gain_db: Float[np.ndarray, " n"]
     total_power_db: Float[np.ndarray, " n"]
@@ -58,14 +61,14 @@ class FrontEndBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OsnmaBlock:
-    """Received OSNMA compared with a second channel, in k pieces of subframes.
+    """Comparison of received OSNMA with a second channel, for k pieces of subframes.
 
-    A subframe may come in several pieces, epoch by epoch. A piece ends at or before its epoch. Each piece has a bit for
-    every page of the subframe (bit 0 is the first page). The bit `KEY_BIT` is for a key that is compared as a whole,
-    because the pages of the key are unknown.
+    A subframe may come in several pieces, one for each epoch. Each piece ends at or before its epoch. Each piece has a
+    bit for every page of the subframe (bit 0 is the first page). The bit `KEY_BIT` is for a key that is compared as a
+    whole, because the pages of the key are unknown.
     """
 
-    epoch: Int64[np.ndarray, " k"]  # row of the block from which on the piece is known
+    epoch: Int64[np.ndarray, " k"]  # first row of the block at whose time the piece is known
     subframe: Int64[np.ndarray, " k"]  # start of the subframe in s since the GST epoch
     due: Int64[np.ndarray, "k m"]  # pages that were sent, according to the second channel
     received: Int64[np.ndarray, "k m"]  # demodulated pages
@@ -77,7 +80,7 @@ class OsnmaBlock:
 class VelocityIncrements:
     """Kinematic velocity increments of inertial sensors, relative to the Earth and without gravity."""
 
-    epoch: Int64[np.ndarray, " k"]  # row of the block whose time is the end of the interval of the increment
+    epoch: Int64[np.ndarray, " k"]  # row of the block; the increment lies between the previous row and this row
     time: GalileoTimes  # end of each increment on the receiver's clock
     # change of the velocity to the east, north and up since the previous increment
     delta_velocity_mps: Float[np.ndarray, "k 3"]
@@ -86,7 +89,7 @@ class VelocityIncrements:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BankBlock:
-    """Correlator banks of n epochs and m satellites."""
+    """Banks of correlators of n epochs and m satellites."""
 
     # offset of each tap from the hand-over's prediction in m; positive is later
     offsets_m: Float[np.ndarray, " n_taps"]
@@ -97,15 +100,15 @@ class BankBlock:
 
 @runtime_checkable
 class Handovers(Protocol):
-    """The hand-overs of a block, made individually, because each hand-over decrypts its chips on request."""
+    """Source of the hand-overs of a block; the chips of a hand-over are decrypted when the hand-over is requested."""
 
     def at(self, epoch: int, satellite: int) -> Handover | None:
-        """Return the hand-over of one satellite at one epoch; None if the RECS ends too late for a proof."""
+        """Return the hand-over of one satellite at one epoch; None if the RECS may end after the key's disclosure."""
 
 
 @runtime_checkable
 class E6(Protocol):
-    """E6 of a block for the processor: samples, or a model that draws the results of samples."""
+    """E6 data of a block that the processor can correlate: samples, or a model that draws the correlators."""
 
     def correlate(
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
@@ -119,8 +122,8 @@ class SearchBlock:
 
     signals: Float[np.ndarray, "k m"]  # number of signals of a satellite; NaN where the search was not run
     carrying: Float[np.ndarray, "k m"]  # number of signals that carry the encrypted chips
-    # Offset of the earliest of several signals from the E1 prediction in m, positive if later. NaN for a single signal,
-    # or if the chips may have been known when the earliest signal arrived.
+    # Offset of the earliest of several signals from the E1 prediction in m, positive if later. The offset is NaN for a
+    # single signal, or if the chips may have been known when the earliest signal arrived.
     earliest_m: Float[np.ndarray, "k m"]
     not_run: Int8[np.ndarray, "k m"]  # 0 where the search was run, else 1 + the index in `SEARCH_NOT_RUN`
 
@@ -129,8 +132,8 @@ class SearchBlock:
 class SearchRequest:
     """Request for a search: the epochs, and the time uncertainty of each epoch."""
 
-    epoch: Int64[np.ndarray, " k"]  # rows of the block
-    uncertainty: tuple[TimeUncertainty, ...]  # limit of the clock error before each epoch
+    epoch: Int64[np.ndarray, " k"]  # rows of the block in which the search runs
+    uncertainty: tuple[TimeUncertainty, ...]  # upper limit of the clock error before each epoch
     p_fa: float  # false-alarm probability of one search
     # predicted arrival of each RECS from E1, in s after the time of the snapshot; NaN if unknown
     expected_s: Float[np.ndarray, "k m"]
@@ -149,7 +152,7 @@ class SampleSearches(Protocol):
 
 @runtime_checkable
 class Searches(Protocol):
-    """The searches of a block, made in samples, or drawn by a model of the detection."""
+    """Searches of a block, which are made in samples or drawn from a model of the detection."""
 
     def e1(self, request: SearchRequest) -> SearchBlock:
         """Return the result of the search of E1 with hand-over to E6 [WFO, Sec. IV-B, step 4]."""
@@ -174,7 +177,7 @@ SEARCH_NOT_RUN = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SnapshotBlock:
-    """Data from a receiver to the processor for n epochs of m satellites.
+    """Data that a receiver gives the processor for n epochs and m satellites.
 
     Attributes
     ----------
@@ -183,8 +186,8 @@ class SnapshotBlock:
     time
         Receiver-clock times to which the observations refer.
     received_at
-        [n, m], receiver-clock time of the last E6 sample in which a satellite is searched. The disclosure rule uses
-        this time.
+        [n, m], receiver-clock time of the last E6 sample in which a satellite is searched. The processor compares
+        `received_at` with the disclosure of the key.
     time_uncertainty_s
         Upper limit of the error of the receiver's clock against Galileo System Time, in s.
     svids
@@ -194,7 +197,7 @@ class SnapshotBlock:
     recs
         bool[n]: epochs with RECS.
     e1
-        Measurements of E1 tracking.
+        E1 measurements of all satellites.
     front_end
         Power and gain of the front ends, by band.
     e6

@@ -1,4 +1,4 @@
-"""Upper limit of the receiver's clock error, for the range of searches and for the disclosure rule."""
+"""Compute the upper limit of the receiver's clock error, for searches and for the comparison with the disclosure."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from vestige.records.times import GalileoTimes
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_finite, require_time_uncertainty
 
-FIXED_S = 1e-6  # clock error in s (300 m) after a position from authenticated pseudoranges
+FIXED_S = 1e-6  # upper limit of the clock error in s (300 m) after a position from authenticated pseudoranges
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeUncertainty:
-    """Upper limit of the error of the receiver's clock."""
+    """Upper limit of the error of the receiver's clock as a function of time."""
 
     initial_s: float = 15.0  # upper limit of the clock error before the first authentic fix
     # upper limit of the relative frequency error of the oscillator

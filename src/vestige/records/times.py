@@ -1,4 +1,4 @@
-"""Arrays of Galileo times with full precision: whole seconds and fractions in two arrays."""
+"""Store Galileo times in arrays with full precision, as whole seconds and fractions of a second."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GalileoTimes:
-    """An array of points in Galileo System Time."""
+    """Array of times in Galileo System Time."""
 
     second: Int64[np.ndarray, "*n"]  # whole seconds since the GST epoch (`GalileoTime.gst_seconds`)
     fraction: Float[np.ndarray, "*n"]  # fraction of the second, [0, 1), in s
 
     @classmethod
     def of(cls, times: Iterable[GalileoTime]) -> GalileoTimes:
-        """Return an array of given times."""
+        """Return an array of the given times."""
         times = tuple(times)
         return cls(
             np.array([time.gst_seconds for time in times], np.int64),
@@ -42,7 +42,7 @@ class GalileoTimes:
         return self.second.shape
 
     def reshaped(self, shape: tuple[int, ...]) -> GalileoTimes:
-        """Return the same times in an array of another shape; a single time fills any shape."""
+        """Return the times in an array of another shape; a single time is repeated for every element."""
         second, fraction = self.second, self.fraction
         if self.second.size == 1:
             return GalileoTimes(np.broadcast_to(second, shape), np.broadcast_to(fraction, shape))
@@ -53,7 +53,7 @@ class GalileoTimes:
         return GalileoTime.from_gst_seconds(int(self.second[place]), float(self.fraction[place]))
 
     def __getitem__(self, part: slice | np.ndarray) -> GalileoTimes:
-        """Return the part of the array with some indices of the first axis."""
+        """Return the times at the given indices of the first axis."""
         return GalileoTimes(self.second[part], self.fraction[part])
 
     def since(self, origin: GalileoTime) -> Float[np.ndarray, "*n"]:
@@ -61,16 +61,16 @@ class GalileoTimes:
         return (self.second - origin.gst_seconds) + (self.fraction - origin.fraction)
 
     def __sub__(self, other: GalileoTimes) -> Float[np.ndarray, "*n"]:
-        """Return self - other in s."""
+        """Return the difference self − other in s."""
         return (self.second - other.second) + (self.fraction - other.fraction)
 
     def __add__(self, seconds: Float[np.ndarray, "*n"]) -> GalileoTimes:
-        """Return the times `seconds` later."""
+        """Return the times that are later by `seconds`."""
         whole = np.floor(seconds)
         return GalileoTimes(self.second + whole.astype(np.int64), self.fraction + (seconds - whole))._carried()
 
     def _carried(self) -> GalileoTimes:
-        """Return the same times with the fraction carried into range, as `GalileoTime.normalized` does."""
+        """Return the times with every fraction in [0, 1) s, as `GalileoTime.normalized` does for a single time."""
         whole = np.floor(self.fraction)
         fraction = self.fraction - whole
         rounded = fraction >= 1.0  # a tiny negative fraction rounds up to 1.0

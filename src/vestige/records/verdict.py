@@ -1,4 +1,4 @@
-"""The answer of the processor: outcome of each check, status of a satellite, and the verdict with all results."""
+"""Define the answer of the processor: the outcome of each check, the status of a satellite, and the verdict."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ class Outcome(Enum):
     PASS
         The statistic does not exceed the threshold.
     FAIL
-        The statistic exceeds the threshold. A check with confirmation fails only after several such tests in a row.
+        The statistic exceeds the threshold. A check with confirmation fails only if the statistic exceeds the threshold
+        in several tests in a row.
     NOT_RUN
-        The check lacks an input, which the reason of its `CheckResult` names.
+        An input of the check is missing. `CheckResult.reason` names the input.
 
     Examples
     --------
@@ -35,7 +36,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckResult:
-    """Result of a check: its statistic, its threshold, and the reason why it failed or was not run."""
+    """Result of a check: the statistic, the threshold, and the reason why the check failed or was not run."""
 
     name: str
     outcome: Outcome
@@ -49,20 +50,20 @@ class Status(Enum):
     """Conclusion of the receiver about a satellite.
 
     Columns of stored results contain the index of a status in the order of this class. The order of gravity is
-    different: from the gravest to the least grave, SPOOFED, NOT_DETECTED, SUSPECT, AUTHENTIC, NOT_AVAILABLE. SPOOFED,
-    NOT_DETECTED and SUSPECT are alarms.
+    different. The order from the gravest to the least grave status is SPOOFED, NOT_DETECTED, SUSPECT, AUTHENTIC,
+    NOT_AVAILABLE. SPOOFED, NOT_DETECTED and SUSPECT are alarms.
 
     Attributes
     ----------
     AUTHENTIC
-        E6 was found at the E1 prediction, and no check failed.
+        The encrypted signal was found in E6 at the range that E1 predicts, and no check failed.
     SUSPECT
         A check failed, but this check alone does not prove an attack.
     SPOOFED
         The range of E6 disagrees with E1, the satellite was found twice, or OSNMA differs from the second channel. A
         delay between the front ends that is not calibrated has the same effect.
     NOT_DETECTED
-        E6 was not found, although the C/N0 of E1 predicts a detection.
+        The encrypted signal was not found in E6, although the C/N0 of E1 predicts a detection.
     NOT_AVAILABLE
         No conclusion is possible: RECS, key, samples or E1 are missing, or the signal is too weak.
 
@@ -89,17 +90,17 @@ class Verdict:
     index
         Number of the snapshot, from 0.
     time
-        Time of reception of the RECS on the receiver's clock. The message on E1 or the RECS in the samples may give the
-        error of the time tag. Then `vestige process` and `vestige live` write the time of the signal instead.
+        Time of reception of the RECS on the receiver's clock. If the message on E1 or the RECS in the samples gives the
+        error of the time tag, `vestige process` and `vestige live` write the time without this error.
     available_at
-        Earliest time at which a receiver that has received the key can know the verdict. None if the verdict needed no
+        Earliest time at which a receiver that has received the key can know the verdict; None if the verdict needed no
         key.
     svid
-        Satellite, 1 to 36.
+        SVID of the satellite, 1 to 36.
     level
         Mitigation level, 1 to 3.
     status
-        Conclusion of the receiver.
+        Conclusion of the receiver about the satellite.
     checks
         All checks of the level, with statistic, threshold and outcome.
     range_offset_m

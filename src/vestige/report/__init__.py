@@ -1,4 +1,4 @@
-"""Self-contained HTML pages about the stored results of a campaign, or about a threat table."""
+"""Make self-contained HTML pages about the stored results of a campaign, or about a threat table."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""Reduction of many epochs to a drawing of some kilobytes.
+"""Reduce many epochs to a drawing of some kilobytes.
 
-There are two methods, and the page states the method that was used. *Stretches* are runs of epochs that are drawn with
-a common value: a mean, a largest value, or the statuses that occurred. Every epoch contributes to this value. *Chosen
-rows* are single epochs: every k-th epoch, and also epochs of interest. Epochs of a kind are left out only if the kind
-has more epochs than its share of the limit. Counts and statistics use all epochs.
+The module has two methods, and the page states the method that was used. *Stretches* are groups of consecutive epochs
+that are drawn with a common value: a mean, a largest value, or the statuses that occurred. Every epoch of a stretch
+contributes to the common value. *Chosen rows* are single epochs: every k-th epoch, and also epochs of interest. Epochs
+of a kind are left out only if the kind has more epochs than its share of the limit. Counts and statistics use all
+epochs.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ _NOTHING_8 = 0xFF
 
 
 def packed(values: Shaped[np.ndarray, "*n"]) -> dict[str, str]:
-    """Return an array in the form that the script reads: type, and values in base64, the lowest byte first."""
+    """Return an array in the form that the script of the page reads: type, and little-endian values in base64."""
     little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
     return {"type": values.dtype.name, "base64": base64.b64encode(little.tobytes()).decode()}
 
 
 def scaled(values: Float[np.ndarray, "*n"], top: float, *, bits: int) -> dict[str, str]:
-    """Return values between 0 and `top` as whole numbers of 8 or 16 bits; the largest number means NaN."""
+    """Return values between 0 and `top` as whole numbers of 8 or 16 bits; the largest whole number means NaN."""
     nothing, kind = (_NOTHING_8, np.uint8) if bits == 8 else (_NOTHING_16, np.uint16)
     steps = np.round(np.nan_to_num(values) / top * (nothing - 1))
     return packed(np.where(np.isnan(values), nothing, steps).astype(kind))
@@ -35,7 +36,7 @@ def scaled(values: Float[np.ndarray, "*n"], top: float, *, bits: int) -> dict[st
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretches:
-    """Epochs cut into runs of `length` epochs; the last run may be shorter."""
+    """Stretches of `length` consecutive epochs; the last stretch may be shorter."""
 
     starts: Int[np.ndarray, " n_stretches"]  # first epoch of each stretch
     begin_s: Float[np.ndarray, " n_stretches"]  # time of the first epoch of each stretch
@@ -54,7 +55,7 @@ class Stretches:
         return np.fmax.reduceat(values, self.starts, axis=0)
 
     def occurring(self, places: Int[np.ndarray, " n_epochs"], where: Bool[np.ndarray, " n_epochs"]) -> UInt8Array:
-        """Return the numbers from 0 to 7 that occur in each stretch, as bits."""
+        """Return as bits which numbers from 0 to 7 occur in each stretch, at the epochs where `where` is true."""
         bits = np.where(where, 1 << places.astype(np.int64), 0).astype(np.uint8)
         return np.bitwise_or.reduceat(bits, self.starts)
 
@@ -90,9 +91,9 @@ class Rows:
 def chosen_rows(
     of_interest: Mapping[str, Bool[np.ndarray, " n_epochs"]], everything: Bool[np.ndarray, " n_epochs"], limit: int
 ) -> Rows:
-    """Return at most `limit` epochs: all epochs if they are few; otherwise every k-th epoch, and epochs of interest.
+    """Return the epochs to draw: all epochs if `limit` allows, otherwise every k-th epoch and epochs of interest.
 
-    Half of the limit is for epochs of interest, and the other half is for every k-th epoch.
+    Half of `limit` is for every k-th epoch. The kinds of epochs of interest share the other half of `limit` equally.
     """
     if np.count_nonzero(everything) <= limit:
         return Rows(places=np.flatnonzero(everything), every={"epochs": 1})

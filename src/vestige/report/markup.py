@@ -1,7 +1,7 @@
-"""HTML from untrusted text: everything but `Html` is escaped.
+"""Make HTML from untrusted text; everything but `Html` is escaped.
 
-Scenarios, stores and tables are untrusted files. Only this module turns the text of such files into markup, and the
-text is always escaped.
+Scenarios, stores and tables are untrusted files. Only this module turns the text of these files into markup. The module
+always escapes the text.
 """
 
 from __future__ import annotations
@@ -23,14 +23,18 @@ def markup(content: object) -> Html:
 
 
 def element(tag: str, *content: object, **attributes: object) -> Html:
-    """Return an element; `class_` means `class`, an underscore means a hyphen, and None omits an attribute."""
+    """Return an HTML element.
+
+    The argument `class_` becomes the attribute `class`. An underscore in another argument becomes a hyphen in the name
+    of the attribute. An attribute with the value None is omitted.
+    """
     names = {name: name.rstrip("_").replace("_", "-") for name in attributes}
     text = "".join(f' {names[name]}="{markup(value)}"' for name, value in attributes.items() if value is not None)
     return Html(f"<{tag}{text}>{''.join(map(markup, content))}</{tag}>")
 
 
 def joined(parts: Iterable[object]) -> Html:
-    """Return several contents in sequence."""
+    """Return several contents as markup, each on its own line."""
     return Html("\n".join(map(markup, parts)))
 
 
@@ -41,10 +45,10 @@ def section(name: str, title: str, *content: object) -> Html:
 
 
 def table(caption: str, head: Sequence[object], rows: Iterable[Sequence[object]], *, numbers_from: int = 1) -> Html:
-    """Return a table that scrolls by itself on a narrow screen.
+    """Return a table that can be scrolled on a narrow screen without the rest of the page.
 
-    The first cell of a row is its heading. A row with a single cell is the heading of the rows below. Columns from
-    `numbers_from` on are aligned to the right, as usual for numbers.
+    The first cell of a row is the heading of the row. A row with a single cell is the heading of the rows below. The
+    columns from `numbers_from` on are aligned to the right, as usual for numbers.
     """
 
     def kind(place: int) -> str | None:
@@ -65,15 +69,18 @@ def table(caption: str, head: Sequence[object], rows: Iterable[Sequence[object]]
 
 
 def card(name: str, value: object, small: object) -> Html:
-    """Return a number with its name above and a note below; several cards belong in a `dl` of class `cards`."""
+    """Return a number with its name above and a note below.
+
+    Several cards belong in a `dl` element of class `cards`.
+    """
     return element("div", element("dt", name), element("dd", value, element("small", small)), class_="card")
 
 
 def figure(kind: str, title: str, alt: str, note: object = "") -> Html:
     """Return a figure that the script of the page draws.
 
-    `kind` names the script's drawing. The title is above the figure, and the note is below. `alt` describes the figure
-    for readers who cannot see the figure.
+    `kind` tells the script which drawing to make. The title is above the figure, and the note is below. `alt` describes
+    the figure for readers who cannot see the figure.
     """
     canvas = element("canvas", alt, role="img", aria_label=alt, data_figure=kind, height=10, width=10)
     caption = element("figcaption", note) if note else ""
@@ -81,7 +88,10 @@ def figure(kind: str, title: str, alt: str, note: object = "") -> Html:
 
 
 def number(value: float, digits: int = 3, unit: str = "") -> str:
-    """Return a number as text with `digits` significant digits, but all digits before the point; a dash for NaN."""
+    """Return a number as text with `digits` significant digits.
+
+    A number below 10⁷ keeps all digits before the decimal point. The text of NaN or infinity is a dash.
+    """
     if not math.isfinite(value):
         return "–"
     size = abs(value)
@@ -96,7 +106,7 @@ def number(value: float, digits: int = 3, unit: str = "") -> str:
 
 
 def _short(text: str) -> str:
-    """Return a number without trailing zeros after the point."""
+    """Return the text of a number without trailing zeros after the decimal point."""
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 

@@ -1,4 +1,4 @@
-"""A page as a single file with template, style, script and data; a browser fetches nothing else.
+"""Write a page as a single HTML file with style, script and data, so that a browser fetches nothing else.
 
 The content security policy allows no network address. The only allowed script is the page's own script, which the
 policy identifies by a hash.
@@ -23,12 +23,12 @@ from vestige.report.markup import Html, joined, markup
 
 MARK = '<meta name="generator" content="vestige report'
 SCRIPTS = ("chart.js", "timeline.js", "waterfall.js", "offsets.js", "main.js")  # files in the order of their use
-_HEAD_BYTES = 1000  # number of first bytes that contain the mark of a report
+_HEAD_BYTES = 1000  # number of bytes at the start of a file that contain the mark of a report
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """Content of a page."""
+    """Content of a report page."""
 
     title: str  # subject of the page
     question: str  # question that the page answers
@@ -38,7 +38,7 @@ class Page:
     data: Mapping[str, Any] = field(default_factory=dict)
 
     def html(self) -> str:
-        """Return the page as HTML."""
+        """Return the whole page as HTML."""
         script = _script()
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
         return Template(_part("page.html")).substitute(
@@ -55,7 +55,7 @@ class Page:
 
 
 def write_page(page: Page, path: Path) -> None:
-    """Write a page; the file is written as a whole or not at all.
+    """Write a page to a file, as a whole or not at all.
 
     Raises `InputFileError` if `path` is an existing file that is no report.
     """

@@ -1,4 +1,4 @@
-"""Outcome of the attack on each satellite, as a section of the page of a run."""
+"""Show the outcome of the attack on each satellite in a section of a run's page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ def attack_reports(results: xarray.Dataset, scenario: StoredScenario) -> dict[st
 
 
 def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str) -> list[Html]:
-    """Return the first alarm time over all satellites; `chosen` is the detector that gives the verdicts."""
+    """Return a card with the time of the first alarm on any satellite.
+
+    `chosen` is the name of the detector that gives the verdicts.
+    """
     one = [reports[chosen] for reports in attacks.values()]
     alarms_s = [report.time_to_detect_s for report in one if math.isfinite(report.time_to_detect_s)]
     caught = f"on {len(alarms_s)} of {len(one)} attacked satellites" if len(one) > 1 else "after the attack began"
@@ -37,7 +40,7 @@ def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str)
 
 
 def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Html]:
-    """Return the signal that each detector found, and the times of its alarm and of its return to the true signal."""
+    """Return a table with the signal that each detector found, the first alarm, and the return to the true signal."""
     words = {
         DetectedSignal.TRUE: "the true signal",
         DetectedSignal.SPOOFER: "the spoofing signal",

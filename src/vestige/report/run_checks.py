@@ -1,4 +1,4 @@
-"""Sections of a run's page about its checks, thresholds and false alarms."""
+"""Show the checks, thresholds and false alarms of a run in sections of the run's page."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def checks_section(
     checks: Sequence[CheckSeries],
     of_level: Sequence[Html],
 ) -> Html:
-    """Return the checks behind the verdicts, and the other checks of a receiver with several satellites."""
+    """Return the section about the checks of E6, the checks of the level, and the monitors of the receiver."""
     processor, attributes = scenario.processor, attributes_of(results)
     power, distance = (check_columns(results, name) for name in (CheckName.E6_POWER, CheckName.E1_E6_RANGE))
     due = due_verdicts(results)
@@ -76,7 +76,7 @@ def checks_section(
 
 
 def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks: Sequence[CheckSeries]) -> Html:
-    """Return the false alarms of the verdicts, of single correlators on noise, and of each check of the receiver."""
+    """Return the section with the false alarms of verdicts, of single correlators on noise, and of each monitor."""
     taps = false_alarms(results, processor_of_results(results))
     rows = [
         ("verdicts without an attack", "", *_counted(counts.false_alarms)),
@@ -117,7 +117,7 @@ def false_alarms_section(results: xarray.Dataset, counts: VerdictCounts, checks:
 
 
 def _results(check: CheckColumns, due: Bool[np.ndarray, "n m"]) -> tuple[str, str, str]:
-    """Return the numbers of due tests that failed, passed and were not run."""
+    """Return how many of the due tests failed, passed and were not run, as texts."""
     failed, passed, not_run = (number(int(np.count_nonzero(due & (check.result == value)))) for value in (1, 0, -1))
     return failed, passed, not_run
 
@@ -132,7 +132,7 @@ def _budget(check: CheckSeries) -> str:
 
 
 def _judged(check: CheckSeries) -> Html:
-    """Return whether the rate of alarms agrees with the budget."""
+    """Return a mark that says whether the rate of a check's alarms agrees with the budget of the check."""
     found = failures(check)
     if not found.trials:
         return element("span", "not run", class_="mark unmeasured", data_sign="○")
@@ -144,7 +144,7 @@ def _judged(check: CheckSeries) -> Html:
 
 
 def _span(threshold: np.ndarray) -> str:
-    """Return the threshold as text, or the smallest and the largest threshold."""
+    """Return the threshold as text; if the thresholds differ, the smallest and the largest threshold."""
     known = threshold[np.isfinite(threshold)]
     if not known.size:
         return "–"

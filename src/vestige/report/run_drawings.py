@@ -1,4 +1,4 @@
-"""Data of the drawings on a run's page: time-lines, correlators, range offsets, checks and position."""
+"""Prepare the data of the drawings on a run's page: time-lines, correlators, range offsets, checks and position."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from vestige.records.checks import CheckSeries
 from vestige.report.drawing import Rows, chosen_rows, outermost, packed, scaled, stretches
 
 ROWS = 24_000  # largest number of epochs that are drawn individually, over all satellites
-ROW_BYTES = 1_200_000  # largest size of these epochs in bytes; longer banks and more attacks allow fewer epochs
-STRETCHES = 720  # number of stretches of a time-line: more than the columns of a screen
+ROW_BYTES = 1_200_000  # largest size in bytes of the epochs drawn individually; longer banks allow fewer epochs
+STRETCHES = 720  # largest number of stretches of a time-line
 STRETCH_BYTES = 400_000
 BINS = 80  # number of bins of a histogram
 _OF_NONE = 0.5  # threshold that is drawn for a count that must be 0
-_OUTERMOST = 250  # number of parts of a run whose smallest and largest offsets are drawn
+_OUTERMOST = 250  # number of equal parts of a run; the smallest and the largest offset of each part are drawn
 
 
 def run_drawings(
     results: xarray.Dataset, checks: tuple[CheckSeries, ...]
 ) -> tuple[dict[str, Any], dict[str, dict[str, int]]]:
-    """Return the data of a run's page, and the thinning of each satellite (see `Rows.every`).
+    """Return the data that the script of a run's page draws, and `Rows.every` of each satellite.
 
     `checks` are the checks of a receiver with several satellites, and the user's own checks. `checks` is empty for a
     run of a single satellite without own checks.
@@ -70,7 +70,7 @@ def run_drawings(
 def _satellite(
     results: xarray.Dataset, svid: int, due: Bool[np.ndarray, " n"], n_satellites: int, top: float, interval_s: float
 ) -> tuple[dict[str, Any], Rows]:
-    """Return the drawings of a satellite for the epochs in which a verdict was due, and its chosen rows."""
+    """Return the drawings of a satellite for the epochs in which a verdict was due, and the rows drawn individually."""
     of = {
         str(name): select(results, detector=str(name), svid=svid).isel(epoch=np.flatnonzero(due))
         for name in results["detector"].values
@@ -130,7 +130,7 @@ def _truth(one: xarray.Dataset) -> dict[str, Any]:
 
 
 def _top(results: xarray.Dataset) -> float:
-    """Return the largest magnitude of all correlators, but at least 1.5 times the threshold."""
+    """Return the largest magnitude of all correlators in σ, but at least 1.5 times the threshold."""
     sigma = np.sqrt(results["noise_power"].transpose("epoch", "satellite").values.astype(np.float64) / 2)[..., None]
     magnitude = np.abs(results["taps"].transpose("epoch", "satellite", "tap").values) / np.where(
         sigma > 0, sigma, np.nan
@@ -139,7 +139,7 @@ def _top(results: xarray.Dataset) -> float:
 
 
 def _histogram(results: xarray.Dataset, detectors: list[str], due: Bool[np.ndarray, "n m"]) -> dict[str, Any]:
-    """Return the number of range offsets of all epochs and satellites in each bin."""
+    """Return a histogram of the range offsets of all epochs and satellites for each detector."""
     offsets = results["range_offset_m"].transpose("detector", "epoch", "satellite").values.astype(np.float64)
     found = {name: offsets[place][due & np.isfinite(offsets[place])] for place, name in enumerate(detectors)}
     everything = np.concatenate(list(found.values()))
@@ -166,7 +166,7 @@ def _checks(time_s: Float[np.ndarray, " n"], interval_s: float, checks: tuple[Ch
 
 
 def _position(results: xarray.Dataset, time_s: Float[np.ndarray, " n"]) -> dict[str, Any]:
-    """Return the error along each axis of the fixes from all satellites and from the authenticated satellites."""
+    """Return the errors along east, north and up of the fix of all satellites and of the authenticated satellites."""
     errors = results["fix_error_m"].transpose("fix", "local_axis", "epoch").values
     fixes = {}
     for place, fix in enumerate(map(str, results["fix"].values)):

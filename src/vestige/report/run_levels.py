@@ -1,4 +1,4 @@
-"""Verdicts at the mitigation level of a run's scenario, as sections of its page.
+"""Show the verdicts at the mitigation level of a run's scenario on the page of the run.
 
 A store has the status of each epoch at the level of the scenario. A verdict of the page belongs to a RECS. The verdict
 is the gravest status since the previous RECS, including every status between the two RECS (`campaign/levels.py`).
@@ -14,14 +14,14 @@ from vestige.report.markup import Html, card, element, number, table
 
 
 def level_cards(found: LevelVerdicts | None) -> list[Html]:
-    """Return the number of alarms that a user saw."""
+    """Return a card with the number of alarms that a user saw."""
     if found is None:
         return []
     return [card("alarms that a user saw", number(int(np.count_nonzero(found.begins))), "each shown for at least 90 s")]
 
 
 def level_content(found: LevelVerdicts | None, results: xarray.Dataset) -> list[Html]:
-    """Return every check of the level: its tests, its false-alarm probability, and its failures."""
+    """Return a table with the tests, the false-alarm probability and the failures of each check of the level."""
     if found is None:
         return []
     time_s = results["time_s"].values

@@ -1,4 +1,4 @@
-"""The page of a run: the question, the results, the figures, and the commands to repeat the run."""
+"""Make the page of a run, with the question, the results, the figures, and the commands to repeat the run."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
 
 
 def _scenario(results: xarray.Dataset) -> StoredScenario:
-    """Return the scenario of the results; raise an error if the results are not from `vestige run`."""
+    """Return the scenario of the results; raise `VestigeError` if the results are not from `vestige run`."""
     for name in _NEEDED:
         if name not in results.variables:
             raise VestigeError(f"results of a campaign: found no {name}, expected results of `vestige run`")
@@ -124,7 +124,7 @@ def _answer(
     attacks: Mapping[str, Mapping[str, AttackReport]],
     of_level: list[Html],
 ) -> Html:
-    """Return the numbers that answer the question."""
+    """Return the cards with the numbers that answer the question of the page."""
     chosen = scenario.processor.detector
     summary = found[chosen]
     undecided = counts.of[Status.NOT_AVAILABLE]
@@ -173,7 +173,7 @@ def _unfinished(results: xarray.Dataset, scenario: StoredScenario) -> Html:
 
 
 def _status_key(counts: VerdictCounts) -> Html:
-    """Return the meaning, the number and the colour of each status."""
+    """Return a table with the meaning, the number and the colour of each status."""
     rows = []
     for status in Status:
         swatch = element("span", "", class_="swatch", style=f"--swatch: var(--{status.value.replace(' ', '-')})")

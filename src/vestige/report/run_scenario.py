@@ -1,4 +1,4 @@
-"""Sections of a run's page with the scenario as a file, and with all data needed to repeat the results."""
+"""Show the scenario of a run as a file, and all data needed to repeat the results, in sections of the run's page."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from vestige.scenario.toml.campaign_toml import campaign_toml
 
 
 def scenario_section(text: str) -> Html:
-    """Return the scenario as TOML with all its defaults, and a link that saves it.
+    """Return the section with the scenario as TOML with all defaults, and a link that saves the TOML file.
 
-    `text` is the JSON in the results.
+    `text` is the scenario as JSON, as the results contain it.
     """
     toml = campaign_toml(text)
     save = element(
@@ -38,7 +38,7 @@ def scenario_section(text: str) -> Html:
 def reproduce_section(
     results: xarray.Dataset, name: str, thinned: Mapping[str, Mapping[str, int]], data: Mapping[str, Any]
 ) -> Html:
-    """Return the commands, the required versions, and the parts of the run that are drawn."""
+    """Return the section with the commands, the versions, and the epochs of the run that are drawn."""
     attributes = attributes_of(results)
     store = f"{re.sub(r'[^A-Za-z0-9_.-]', '_', name)}.zarr"
     commands = f"vestige run scenario.toml -o {store}\nvestige report {store} -o report.html"

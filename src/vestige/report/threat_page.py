@@ -1,4 +1,4 @@
-"""The page of a threat table: measured and expected outcome of each attack at each mitigation level."""
+"""Make the page of a threat table: measured and expected outcome of each attack at each mitigation level."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vestige.report.page import Page
 from vestige.report.threat_table import TableCell, ThreatTable, read_threat_table
 from vestige.threats.scenes import read_threats
 
-OWN_SCENARIO = "–"  # placeholder for the threat of a user's own scenario
+OWN_SCENARIO = "–"  # text in the column `threat` for a user's own scenario
 QUESTION = "Which attack does each mitigation level detect, mitigate or miss, and is that what was expected?"
 AGREES, DIFFERS, UNDECIDED = "as expected", "differs", "undecided"
 _MARKS = {AGREES: ("agrees", "✓"), DIFFERS: ("differs", "✗"), UNDECIDED: ("undecided", "?")}
@@ -30,7 +30,7 @@ _SECTIONS = {
 def threat_page(path: Path, name: str, *, question: str = "") -> Page:
     """Return the page of a threat table.
 
-    `name` is the name of the folder of the table; `question` replaces `QUESTION`.
+    `name` is the name of the folder that contains the table. `question` replaces `QUESTION`.
 
     Raises `InputFileError` if the file is no threat table.
     """
@@ -60,7 +60,7 @@ def threat_page(path: Path, name: str, *, question: str = "") -> Page:
 
 
 def _answer(found: ThreatTable, runs: int) -> Html:
-    """Return the number of scenes with the expected outcome at each level."""
+    """Return cards with the number of scenes that have the expected outcome at each level."""
     scenes = found.scenes()
     cards = []
     for place, level in enumerate(found.levels):
@@ -77,7 +77,7 @@ def _answer(found: ThreatTable, runs: int) -> Html:
 
 
 def _matrix(found: ThreatTable) -> list[Html]:
-    """Return the main table of the page: a row for each scene, a column for each level."""
+    """Return the main table of the page, with a row for each scene and a column for each level."""
     signs = {**_MARKS, "expected, not measured": _UNMEASURED}
     legend = [
         element("li", element("span", text, class_=f"mark {kind}", data_sign=sign))
@@ -125,7 +125,7 @@ def _tile(cell: TableCell) -> Html:
 
 
 def _without_attack(cell: TableCell) -> bool:
-    """Return whether a scene has no attack; then no separate run without attack was made."""
+    """Return whether a scene has no attack; only scenes with an attack also have runs without the attack."""
     return cell.value("by_chance_of") == 0
 
 
@@ -162,7 +162,7 @@ def _numbers(found: ThreatTable) -> list[Html]:
 
 
 def _checks(found: ThreatTable) -> list[Html]:
-    """Return the checks that failed at the highest measured level, which includes the checks of lower levels."""
+    """Return a table of the checks that failed at the highest measured level, which has all checks of lower levels."""
     scenes = found.scenes()
     measured = [place for place in range(len(found.levels)) if any(cells[place].measured for _, cells in scenes)]
     if not measured or not any("checks" in name for name in found.columns):

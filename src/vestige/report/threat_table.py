@@ -1,10 +1,11 @@
-"""Reader of the table that `vestige threats -o` writes, by the names of its columns.
+"""Read the table that `vestige threats -o` writes, by the names of the columns.
 
-The name of a column gives its meaning, so the reader accepts further levels and columns. `expected_level_2` is the
-expected outcome of level 2, and `level_2` tells whether the measurement agrees. `detected_level_2` is a count of level
-2. A table with a column `level` has a row for each level. Names without a level then refer to the level of the row. If
-only one level is measured, names without a level refer to the measured level. Tables of release 0.2.0 and earlier have
-`worst_accepted_m` in place of `worst_range_m`.
+The name of a column gives the meaning of the column, so the reader accepts further levels and columns.
+`expected_level_2` is the expected outcome of level 2, and `level_2` tells whether the measurement agrees.
+`detected_level_2` is the number of runs in which level 2 detected the attack. A table with a column `level` has a row
+for each level. In such a table, names of columns without a level refer to the level of the row. If only one level is
+measured, names without a level refer to the measured level. Tables of release 0.2.0 and earlier have `worst_accepted_m`
+in place of `worst_range_m`.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ _LEVEL = re.compile(r"(?:expected_)?level_(\d+)")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableCell:
-    """The outcome of a scene at a mitigation level."""
+    """Outcome of one scene at one mitigation level, from the columns of the table."""
 
     values: Mapping[str, str]
     level: int
-    only: bool  # whether names without a level refer to this level
+    only: bool  # whether names of columns without a level refer to this level
 
     def text(self, name: str) -> str:
         """Return the text of a column for this level; empty if the column is missing."""
@@ -45,7 +46,7 @@ class TableCell:
 
     @property
     def expected(self) -> tuple[str, str]:
-        """The expected outcome and the reason for this outcome; a missing text is empty."""
+        """Expected outcome and the reason for this outcome; a missing text is empty."""
         word, _, reason = (self.values.get(f"expected_level_{self.level}") or self.text("expected")).partition(": ")
         return word, reason
 
@@ -56,20 +57,20 @@ class TableCell:
 
     @property
     def measured(self) -> bool:
-        """Whether there are runs of this cell."""
+        """Whether the table has the results of runs of this scene at this level."""
         return self.value("detected_of") > 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThreatTable:
-    """A threat table that was read."""
+    """Content of a threat table."""
 
     columns: tuple[str, ...]
     rows: tuple[Mapping[str, str], ...]  # text of every cell by the name of the column
-    levels: tuple[int, ...]  # levels with any content
+    levels: tuple[int, ...]  # mitigation levels that have results or expected outcomes in the table
 
     def scenes(self) -> list[tuple[Mapping[str, str], list[TableCell]]]:
-        """Return the first row of each scene, and its cells at all levels."""
+        """Return the first row of each scene, and the cells of the scene at all levels."""
         scenes: dict[tuple[str, str], list[Mapping[str, str]]] = {}
         for row in self.rows:
             scenes.setdefault((row["threat"], row["scene"]), []).append(row)
@@ -84,7 +85,7 @@ class ThreatTable:
 
 
 def read_threat_table(path: Path) -> ThreatTable:
-    """Return the table in a file.
+    """Return the threat table in a file.
 
     Raises `InputFileError` if the file is no threat table.
     """

@@ -1,1 +1,1 @@
-"""Low-level signal processing: correlation, noise floor, acquisition [WFO, Sec. V]."""
+"""Process samples of E1 and E6: acquisition, tracking, correlation, noise floor and searches [WFO, Sec. V]."""

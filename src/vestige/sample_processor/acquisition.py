@@ -1,21 +1,22 @@
-"""Acquisition of E1-C: which satellites are in the samples, at which code phase and Doppler.
+"""Acquire E1-C: find which satellites are in the samples, at which code phase and Doppler.
 
 Theory of operation
 -------------------
 The samples are cut into stretches of two code periods (8 ms). A stretch starts every period (4 ms). Correlating a
 stretch with one period of code gives all code phases of 4 ms without wrap-around. So a sign change of the secondary
-code between two periods has no effect. One FFT is enough for all Dopplers. The bins of the FFT are 1/(8 ms) = 125 Hz =
-1/(2T) apart, and a shift by one bin gives the next Doppler. Only the bins around the carrier are kept, which mixes,
-filters and decimates in one step.
+code between two periods has no effect. One FFT is enough for all Dopplers. The bins of the FFT are 1/(8 ms) = 125 Hz
+apart, and a shift by one bin gives the next Doppler. Only the bins around the carrier are kept. This selection mixes,
+filters and decimates the samples in one step.
 
-The powers of K stretches are added non-coherently, each shifted by the code Doppler. Against noise of variance 1 per
-dimension the sum is chi-squared with 2K degrees of freedom. The threshold follows from the overall false-alarm
+The powers of K stretches are added non-coherently, each shifted by the code Doppler. For noise alone with variance 1
+per dimension, the sum is chi-squared with 2K degrees of freedom. The threshold follows from the overall false-alarm
 probability over all cells (code phases × Doppler bins × satellites) [WFO, Sec. III-D].
 
-Cross-correlation with a much stronger satellite is not noise, because the cross-correlation is constant over the whole
-100 ms. The cross-correlation of two memory codes with different Dopplers reaches −20 dB. The rough C/N0 of the strong
-satellite is up to 3 dB too low, because of self-noise and a Doppler up to half a bin away. Noise adds to the power of
-the weak satellite. So a cell is only accepted within `CROSS_CORRELATION_DB` of the strongest cell.
+Cross-correlation with a much stronger satellite does not average out like noise, because the cross-correlation is
+constant over the whole 100 ms. The cross-correlation of two memory codes with different Dopplers reaches −20 dB. The
+rough C/N0 of the strong satellite is up to 3 dB too low, because of self-noise and a Doppler up to half a bin away.
+Noise adds to the power of the weak satellite. So a signal is accepted only if its C/N0 is within `CROSS_CORRELATION_DB`
+of the strongest signal.
 
 `acquire` takes the strongest cell of each satellite on E1-C. `vestige.sample_processor.search.e1_search` takes every
 signal from the same powers.
@@ -39,7 +40,7 @@ from vestige.records import SampleBatch
 from vestige.signals.codes import primary_code
 from vestige.signals.definitions import E1C, SignalDefinition
 
-CROSS_CORRELATION_DB = 16.0  # largest difference between the strongest satellite and an accepted satellite
+CROSS_CORRELATION_DB = 16.0  # largest difference of C/N0 between the strongest signal and an accepted signal
 MAX_STRETCHES = 24  # number of stretches in 100 ms, one secondary-code period; later samples are not searched
 _TRANSFORMS_AT_ONCE = 4  # number of FFTs of one length that scipy computes in the lanes of a vector
 _SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), with 86 % of the power; code phases are 0.26 chip apart
@@ -47,13 +48,13 @@ _SEARCH_BANDWIDTH_HZ = 4.0e6  # both main lobes of BOC(1,1), with 86 % of the po
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acquisition:
-    """A signal found on E1."""
+    """Code phase, Doppler and C/N0 of a signal that was found on E1."""
 
     svid: int
     code_start_s: float  # time from the first sample to the start of the first full code period, [0, 4 ms)
-    doppler_hz: float  # Doppler to ±62.5 Hz
-    statistic: float  # non-coherent sum, in units of the noise variance per dimension
-    threshold: float  # threshold of the statistic, in the same unit
+    doppler_hz: float  # Doppler of the bin, up to 62.5 Hz from the Doppler of the signal
+    statistic: float  # non-coherent sum of powers, in units of the noise variance per dimension
+    threshold: float  # threshold of the statistic, in units of the noise variance per dimension
     cn0_dbhz: float  # rough C/N0 of E1-C, up to 4 dB too low (half a code step, half a Doppler bin, self-noise)
 
 
@@ -68,12 +69,12 @@ def acquire(
     bin_step: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Acquisition, ...]:
-    """Return the satellites of `svids` that are on E1-C in `batch`.
+    """Return an acquisition of each satellite of `svids` whose E1-C is in `batch`.
 
-    The batch has at least 8 ms. At most `max_stretches` code periods are used, up to 100 ms. The Dopplers lie within
-    `doppler_span_hz` of `doppler_center_hz`, in every `bin_step`-th bin of 125 Hz. `overall_pfa` is the probability
-    that noise alone gives any acquisition. `progress` is called with the number of finished satellites and the number
-    of all satellites.
+    The batch must have at least 8 ms of samples. At most `max_stretches` code periods are used, up to 100 ms. The
+    searched Dopplers are every `bin_step`-th bin of 125 Hz within `doppler_span_hz` of `doppler_center_hz`.
+    `overall_pfa` is the probability that noise alone gives any acquisition. `progress` is called with the number of
+    finished satellites and the number of all satellites.
     """
 
     def strongest(powers: CellPowers) -> tuple[Acquisition, ...]:
@@ -96,10 +97,10 @@ def acquire(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellPowers:
-    """The powers of one satellite over Doppler and code phase, in units of the noise variance per dimension."""
+    """Powers of one satellite over Doppler and code phase, in units of the noise variance per dimension."""
 
     svid: int
-    # non-coherent sums; noise alone is chi-squared with `2 · n_added` degrees of freedom
+    # non-coherent sums; a sum of noise alone is chi-squared with `2 · n_added` degrees of freedom
     powers: Float32[np.ndarray, "bins phases"]
     doppler_hz: Float64[np.ndarray, " bins"]
     rate_hz: float  # number of code phases per second
@@ -109,7 +110,7 @@ class CellPowers:
     threshold: float
 
     def acquisition(self, row: int, column: int) -> Acquisition:
-        """Return the result of one cell."""
+        """Return the acquisition that one cell gives."""
         statistic = float(self.powers[row, column])
         snr = max(statistic / (2 * self.n_added) - 1.0, 1e-3)
         return Acquisition(
@@ -173,7 +174,7 @@ def search_cells(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stretches:
-    """The spectra of all stretches around the E1 carrier."""
+    """Spectra of all stretches around the E1 carrier."""
 
     spectra: Complex64[np.ndarray, "stretches bins"]
     starts_s: list[float]
@@ -198,7 +199,7 @@ class _Stretches:
 
 
 def _stretches(batch: SampleBatch, doppler_span_hz: float, max_stretches: int) -> _Stretches:
-    """Return the spectra of the stretches that lie in the batch."""
+    """Return the spectra of all stretches that are completely in the batch."""
     fs = batch.sample_rate_hz
     n = round(2 * E1_CODE_PERIOD_S * fs)
     starts = (round(m * E1_CODE_PERIOD_S * fs) for m in range(max_stretches))
@@ -240,8 +241,8 @@ def _cell_powers(
             for total, shift, of_shift in zip(powers[begin : begin + together], group.tolist(), y, strict=True):
                 doppler_hz = shift * stretches.spacing_hz - stretches.carrier_rest_hz
                 _add_with_code_doppler(total, of_shift, doppler_hz, stretches.starts_s, stretches.rate_hz)
-    noise = np.mean(powers, axis=1, keepdims=True) / (2 * n_added)  # a signal fills only a few of 12,000 cells
-    powers /= np.maximum(noise, np.finfo(np.float32).tiny)  # all samples may be zero
+    noise = np.mean(powers, axis=1, keepdims=True) / (2 * n_added)  # a signal fills few of 12,000 code phases
+    powers /= np.maximum(noise, np.finfo(np.float32).tiny)  # the noise is 0 if all samples are 0
     return powers
 
 
@@ -252,7 +253,7 @@ def _add_with_code_doppler(
     starts_s: list[float],
     rate_hz: float,
 ) -> None:
-    """Add Σ|y|² with every stretch moved back to the code phase of the first stretch."""
+    """Add the powers |y|² of all stretches to `total`, each moved back to the code phase of the first stretch."""
     for row, start_s in zip(y, starts_s, strict=True):
         squares = np.square(row.view(np.float32))
         power = squares[::2] + squares[1::2]
@@ -264,7 +265,7 @@ def _add_with_code_doppler(
 
 
 def _code_spectrum(signal: SignalDefinition, svid: int, kept: int, rate_hz: float) -> Complex64[np.ndarray, " bins"]:
-    """Return the conjugate spectrum of one period of BOC(1,1) code, in the order of the kept bins."""
+    """Return the conjugate spectrum of one code period with BOC(1,1), in the order of the kept bins."""
     t = np.arange(int(E1_CODE_PERIOD_S * rate_hz)) / rate_hz
     half_chips = (t * 2 * signal.chip_rate_hz).astype(np.int64)
     replica = np.zeros(kept, np.float32)

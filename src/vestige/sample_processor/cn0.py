@@ -1,4 +1,4 @@
-"""Estimators that receivers use for C/N0 from prompt correlators, with the weakness of each estimator.
+"""Estimate C/N0 from prompt correlators with estimators that receivers use, and name the weakness of each estimator.
 
 Theory of operation
 -------------------
@@ -8,7 +8,7 @@ are removed.
 
 | estimator | from | weakness |
 |---|---|---|
-| narrow to wide power ratio | power of M prompts together over M single powers [VAN-DIERENDONCK96] | M equal signs |
+| narrow to wide power ratio | power of a sum of M prompts over their power [VAN-DIERENDONCK96] | needs M equal signs |
 | second and fourth moment | powers of P [PINI08] | large spread below 30 dBHz |
 | signal to noise variance | magnitude of I [PINI08] | too high where S < N |
 | Beaulieu | differences of the magnitude of I [PINI08] | too high where S < 3 N |
@@ -25,15 +25,16 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from jaxtyping import Complex, Float
 
-NWPR_PROMPTS = 20  # default of M [VAN-DIERENDONCK96]
+NWPR_PROMPTS = 20  # default number M of prompts in a group [VAN-DIERENDONCK96]
 
 
 def narrow_to_wide_dbhz(
     prompts: Complex[np.ndarray, "n k"], integration_s: float, *, together: int = NWPR_PROMPTS
 ) -> Float[np.ndarray, " n"]:
-    """Return C/N0 = (μ − 1)/(M − μ)/T, μ the mean of |Σ_M P|² / Σ_M |P|², of each row.
+    """Return C/N0 = (μ − 1)/(M − μ)/T of each row in dBHz, where μ is the mean of |Σ_M P|² / Σ_M |P|².
 
-    M is `together`. Prompts of a row that do not fill a group of M are not used.
+    M is `together`, the number of consecutive prompts that are summed coherently. Prompts at the end of a row that do
+    not fill a group of M prompts are not used.
 
     Raises `ValueError` if a row has fewer than M prompts.
     """

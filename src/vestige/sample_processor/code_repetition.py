@@ -1,13 +1,13 @@
-"""Estimation of the sampling rate from the repetition of the codes, without a description of the samples.
+"""Estimate the sampling rate of samples without a description, from the repetition of the codes.
 
 Theory of operation
 -------------------
-A satellite's samples repeat after one code period, except for a sign and a phase. So every sample is multiplied by the
-sample that follows after a lag. Blocks of products are summed coherently, and the squared magnitudes of the blocks are
-added. At the lag of a code period, and at multiples of this lag, the sum is larger than at other lags. The result does
-not depend on the centre frequency, the satellites in view, or an inversion of the spectrum. The score of a rate tells
-how far the sums at all multiples of the code period exceed the other sums. An acquisition has to confirm the rate,
-because a divisor of the true rate fits as well.
+A satellite's signal repeats after one code period, except for a sign and a phase. So every sample is multiplied by the
+conjugate of the sample one lag earlier. Blocks of products are summed coherently, and the squared magnitudes of the
+blocks are added. At the lag of a code period, and at multiples of this lag, the sum is larger than at other lags. The
+result does not depend on the centre frequency, the satellites in view, or an inversion of the spectrum. The score of a
+rate tells how far the sums at the multiples of the code period exceed the median of all sums. An acquisition has to
+confirm the rate, because a divisor of the true rate has a high score, too.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ USUAL_RATES_HZ = tuple(
 )  # fmt: skip
 _LONGEST_LAG = 250_000  # longest lag in samples: 4 ms at 62.5 MHz
 _USED = 1 << 20  # largest number of samples that are used
-_BLOCKS = (1 << 15, 1 << 17)  # number of samples that are summed coherently, for low and for high rates
-_TOLERANCE = 20e-6  # tolerance as a share of the lag, for a free-running oscillator
-_MULTIPLES = 8  # largest number of multiples of a lag that are evaluated, the same for each rate
+_BLOCKS = (1 << 15, 1 << 17)  # numbers of samples that are summed coherently, for low and for high rates
+_TOLERANCE = 20e-6  # largest error of a lag as a share of the lag, for a free-running oscillator
+_MULTIPLES = 8  # largest number of multiples of a lag that are evaluated, for every rate
 _NARROW = 1 / 3  # share of the sampled band around the carrier that has most of the signal if the rate is high
 _HIGHEST = 1e3  # largest sum in standard deviations, which limits the weight of interference that repeats at some lag
 
@@ -39,12 +39,12 @@ _HIGHEST = 1e3  # largest sum in standard deviations, which limits the weight of
 def rates_by_repetition_hz(
     samples: Complex64[np.ndarray, " n_samples"], code_period_s: float, *, carrier: float = 0.0
 ) -> tuple[float, ...]:
-    """Return `USUAL_RATES_HZ`; the rate that agrees best with the repetition of the codes in `samples` comes first.
+    """Return `USUAL_RATES_HZ`, sorted from the best to the worst agreement with the repetition of codes in `samples`.
 
     Parameters
     ----------
     samples
-        Any samples; up to a million samples are used, which takes about 2 s of computing time.
+        Samples of unknown rate. Up to 2²⁰ samples are used, which takes about 2 s of computing time.
     code_period_s
         Period of the codes in s: 4 ms on E1, 1 ms on E6.
     carrier
@@ -79,13 +79,14 @@ def _profile(samples: Complex64[np.ndarray, " n_samples"], block: int) -> Iterat
         long = fft.fft(samples[start : start + block + longest], size)
         total += np.abs(fft.ifft(long * np.conj(short), overwrite_x=True)[:longest]) ** 2
     middle = np.median(total)
-    deviation = float(np.median(np.abs(total - middle))) / 0.6745  # standard deviation of a Gaussian distribution
+    # standard deviation of the Gaussian distribution that has the same median absolute deviation
+    deviation = float(np.median(np.abs(total - middle))) / 0.6745
     if deviation > 0:
         yield np.minimum((total - middle) / deviation, _HIGHEST)
 
 
 def _score(profile: Float64[np.ndarray, " lags"], lag: float) -> float:
-    """Return how far the sums at the multiples of a lag together exceed the other sums."""
+    """Return the largest values of a profile near the multiples of a lag, added and divided by √(number of values)."""
     count = min(int((profile.size - 1) / (lag * (1 + _TOLERANCE))), _MULTIPLES)
     if count < 1:
         return 0.0
@@ -98,7 +99,7 @@ def _score(profile: Float64[np.ndarray, " lags"], lag: float) -> float:
 
 
 def _middle(samples: Complex64[np.ndarray, " n_samples"], carrier: float) -> Complex64[np.ndarray, " n_samples"]:
-    """Return the samples with only the part of their spectrum around the carrier."""
+    """Return the samples after a filter that keeps the middle third of the spectrum, around the carrier."""
     spectrum = fft.fft(samples)
     n = samples.size
     away = (np.arange(n) - round(carrier * n) + n // 2) % n - n // 2

@@ -1,4 +1,4 @@
-"""Bank of correlators: correlations of a snapshot's samples with a satellite's decrypted chips at many code offsets.
+"""Correlate a snapshot's samples with a satellite's decrypted chips at many code offsets.
 
 Theory of operation
 -------------------
@@ -7,16 +7,17 @@ Sample n, taken t_n after the hand-over's start, has code phase and carrier phas
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
     φ_n = 2π (f_c − f_0 + f_d) t_n + π ḟ_d t_n²                 f_0: frequency at 0 Hz in the samples
 
-Tap k, delayed by d_k, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋], over the samples that meet a chip of the
-segment. M is the number of samples of the segment. So a path of amplitude a at delay d_k gives c_k = a.
+Tap k, delayed by d_k, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋]. The sum runs over the samples whose delayed
+code phase u_n − d_k lies in the segment. M is the number of samples in the duration of the segment. So a path of
+amplitude a at delay d_k gives c_k = a.
 
 **Noise floor.** The threshold must come from the noise after the correlation with a code that is not in the signal
 [WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w of random signs gives Σ_j w_j
 y_j. The mean power of this sum over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel. So one
 pass over the chips gives the result of infinitely many wrong codes, and no reference cell is drawn at random. The
 estimate is also right for coloured noise and interference. The power of the true signal raises the floor by E_c/N_0
-(−32 dB at 35 dBHz), as it does for any wrong code. A floor that is estimated from J chips has a relative error of 1/√J,
-which is 0.35 % for 16 ms. The loss of detection by this error (CFAR loss) is 0.0005 dB.
+(−32 dB at 35 dBHz), as with any wrong code. A floor that is estimated from J chips has a relative error of 1/√J, which
+is 0.35 % for 16 ms. The loss of detection by this error (CFAR loss) is 0.0005 dB.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True)
 class CorrelatableSamples:
-    """Samples with the method `correlate`: the E6 of a snapshot, from a recording or a sample-level simulation."""
+    """E6 samples of a snapshot that the processor can correlate, from a recording or a simulation of samples."""
 
-    batch: SampleBatch  # the samples in which the RECS is expected
+    batch: SampleBatch  # samples in which the RECS is expected
     surroundings: SampleSource | None = None  # samples in which a search may look for the RECS; None means `batch`
 
     @property
@@ -49,7 +50,7 @@ class CorrelatableSamples:
 
     @property
     def searched(self) -> SampleSource:
-        """The samples in which a search looks for a RECS: the surroundings, or the batch alone."""
+        """Samples in which a search looks for a RECS: `surroundings`, or `batch` if `surroundings` is None."""
         return self.surroundings or BatchSource(self.batch)
 
     @property
@@ -58,16 +59,16 @@ class CorrelatableSamples:
         return self.batch.end
 
     def correlate(self, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
-        """Return the bank of correlators at `offsets_m`, or None if the samples lack a part of a tap's segment."""
+        """Return the bank of correlators at `offsets_m`, or None if a tap needs samples that `batch` does not have."""
         return correlate(self.batch, handover, offsets_m)
 
 
 def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarray, " n_taps"]) -> CorrelatorBank | None:
     """Return the correlators of `batch` with the chips of `handover`.
 
-    Samples may have any sampling rate. `offsets_m` count from the expected start; positive is later.
+    Samples may have any sampling rate. `offsets_m` are relative to the expected start of the chips; positive is later.
 
-    Raises `ValueError` if a tap is farther than the kernel reaches from the middle of the bank (8 chips, 470 m on E6).
+    Raises `ValueError` if a tap is more than 8 chips (470 m on E6) from the middle of the bank.
 
     Returns
     -------

@@ -1,19 +1,20 @@
-"""The compiled inner loops of the correlator.
+"""Compute the correlators and the noise floor in compiled loops.
 
 **Taps.** All taps of the bank use the same chip windows and the same fixed-point code phase
-(`vestige.signals.chip_window_kernel`). A tap then costs a shift and a multiplication by ±1. Two taps are summed in one
-loop, because loading a sample takes as long as multiplying the sample.
+(`vestige.signals.chip_window_kernel`). So each tap needs only a shift and a multiplication by ±1 for each sample. Two
+taps are summed in one loop, because loading a sample takes as long as multiplying the sample.
 
 **Carrier.** All taps use the same table of carrier rotations, computed in float64. The phase at the middle of each
-block is applied to the block's sums in float64. A Doppler rate changes this phase. Inside the block, the samples are
+block is applied to the block's sums in float64. This phase includes the Doppler rate. Inside the block, the samples are
 rotated by the Doppler rate to first order, with an error of 1e-7 at 100 Hz/s.
 
-**Noise floor.** Σ_j |y_j|² over chips is Σ_n |y_n|² plus twice the real part of y_n y*_(n−l) for each lag l at which
-both samples lie in the same chip. So no loop over chips is needed. Two lags are summed in one loop. The last samples of
-a block are stored, rotated to the phase of the next block.
+**Noise floor.** Σ_j |y_j|² over chips is Σ_n |y_n|² over samples, plus twice the real part of y_n y*_(n−l) for all
+samples n and n − l in the same chip. So no loop over chips is needed. Two lags l are summed in one loop. The last
+samples of a block are stored for the next block, rotated to the phase of the next block.
 
-Sums are float32 inside a block of 1024 samples and float64 over blocks. At an end of the segment, a sample may meet a
-chip of one tap, and no chip of another tap. The few samples at the ends are processed individually.
+Sums are float32 inside a block of 1024 samples and float64 over blocks. At an end of the segment, a sample may lie
+inside the segment of one tap and outside the segment of another tap. The few samples at the ends are processed
+individually.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -37,20 +38,20 @@ from vestige.signals.float_kernel import float_of
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
 _SIGN, _ONE = 0x80000000, 0x3F800000  # sign bit of a float32, and the bits of 1.0
-_IN_CHIP = (1 << FRACTION_BITS) - 1  # bits of a fraction that give the phase in the chip
+_IN_CHIP = (1 << FRACTION_BITS) - 1  # mask of the bits of a fixed-point code phase that give the phase in the chip
 REACH_CHIPS = WINDOW_REACH_CHIPS  # largest distance of a tap from the middle of the bank
 
 
 @njit(inline="always")
 def _chip(window, fraction, delay):
-    """Return ±1, the chip that a sample meets at a delay."""
+    """Return the chip of a sample at a delay, as +1.0 or −1.0."""
     shift = np.uint32(np.uint32(fraction + delay) >> np.uint32(FRACTION_BITS))
     return float_of(np.int32(np.uint32(np.uint32(np.uint32(window << shift) & np.uint32(_SIGN)) | np.uint32(_ONE))))
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _two_tap_sums(window, fraction, y_re, y_im, delay_1, delay_2):
-    """Return the block sums of two taps, Σ ±y, real and imaginary parts in turn."""
+    """Return the sums Σ ±y of one block for two taps: real and imaginary part of the first tap, then of the second."""
     re_1, im_1 = np.float32(0.0), np.float32(0.0)
     re_2, im_2 = np.float32(0.0), np.float32(0.0)
     for i in range(y_re.size):
@@ -65,7 +66,7 @@ def _two_tap_sums(window, fraction, y_re, y_im, delay_1, delay_2):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _tap_sum(window, fraction, y_re, y_im, delay):
-    """Return the block sum of one tap, Σ ±y, real and imaginary part."""
+    """Return the real and the imaginary part of the sum Σ ±y of one block for one tap."""
     total_re, total_im = np.float32(0.0), np.float32(0.0)
     for i in range(y_re.size):
         chip = _chip(window[i], fraction[i], delay)
@@ -89,7 +90,7 @@ def _wipe(x, cos, sin, places, slope, curve, y_re, y_im):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _two_lag_sums(own, fraction, y_re, y_im, apart_1, re_1, im_1, apart_2, re_2, im_2):
-    """Return Σ own |y_n|² + Re(y_n y*_(n−l)), over the samples of two lags l that share their chip with sample n."""
+    """Return Σ own |y_n|² + Re(y_n y*_(n−l)) over two lags l, if samples n and n − l lie in the same chip."""
     total, zero = np.float32(0.0), np.float32(0.0)
     for i in range(y_re.size):
         phase = np.uint32(fraction[i] & np.uint32(_IN_CHIP))
@@ -102,10 +103,10 @@ def _two_lag_sums(own, fraction, y_re, y_im, apart_1, re_1, im_1, apart_2, re_2,
 
 @njit(cache=True, nogil=True)
 def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, turn, out):
-    """Add samples at an end of the segment, where each tap has its own first or last sample.
+    """Add the samples at an end of the segment to the taps, because the first or last sample depends on the tap.
 
-    u0 is the code phase of the first sample in chips, minus the middle of the bank. For the noise floor, a sample
-    is set to 0 if its chip, at the middle of the bank, is outside the segment.
+    u0 is the code phase of the first sample in chips, minus the middle of the bank. For the noise floor, a sample is
+    set to 0 if it is outside the segment at the middle of the bank.
     """
     for k in range(offsets.size):
         total = 0.0 + 0.0j
@@ -122,7 +123,7 @@ def _edge_sums(packed, n_chips, u0, step, offsets, y_re, y_im, turn, out):
 
 @njit(cache=True, nogil=True)
 def middle_chips(offsets):
-    """Return the middle of a bank in chips, cut to whole chips if the middle is far from the prediction.
+    """Return the middle of a bank in chips, as a whole number if the middle is 0.5 chip or more from the prediction.
 
     The noise floor is the power of the sums of samples over chips. If the middle is a whole number of chips, these sums
     begin and end with the chips of the signal.
@@ -143,14 +144,14 @@ def bank_span(offsets):
 
 @njit(cache=True, nogil=True)
 def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
-    """Return (taps complex128[n_taps], Σ_j |y_j|²), without normalization.
+    """Return the taps, complex128[n_taps], and the noise power Σ_j |y_j|², both without normalization.
 
     Parameters
     ----------
     x
         float32[2 · n_samples], real and imaginary parts in turn.
     packed, n_chips
-        Packed chips and their number.
+        Chips as packed bits, and number of chips.
     offsets
         float64[n_taps] in chips, positive is later, within REACH_CHIPS of `middle_chips`.
     t0, dt
@@ -170,7 +171,8 @@ def correlate_block(x, packed, n_chips, offsets, t0, dt, code_rate, code_rate_ra
     places = from_middle()
 
     # A chip has at most lags + 1 samples. Arrays of samples begin with `lags` samples of the previous block. `lags` is
-    # rounded up to an even number, because two lags are summed together. No two samples of a chip have the added lag.
+    # rounded up to an even number, because two lags are summed together. The additional lag adds nothing to the sum,
+    # because no two samples of a chip are so far apart.
     lags = 2 * max(np.int64(1), np.int64(np.ceil((1.0 / (code_rate * dt) - 1.0 + 1e-3) / 2)))
     window, fraction = np.empty(BLOCK, np.uint32), np.empty(BLOCK, np.uint32)
     y_re, y_im = np.zeros(lags + BLOCK, np.float32), np.zeros(lags + BLOCK, np.float32)

@@ -1,4 +1,4 @@
-"""E1 measurements from a short stretch of samples, without a tracking loop.
+"""Measure E1 in a short piece of samples, without a tracking loop.
 
 Theory of operation
 -------------------
@@ -8,16 +8,16 @@ from an `Acquisition`, and measures in one batch the values that a tracking loop
 1. Correlators: every code period of 4 ms is correlated with BOC(1,1) replicas of E1-C and E1-B, at `TAPS_CHIPS` around
    the acquired code phase.
 2. Secondary code of E1-C: all 25 phases of CS25_1 are tried on the prompts. The phase with the highest peak of the
-   Doppler spectrum is chosen. This phase gives the time of transmission modulo 100 ms. The peak gives the Doppler to a
-   fraction of 1/T.
+   Doppler spectrum is chosen. This phase gives the time of transmission modulo 100 ms. The frequency of the peak gives
+   the Doppler to a fraction of 10 Hz, the reciprocal of 100 ms.
 3. Doppler: the secondary code is removed from the prompts. The Doppler is the slope of a straight line through the
    phases of the prompts, weighted by the power of the prompts.
 4. Code phase: the symbols of E1-B are removed with the sign of the E1-B prompt relative to the pilot's phase. Then the
-   periods of E1-B and of E1-C are added coherently over the batch, and the two magnitudes are added. At the code
-   phase, early and late magnitude are equal.
+   periods of E1-B and of E1-C are added coherently over the batch, and the two magnitudes are added. The code phase is
+   the delay at which early and late magnitude are equal.
 5. C/N0 of E1-C: from the coherent prompt and the noise of wrong codes, or from the prompts alone (`cn0.py`). The
-   prompts alone have 23 degrees of freedom for the noise, so the estimate scatters by 0.9 dB. The samples give the
-   noise to 0.01 dB.
+   prompts alone have 23 degrees of freedom for the noise, so the estimate has a standard deviation of 0.9 dB. The noise
+   of wrong codes is accurate to 0.01 dB.
 
 All values refer to the middle of the batch.
 """
@@ -39,19 +39,19 @@ from vestige.signals.codes import secondary_code
 from vestige.signals.definitions import E1B, E1C
 from vestige.time import GalileoTime
 
-E1_WINDOW_S = 0.1  # duration of samples for one measurement: a period of the secondary code
-# Below this margin the phase of the secondary code is ambiguous. Without noise the second-best phase is 5.6 dB lower.
+E1_WINDOW_S = 0.1  # duration of samples in s for one measurement: a period of the secondary code
+# Below this margin the phase of the secondary code is ambiguous. Without noise, the margin is 5.6 dB.
 MIN_SECONDARY_MARGIN_DB = 1.0
 MIN_PERIODS = 12  # number of periods of 4 ms that are needed to distinguish the 25 secondary phases at 33 dBHz
 NOISE_FLOOR = "noise-floor"
-# A group usually has 20 prompts, and 25 prompts contain only one such group. Two groups of 12 prompts have less bias,
-# and the spread is no larger.
+# The narrow-to-wide ratio usually sums groups of 20 prompts. The 25 prompts of 100 ms contain only one group of 20
+# prompts. With two groups of 12 prompts, the bias is smaller and the spread is no larger.
 _PROMPT_ESTIMATORS: dict[str, Cn0Estimator] = {
     **CN0_ESTIMATORS,
     "narrow-to-wide": partial(narrow_to_wide_dbhz, together=MIN_PERIODS),
 }
 ESTIMATORS = (NOISE_FLOOR, *_PROMPT_ESTIMATORS)
-# number of iterations that measure the code phase and centre the taps; an acquisition has an error of up to 0.17 chip
+# number of iterations that measure the code phase and centre the taps; the acquired code phase may be 0.17 chip off
 _CODE_STEPS = 3
 
 
@@ -65,7 +65,7 @@ class E1Snapshot:
     transmit_phase_s: float
     doppler_hz: float
     cn0_dbhz: float  # C/N0 of E1-C alone; NaN if noise makes the formula undefined
-    secondary_margin_db: float  # peak of the chosen secondary-code phase over the next highest peak
+    secondary_margin_db: float  # peak of the chosen secondary-code phase over the peak of the second-best phase
 
 
 def measure_e1(batch: SampleBatch, acquisition: Acquisition, *, cn0_estimator: str = NOISE_FLOOR) -> E1Snapshot | None:
@@ -114,10 +114,10 @@ def _secondary_phase(prompts: Complex128[np.ndarray, " periods"]) -> tuple[int, 
 
 
 def _phase_line(prompts: Complex128[np.ndarray, " periods"]) -> tuple[float, float]:
-    """Return the residual frequency in Hz and the phase in rad at the middle of the batch."""
+    """Return the residual frequency of the prompts in Hz, and their phase in rad at the middle of the batch."""
     m = (np.arange(prompts.size) - (prompts.size - 1) / 2) * E1_CODE_PERIOD_S
     reference = np.angle(np.sum(prompts))
-    angles = np.angle(prompts * np.exp(-1j * reference))  # small, because the Doppler is known to 1/(10 T)
+    angles = np.angle(prompts * np.exp(-1j * reference))  # small angles, as the Doppler error is below 1 Hz
     weights = np.abs(prompts) ** 2
     weights /= np.sum(weights)
     center = np.sum(weights * m)
@@ -128,7 +128,7 @@ def _phase_line(prompts: Complex128[np.ndarray, " periods"]) -> tuple[float, flo
 def _unturn(
     values: Complex128[np.ndarray, " periods"], rate_hz: float, turn: float
 ) -> Complex128[np.ndarray, " periods"]:
-    """Return the values with the phase line removed."""
+    """Return values without a linear phase, which is `turn` in rad at the middle and has the frequency `rate_hz`."""
     m = (np.arange(values.size) - (values.size - 1) / 2) * E1_CODE_PERIOD_S
     return values * np.exp(-1j * (turn + 2 * np.pi * rate_hz * m))
 

@@ -1,11 +1,11 @@
-"""Acquisition and C/N0 of E6-B, and of E6-C if E6-C is not encrypted, for the inspection of a recording.
+"""Acquire E6-B and unencrypted E6-C and measure the C/N0, for the inspection of a recording.
 
 Theory of operation
 -------------------
 The method is the same as in `vestige.sample_processor.acquisition` on E1. Stretches have two code periods (2 ms) and
 start every period (1 ms). Each stretch is correlated with one period of code, so a symbol change between two periods
 has no effect. The bins are 1/(2 ms) = 500 Hz apart. The powers of K stretches are added non-coherently, each shifted by
-the code Doppler. Noise exceeds the threshold with the stated probability (chi-squared with 2K degrees of freedom).
+the code Doppler. The sum of noise alone is chi-squared with 2K degrees of freedom, which gives the threshold.
 
 E6-C without encryption repeats its primary code every millisecond, with the signs of the secondary code CS100. An
 encrypted E6-C has no repetition. So the primary code of E6-C, found over several periods, shows that E6-C is open. The
@@ -32,7 +32,7 @@ from vestige.sample_processor.period_taps import peak_chips, period_taps
 from vestige.signals.codes import primary_code, secondary_code
 from vestige.signals.definitions import E6C, SignalDefinition
 
-OPEN_SHARE = 0.3  # share of the power of the periods that fits the secondary code; noise has at most 0.1
+OPEN_SHARE = 0.3  # smallest share of the power that the secondary code of open E6-C explains; noise has at most 0.1
 _PFA = 1e-6  # probability that noise alone gives an acquisition
 _MIN_PERIODS = 25  # number of periods of 1 ms that are needed to distinguish the 100 phases of the secondary code
 _TRANSFORM = 1024  # number of points of the FFT over the periods, which gives the residual Doppler
@@ -42,13 +42,13 @@ _CODE_STEPS = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6Acquisition:
-    """A signal found on E6."""
+    """Code phase and Doppler of a signal that was found on E6."""
 
     svid: int
     code_start_s: float  # time from the first sample to the start of the first full code period, [0, 1 ms)
-    doppler_hz: float  # Doppler on E6 to ±250 Hz
-    statistic: float  # non-coherent sum, in units of the noise variance per dimension
-    threshold: float  # threshold of the statistic, in the same unit
+    doppler_hz: float  # Doppler of the bin on E6, up to 250 Hz from the Doppler of the signal
+    statistic: float  # non-coherent sum of powers, in units of the noise variance per dimension
+    threshold: float  # threshold of the statistic, in units of the noise variance per dimension
 
 
 def acquire_e6(
@@ -60,14 +60,14 @@ def acquire_e6(
     doppler_span_hz: float = 500.0,
     max_stretches: int = 20,
 ) -> E6Acquisition | None:
-    """Return one satellite's `signal` (E6-B or E6-C) in `batch`, or None if nothing exceeds the threshold.
+    """Return the acquisition of a satellite's `signal` (E6-B or E6-C), or None if no power exceeds the threshold.
 
     Parameters
     ----------
     batch
         E6 samples of at least 2 ms.
     doppler_hz, doppler_span_hz
-        Middle and half width of the searched Dopplers on E6.
+        Middle and half width of the searched Dopplers on E6, in Hz.
     max_stretches
         K, largest number of code periods that are added.
     """
@@ -113,7 +113,7 @@ def cn0_on_the_peak_dbhz(batch: SampleBatch, signal: SignalDefinition, found: E6
     signal
         E6-B or E6-C.
     found
-        The acquisition of `signal` in `batch`.
+        Acquisition of `signal` in `batch`.
 
     Examples
     --------
@@ -156,7 +156,7 @@ def _doppler_error_hz(batch: SampleBatch, signal: SignalDefinition, found: E6Acq
 
 
 def _power(prompts: Complex128[np.ndarray, "periods 1"], noise: float) -> float:
-    """Return the mean power of the prompts without noise."""
+    """Return the mean power of the prompts minus the noise power, but at least 0."""
     return max(float(np.mean(np.abs(prompts) ** 2)) - noise, 0.0) if prompts.size else 0.0
 
 
@@ -201,7 +201,7 @@ def _add(
     fs: float,
     signal: SignalDefinition,
 ) -> None:
-    """Add the powers of all stretches, each moved back to the code phase of the first stretch."""
+    """Add the powers of all stretches to `total`, each moved back to the code phase of the first stretch."""
     y = fft.ifft(products, axis=1, overwrite_x=True)[:, : total.size]
     for m, (row, start) in enumerate(zip(y, starts, strict=True)):
         drift = (-start * doppler_hz / signal.carrier_hz) + m * signal.period_s * fs - start

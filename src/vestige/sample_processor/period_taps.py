@@ -1,8 +1,8 @@
-"""Correlators of every code period in a batch, around an acquired code phase, and the delay of their peak.
+"""Correlate every code period of a batch around an acquired code phase, and find the delay of the correlation peak.
 
-The measurements of E1 (`e1_snapshot`) and of E6 (`e6_acquisition`) use these correlators and this delay. An acquisition
-finds the code phase to half a sample, which is half a chip of E6 at 5.5 MHz. The taps around this code phase show the
-distance of the peak.
+The modules `e1_snapshot` and `e6_acquisition` measure E1 and E6 with the functions of this module. An acquisition finds
+the code phase with an error of up to half a sample, which is half a chip of E6 at 5.5 MHz. The taps around the acquired
+code phase show how far away the peak is.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from vestige.signals.codes import primary_code
 from vestige.signals.definitions import SignalDefinition
 from vestige.signals.pulse import BPSK
 
-# Delays of the taps, 0.05 chip apart. The main peak of BOC(1,1) is ±1/3 chip wide, and the peak of BPSK ±1 chip wide.
+# Delays of the taps in chips, 0.05 chip apart. The main peak of BOC(1,1) extends to ±1/3 chip. The peak of BPSK extends
+# to ±1 chip.
 TAPS_CHIPS = np.linspace(-0.6, 0.6, 25)
 _EARLY_LATE_TAPS = 3  # number of taps from prompt to early and late: ±0.15 chip, on the flanks of the main peak
 
@@ -41,7 +42,7 @@ def period_taps(
     start_s
         Time from the first sample to the start of the first code period, in s.
     doppler_hz
-        Doppler of the signal on its own carrier.
+        Doppler in Hz on the carrier of the signal.
     taps_chips
         Delays of the taps after the expected start, in chips.
 
@@ -61,7 +62,7 @@ def period_taps(
     """
     chips = primary_code(signal, svid)
     per_chip = 1
-    if signal.pulse != BPSK:  # BOC(1,1) as a code of twice the rate: every chip is followed by its opposite
+    if signal.pulse != BPSK:  # BOC(1,1) is a code of twice the rate, in which each chip is followed by its negative
         chips, per_chip = np.kron(chips, np.array([1, -1], np.int8)).astype(np.int8), 2
     sequence = ChipSequence.of(
         svid=svid, transmit_time=batch.start, chip_rate_hz=per_chip * signal.chip_rate_hz, chips=chips

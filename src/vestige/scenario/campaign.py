@@ -1,7 +1,7 @@
-"""Scenario of a campaign: a simulated receiver with its error models, and the processing of many epochs.
+"""Define the scenario of a campaign: a simulated receiver with its error models, and the processing of many epochs.
 
-Each table of the file becomes a model: `[receiver.clock]` with `kind = "two-state"` becomes a `TwoStateClock`. A model
-that is left out has no effect.
+Each table of the file becomes a model. For example, `[receiver.clock]` with `kind = "two-state"` becomes a
+`TwoStateClock`. A model that is left out has no effect.
 """
 
 from __future__ import annotations
@@ -59,12 +59,12 @@ from vestige.time import GalileoTime
 
 AnyAttack = Annotated[Attacks, Field(discriminator="kind"), OrOwn(Attack)]
 
-_RECS_LOOKED_AT = 300  # intervals are multiples of 0.1 s, so positions in a subframe repeat after at most 300 RECS
-_LAST_WEEK = 9999  # year 2191; from this start every run ends before the calendar does
+_RECS_LOOKED_AT = 300  # intervals are multiples of 0.1 s, so the places of RECS in a subframe repeat after 300 RECS
+_LAST_WEEK = 9999  # last week (year 2191) in which a run may start, so that no run reaches the end of the calendar
 
 
 class FrontEndTable(Section):
-    """The E6 front end (`FrontEnd`), at the sampling rate of the receiver; a part that is left out has no effect."""
+    """Settings of the E6 front end (`FrontEnd`); a part of the front end that is left out has no effect."""
 
     bandwidth_hz: Annotated[float, Field(ge=1e6, le=200e6)] | None = None
     bits: Literal[1, 2, 3, 8] | None = None
@@ -78,7 +78,7 @@ class FrontEndTable(Section):
 
 
 class ReceiverTable(Section):
-    """The receiver: signal strength, sampling, and error models; each error model may be left out.
+    """Settings of the receiver: signal strength, sampling and error models. Each error model may be left out.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class ReceiverTable(Section):
         Time in s for which a signal must be present on E1 after a loss of lock or a restart, before the receiver tracks
         the signal. E1 has no measurements during this time.
     e1_multipath
-        Whether the reflections also disturb E1.
+        Whether the reflections of `multipath` also disturb E1.
     accelerometers
         Accelerometers of a receiver with a constellation, for the inertial check.
     """
@@ -121,12 +121,12 @@ class ReceiverTable(Section):
     @classmethod
     def _at_this_rate(cls, table: FrontEndTable, info: ValidationInfo) -> FrontEndTable:
         if "sample_rate_hz" in info.data:
-            table.front_end(info.data["sample_rate_hz"])  # raises an error if such a front end is impossible
+            table.front_end(info.data["sample_rate_hz"])  # raises an error if the front end is impossible
         return table
 
 
 class RecsTable(Section):
-    """The RECS: duration, key delay, and the number of epochs from each RECS to the next.
+    """Settings of the RECS: duration, key delay, and number of epochs from one RECS to the next RECS.
 
     `key_delay` is KDI: 0 if the key is sent in the subframe of the RECS, 1 if the key is sent in the next subframe.
     `cipher_mode` is the AES mode of the encryption, which the service has not published.
@@ -154,7 +154,7 @@ class CampaignScenario(Section):
     Attributes
     ----------
     kind
-        `campaign`.
+        Kind of the scenario: `campaign`.
     seed
         Seed of all random numbers.
     start
@@ -255,12 +255,12 @@ class CampaignScenario(Section):
 
     @property
     def start_time(self) -> GalileoTime:
-        """The key `start` as a time."""
+        """Time of epoch 0, from the key `start`."""
         return GalileoTime.parse(self.start)
 
     @cached_property
     def simulations(self) -> tuple[Simulation, ...]:
-        """The simulations of the receiver, one for each satellite."""
+        """Simulations of the receiver, one for each satellite."""
         one = self._line_of_sight()
         if self.constellation is None or self.trajectory is None:
             return (one,)
@@ -298,7 +298,7 @@ class CampaignScenario(Section):
 
     @property
     def simulated_receiver(self) -> SimulatedReceiver:
-        """The receiver with all its satellites, which makes snapshots from the truth.
+        """Simulated receiver of all satellites, which makes snapshots from the true ranges and clock.
 
         A receiver of level 1 on a single line of sight does not track E1 between RECS.
         """
@@ -335,7 +335,10 @@ class CampaignScenario(Section):
 
     @property
     def own_parts(self) -> tuple[str, ...]:
-        """The user's own parts, each with the digest of its file, for example `module:Name@1f2e3d4c5b6a`."""
+        """Classes that the user wrote, each with the digest of its file, for example `module:Name@1f2e3d4c5b6a`.
+
+        These classes are error models, attacks, a detector or checks.
+        """
         receiver, processor = self.receiver, self.processor
         models = (receiver.clock, receiver.ionosphere, receiver.multipath, receiver.e1_tracking, receiver.bias)
         kinds = [kind_of(type(one)) for one in (*models, *self.attack) if whose(one) == OWN]
@@ -343,7 +346,7 @@ class CampaignScenario(Section):
         return tuple(f"{kind}@{digest(kind)}" for kind in dict.fromkeys(kinds))
 
     def replaced(self, **values: object) -> Self:
-        """Return the scenario with some values replaced; the new values are not checked."""
+        """Return a copy of the scenario with some values replaced; the new values are not checked."""
         other = self.model_copy(update=values)
         other.__dict__.pop("simulations", None)  # the cached simulations belong to the old values
         return other

@@ -23,19 +23,21 @@ from vestige.spoofer.profiles import extremes
 from vestige.spoofer.spoofer import Spoofer
 
 MAX_EPOCHS = 100_000_000  # largest number of epochs of a campaign
-LONGEST_S = {"samples": 1e7, "correlators": 1e9}  # longest run in s by fidelity: 333,333 keys, and 32 years
+# longest run in s by fidelity, which is 333,333 subframes for `samples`, and 32 years for `correlators`
+LONGEST_S = {"samples": 1e7, "correlators": 1e9}
 _LONGEST_DELAY_S = 0.4  # longest travel time in s, less than the 0.5 s within which a snapshot is matched with a RECS
-LARGEST_CLOCK_ERROR_S = 1e6  # limit for `correlators` in s: 12 days, more than any oscillator drifts in 32 years
-_LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0  # limits of the compiled kernels
+LARGEST_CLOCK_ERROR_S = 1e6  # largest clock error in s for `correlators`; an oscillator drifts less in 32 years
+# largest range rate in m/s, acceleration in m/s² and angular rate in rad/s that the compiled kernels permit
+_LARGEST_RATE_MPS, _LARGEST_ACCELERATION_MPS2, _LARGEST_OMEGA_RADPS = 1e4, 1e3, 100.0
 _SIGMAS = 6.0
-# The narrowest two-sided band of a receiver contains both main lobes of BOC(1,1) on E1. On E6 the band contains the
-# middle half of the main lobe of BPSK(5), which has 77 % of the signal's power.
+# The narrowest two-sided band on E1 contains both main lobes of BOC(1,1). The narrowest two-sided band on E6 contains
+# the middle half of the main lobe of BPSK(5), which has 77 % of the signal's power.
 _NARROWEST_HZ = {E1C.name: 4 * E1C.chip_rate_hz, E6C.name: E6C.chip_rate_hz}
-_WAY_S = 0.2  # travel time of a signal plus the largest clock error, in s
+_WAY_S = 0.2  # margin in s for the travel time of a signal and the clock error
 
 
 def check_length(fidelity: str, duration_s: float) -> None:
-    """Raise if a run is longer than its fidelity permits."""
+    """Raise `InconsistentSettingsError` if a run is longer than its fidelity permits."""
     if duration_s > LONGEST_S[fidelity]:
         raise InconsistentSettingsError(
             "epochs", f"{duration_s:g} s with this interval_s", f"at most {LONGEST_S[fidelity]:g} s ({fidelity})"
@@ -43,7 +45,7 @@ def check_length(fidelity: str, duration_s: float) -> None:
 
 
 def check_motion(model: RangeModel, duration_s: float) -> None:
-    """Raise if the line of sight is too long or changes too fast for a simulation of samples."""
+    """Raise `InconsistentSettingsError` if the range is too long or changes too fast for a simulation of samples."""
     v_mps, a_mps2, swing_m = abs(model.v_mps), abs(model.a_mps2), abs(model.amplitude_m)
     swing_mps = swing_m * abs(model.omega_radps)
     range_m = abs(model.s0_m) + v_mps * duration_s + a_mps2 * duration_s**2 / 2 + swing_m
@@ -61,10 +63,10 @@ def check_motion(model: RangeModel, duration_s: float) -> None:
 
 
 def check_clock(clock: ClockModel | None, duration_s: float, largest_error_s: float = _LONGEST_DELAY_S) -> None:
-    """Raise if the error of the free-running clock may become larger than `largest_error_s`.
+    """Raise `InconsistentSettingsError` if the error of a free-running clock may exceed `largest_error_s`.
 
-    By default the limit is the window in which samples are matched with a RECS. The fidelity `correlators` has no
-    samples, so its limit is `LARGEST_CLOCK_ERROR_S`. A user's own clock is not checked.
+    The default limit is 0.4 s, because samples are matched with a RECS only within 0.5 s. The fidelity `correlators`
+    has no samples, so its limit is `LARGEST_CLOCK_ERROR_S`. A clock model that the user wrote is not checked.
     """
     if not isinstance(clock, TwoStateClock):
         return
@@ -78,7 +80,7 @@ def check_clock(clock: ClockModel | None, duration_s: float, largest_error_s: fl
 
 
 def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
-    """Raise if samples cannot represent a jamming waveform, because sampling would alias the waveform into the band."""
+    """Raise `InconsistentSettingsError` if a jamming waveform exceeds half the sampling rate and would be aliased."""
     for number, attack in enumerate(attacks):
         jamming = attack.jamming(Band.E6, np.zeros(1))
         if jamming is not None and jamming.waveform.reach_hz > input_rate_hz / 2:
@@ -90,7 +92,7 @@ def check_jammers(input_rate_hz: float, attacks: Sequence[Attack]) -> None:
 
 
 def check_recorded_band(front_end: FrontEnd) -> None:
-    """Raise if the sampling rate or the filter of a recording is too low or too narrow for its signals."""
+    """Raise `InconsistentSettingsError` if the sampling rate or the filter is too narrow for the recorded signals."""
     name, narrowest_hz = max(_NARROWEST_HZ.items(), key=lambda item: item[1])
     for place, found_hz in (
         ("receiver.sample_rate_hz", front_end.sample_rate_hz),
@@ -103,7 +105,7 @@ def check_recorded_band(front_end: FrontEnd) -> None:
 
 
 def check_attacks(front_end: FrontEnd, spoofer: Spoofer) -> None:
-    """Raise if the model of correlators does not include the effect of the front end on an attack."""
+    """Raise `InconsistentSettingsError` if `correlators` cannot simulate the effect of the front end on an attack."""
     if not spoofer.attacks or front_end.transparent:
         return
     samples = 'fidelity = "samples", which simulates both'
@@ -114,7 +116,7 @@ def check_attacks(front_end: FrontEnd, spoofer: Spoofer) -> None:
 
 
 def check_weak_signal(front_end: FrontEnd, cn0_dbhz: float) -> None:
-    """Raise if a quantised signal is too strong for the model of correlators."""
+    """Raise `InconsistentSettingsError` if a quantised signal is too strong for the fidelity `correlators`."""
     largest_dbhz = 10 * math.log10(front_end.sample_rate_hz) + LARGEST_SIGNAL_DB
     if front_end.bits is not None and cn0_dbhz > largest_dbhz:
         raise InconsistentSettingsError(
@@ -125,7 +127,7 @@ def check_weak_signal(front_end: FrontEnd, cn0_dbhz: float) -> None:
 
 
 def check_no_clock_offset(clock_offset_s: float) -> None:
-    """Raise if the receiver's clock has a constant error, which a simulation of samples does not support."""
+    """Raise `InconsistentSettingsError` for a constant clock error, which a simulation of samples does not support."""
     if clock_offset_s:
         raise InconsistentSettingsError(
             "receiver.clock_offset_s", f"{clock_offset_s:g} with samples", '0, or fidelity = "correlators"'
@@ -133,9 +135,9 @@ def check_no_clock_offset(clock_offset_s: float) -> None:
 
 
 def check_disclosed(attacks: Sequence[Attack], sent_s: Sequence[float], key_delay: int) -> None:
-    """Raise if a forger would transmit the chips of a RECS before the key of the RECS is complete.
+    """Raise `InconsistentSettingsError` if a forger would send the chips of a RECS before its key is complete.
 
-    `sent_s` are times of transmission of RECS in s after the start of a week; `key_delay` is KDI.
+    `sent_s` has the times of transmission of the RECS in s after the start of a week. `key_delay` is the KDI.
     """
     known_s = max(key_delay * SUBFRAME_S + KEY_ON_AIR.disclosure_end_s - one % SUBFRAME_S for one in sent_s)
     for number, attack in enumerate(attacks):
@@ -148,7 +150,7 @@ def check_disclosed(attacks: Sequence[Attack], sent_s: Sequence[float], key_dela
 
 
 def longest_delay_s(attacks: Sequence[Attack]) -> float:
-    """Return the longest delay in s of the spoofing signals of some attacks, with a margin for the travel time."""
+    """Return the longest delay in s of any spoofing signal, plus a margin for the travel time; 0 without attacks."""
     delays_s = [
         getattr(attack, "delay_s", 0.0) + extremes(getattr(attack, "range_offset_m", 0.0))[1] / SPEED_OF_LIGHT_MPS
         for attack in attacks

@@ -1,4 +1,4 @@
-"""Read scenario files."""
+"""Read scenario files, and make the JSON schema of scenario files."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
     Raises
     ------
     InputFileError
-        If the file is not TOML, has an unknown key, or a value outside its range. The message gives the position in the
-        file.
+        If the file is not TOML, has an unknown key, or has a value outside its range. The message gives the position of
+        the error in the file.
 
     Examples
     --------
@@ -52,13 +52,13 @@ def load_scenario(path: Path | str, settings: Iterable[str] = ()) -> Scenario:
 
 
 def scenario_schema() -> dict[str, Any]:
-    """Return the JSON schema of scenario files, for editors."""
+    """Return the JSON schema with which an editor checks scenario files."""
     result: dict[str, Any] = _without_infinities(_ADAPTER.json_schema())
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "vestige scenario"} | result
 
 
 def _without_infinities(schema: Any) -> Any:
-    """Return a schema without the defaults that JSON cannot express."""
+    """Return a JSON schema without infinite defaults, which JSON cannot express."""
     if isinstance(schema, dict):
         return {
             key: _without_infinities(value)

@@ -1,4 +1,4 @@
-"""Scenario of a recording with open codes on E6-C: the receiver and the satellites in view."""
+"""Define the scenario of a recording with open codes on E6-C: the receiver and the satellites in view."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from vestige.time import GalileoTime
 
 
 class ReceiverSection(Section):
-    """The simulated receiver of a recording.
+    """Simulated receiver of a recording.
 
     Attributes
     ----------
     sample_rate_hz
-        Sampling rate of both front ends in Hz. Avoid multiples of the chip rate, because the correlation function then
-        has steps.
+        Sampling rate of both front ends in Hz. Avoid multiples of the chip rate, because the correlation function has
+        steps at such rates.
     clock_offset_s
-        Receiver clock minus Galileo System Time in s.
+        Time of the receiver's clock minus Galileo System Time, in s.
     time_uncertainty_s
-        Upper limit of the clock error that the receiver assumes, in s.
+        Upper limit of the clock error in s, as the receiver states it.
     hardware_bias_e1_e6_m
         Delay of the E6 front end minus the delay of the E1 front end, in m.
     """
@@ -35,7 +35,7 @@ class ReceiverSection(Section):
 
 
 class SatelliteSection(Section):
-    """A satellite in view; each C/N0 is the C/N0 of one component in dBHz, and is the same for data and pilot."""
+    """Satellite in view, with the C/N0 in dBHz of one component in each band; data and pilot have the same C/N0."""
 
     svid: Annotated[int, Field(ge=1, le=MAX_SVID)]
     range_m: Annotated[float, Field(ge=2.2e7, le=3.0e7)]
@@ -54,7 +54,7 @@ class RecordingScenario(Section):
     Attributes
     ----------
     kind
-        `recording`.
+        Kind of the scenario, always `recording`.
     seed
         Seed of all random numbers.
     start
@@ -87,5 +87,5 @@ class RecordingScenario(Section):
 
     @property
     def start_time(self) -> GalileoTime:
-        """The key `start` as a time."""
+        """Receiver-clock time of the first sample, from the key `start`."""
         return GalileoTime.parse(self.start)

@@ -1,4 +1,4 @@
-"""Make the processor of a campaign, with the prior knowledge of the scenario's receiver and without the truth.
+"""Make the processor of a campaign from the data that a real receiver would know, without the simulation's truth.
 
 The receiver knows its front ends, its antenna (C/N0 as a function of the elevation), and the power of its bands without
 interference. The receiver also knows the data sheets of its oscillator and its accelerometers. Other known data are the
@@ -6,7 +6,7 @@ broadcast orbits, the receiver's own tracking loops, and the standard deviations
 `[processor]` states the expected C/N0, the expected C/N0 difference between E6 and E1, and the expected number of
 satellites. If the number of satellites is not stated, the receiver counts the satellites above the mask at the first
 epoch. For this count the receiver has an almanac and a rough position at the start. The receiver never uses later
-epochs, so a longer run begins with the same results.
+epochs, so the results of an epoch do not depend on the length of the run.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ if TYPE_CHECKING:
     from vestige.scenario.campaign import CampaignScenario
     from vestige.scenario.stored import StoredScenario
 
-_POWER_SIGMA_DB = 0.1  # standard deviation of the power in the decision map; the simulated front end does not drift
+# standard deviation in dB of the power in the decision map, small because the simulated front end does not drift
+_POWER_SIGMA_DB = 0.1
 
 
 class Overhead(NamedTuple):
@@ -57,7 +58,7 @@ def processor_of(scenario: CampaignScenario) -> AcasProcessor:
     """Return the processor of a campaign's receiver.
 
     The processor knows the receiver's antenna, front ends, oscillator and orbits. The processor does not know the
-    truth.
+    simulated errors and attacks.
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ def processor_of(scenario: CampaignScenario) -> AcasProcessor:
 
 
 def navigation_text(scenario: CampaignScenario) -> str | None:
-    """Return the broadcast orbits of a sky as the text of a RINEX file; None for a single line of sight."""
+    """Return the broadcast orbits of a constellation as the text of a RINEX file; None for a single line of sight."""
     if scenario.constellation is None:
         return None
     paths = [one.elevation.path for one in scenario.simulations if one.elevation is not None]
@@ -90,7 +91,7 @@ def navigation_text(scenario: CampaignScenario) -> str | None:
 def receiver_processor(
     scenario: CampaignScenario | StoredScenario, overhead: Overhead, navigation: str | None
 ) -> AcasProcessor:
-    """Return the processor of a receiver, from a scenario or from the scenario of stored results."""
+    """Return the processor of a scenario's receiver; `overhead` gives the satellites, and `navigation` the orbits."""
     receiver, table = scenario.receiver, scenario.processor
     front_end = receiver.front_end.front_end(receiver.sample_rate_hz)
     antenna = _antenna(scenario)
@@ -141,7 +142,7 @@ def receiver_processor(
 
 
 def _e6_carrier(scenario: CampaignScenario | StoredScenario) -> dict[str, Any]:
-    """Return the active monitors of the carrier on E6, which use the receiver's own loops."""
+    """Return the phase monitor and the fading monitor of E6, by name; an empty result means that both are off."""
     table = scenario.processor.e6_carrier
     if table is None:
         return {}
@@ -171,7 +172,7 @@ def _antenna(scenario: CampaignScenario | StoredScenario) -> Antenna:
 
 
 def _fix(scenario: CampaignScenario | StoredScenario, navigation: str | None) -> FixSettings:
-    """Return the orbits for the whole run, and the assumed standard deviations of pseudoranges."""
+    """Return the settings of the position fix: orbits that are valid in the whole run, and errors of pseudoranges."""
     table = scenario.position
     lines = enumerate(() if navigation is None else navigation.splitlines(), 1)
     return FixSettings(
@@ -188,7 +189,7 @@ def _fix(scenario: CampaignScenario | StoredScenario, navigation: str | None) ->
 
 
 def overhead_of(scenario: CampaignScenario) -> Overhead:
-    """Return the satellites that a receiver expects, from its settings or from the orbits at the first epoch."""
+    """Return the number of satellites in view that a receiver expects, with the mean C/N0 of these satellites."""
     antenna, effects = _antenna(scenario), [one.elevation for one in scenario.simulations if one.elevation is not None]
     stated = scenario.processor.expected_satellites
     if not effects:

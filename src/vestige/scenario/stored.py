@@ -1,8 +1,8 @@
-"""Read the scenario in the results of a campaign: the values needed to judge the results, without any other file.
+"""Read from the results of a campaign the values of its scenario that are needed to evaluate the results.
 
-Results contain the whole scenario as JSON. The JSON alone cannot give a `CampaignScenario`. The files of waypoints,
-profiles and ephemerides may be missing, and JSON cannot express infinity. `campaign_toml` gives the scenario as a TOML
-file.
+Results contain the whole scenario as JSON. The JSON alone cannot give a `CampaignScenario`, because JSON cannot express
+infinity, and the files of waypoints, profiles and ephemerides may be missing. `campaign_toml` writes the scenario as a
+TOML file.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from vestige.time import GalileoTime
 
 
 class _Part(BaseModel):
-    """A table from which only the declared keys are used; all other keys are ignored."""
+    """Table from which only the declared keys are used; all other keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
 class StoredConstellation(NamedKind):
-    """The constellation, with the decrease of C/N0 from the zenith to the horizon in dB."""
+    """Kind of the constellation, and the decrease in dB of C/N0 from the zenith to the horizon."""
 
     cn0_fall_db: Annotated[float, Field(ge=0, le=40)]
 
 
 class StoredReceiver(_Part):
-    """The receiver; see `ReceiverTable`."""
+    """Values of the table `[receiver]` that are needed to evaluate results; `ReceiverTable` explains the values."""
 
     cn0_dbhz: Annotated[float, Field(ge=0, le=80)]
     cn0_e1_dbhz: Annotated[float, Field(ge=10, le=80)]
@@ -56,14 +56,14 @@ class StoredReceiver(_Part):
 
 
 class StoredAttack(NamedKind):
-    """An attack: its kind, and the times of its start and its stop in s after the start of the scenario."""
+    """Kind of an attack, and the times of its start and its stop in s after the start of the scenario."""
 
     start_s: Annotated[float, Field(ge=0, le=LARGEST_NUMBER)] = 0.0
-    stop_s: Annotated[float, Field(ge=0, le=LARGEST_NUMBER)] | None = None  # None means infinity
+    stop_s: Annotated[float, Field(ge=0, le=LARGEST_NUMBER)] | None = None  # None means that the attack does not stop
 
 
 class StoredScenario(_Part):
-    """The scenario in stored results; see `CampaignScenario`."""
+    """Values of a scenario in the results of a campaign; `CampaignScenario` explains the values."""
 
     kind: Literal["campaign"]
     seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
@@ -86,25 +86,25 @@ class StoredScenario(_Part):
 
     @property
     def start_time(self) -> GalileoTime:
-        """The key `start` as a time."""
+        """Start of the scenario, from the key `start`."""
         return GalileoTime.parse(self.start)
 
     @property
     def own_kinds(self) -> tuple[str, ...]:
-        """The user's own classes that are needed to judge the results."""
+        """Names `module:Name` of the user's own classes that are needed to evaluate the results."""
         loops, processor = self.receiver.e1_tracking, self.processor
         kinds = [] if loops is None or whose(loops) != OWN else [kind_of(type(loops))]
         return (*kinds, *(one for one in (processor.detector, *processor.checks) if is_own(one)))
 
     @property
     def recs_interval_s(self) -> float:
-        """Time between two RECS of a satellite in s."""
+        """Time in s between two RECS of a satellite."""
         return self.interval_s * self.recs.every
 
 
 @lru_cache(maxsize=16)
 def stored_scenario(text: str) -> StoredScenario:
-    """Return the scenario in stored results.
+    """Return the scenario that the results of a campaign contain.
 
     `text` is the attribute `scenario` of the results, in JSON. Raises `VestigeError` if the text is not the scenario of
     a campaign.
@@ -115,7 +115,7 @@ def stored_scenario(text: str) -> StoredScenario:
         first: Any = error.errors(include_url=False)[0]
         place = ".".join(str(one) for one in first["loc"] if one not in (OURS, OWN))
         cause = first.get("ctx", {}).get("error")
-        if isinstance(cause, InconsistentSettingsError):  # usually an error of a user's own part
+        if isinstance(cause, InconsistentSettingsError):  # usually an error in a class that the user wrote
             place = ".".join(one for one in (place, cause.place) if one)
             raise VestigeError(
                 f"results of a campaign: scenario: {place}: found {cause.found}, expected {cause.expected}"

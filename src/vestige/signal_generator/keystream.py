@@ -30,7 +30,7 @@ from vestige.time import GalileoTime
 
 _CHIPS_PER_SECOND = round(E6C.chip_rate_hz)
 _BLOCK_CHIPS = 128  # number of chips in an AES block
-_GRID_CHIPS = 1e-3  # largest distance from a whole chip number; the rounding of float64 is only 1e-9 chip
+_GRID_CHIPS = 1e-3  # largest distance in chips from a whole chip number; float64 rounds to only 1e-9 chip
 
 
 @lru_cache(maxsize=16)
@@ -41,14 +41,14 @@ def encryption_key(seed: int) -> bytes:
 
 @lru_cache(maxsize=16)
 def forged_key(seed: int) -> bytes:
-    """Return the secret of the chips that an attacker makes up, because the attacker does not know the true chips."""
+    """Return the key of the chips that an attacker invents, because the attacker does not know the true chips."""
     return stream_key(seed, "chips that an attacker makes up")
 
 
 def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: int) -> ChipSequence:
     """Return the encrypted E6-C chips that a satellite sends from `transmit_time` on.
 
-    `transmit_time` is the satellite time of the first chip, which is a whole number of chips after the full second.
+    `transmit_time` is the satellite time of the first chip, which is a whole number of chips after a whole second.
 
     Raises `ValueError` if `transmit_time` is not the start of a chip.
     """
@@ -68,7 +68,8 @@ def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: 
 def encrypted_component(key: bytes, svid: int, reference: GalileoTime) -> Component:
     """Return encrypted E6-C as a component for waveforms, with chips counted from the whole second `reference`.
 
-    Each call makes all chips between its first and last number, so a call should ask for consecutive chips.
+    A call of `Component.chip` makes all chips from the lowest to the highest requested number. So a call should request
+    consecutive chips.
     """
     if reference.fraction:
         raise ValueError(f"the reference must be a whole second, not {reference}")

@@ -1,4 +1,4 @@
-"""Add the components of a satellite in one band, sub-chip by sub-chip, to a table from which a recording is sampled.
+"""Compute the sum of a satellite's components in one band, sub-chip by sub-chip, as a table that `path_kernel` samples.
 
 A component with a primary code is a repeated pattern with a sign for each period. The sign is the secondary chip times
 the symbol. A period has a single sign because a symbol lasts one code period on E1-B and on E6-B [OS-ICD, 2.3].
@@ -48,7 +48,7 @@ class BandModulation:
 
     @cached_property
     def _patterns(self) -> tuple[Float32[np.ndarray, " n"], ...]:
-        """Levels of one period of each component; empty if the component has no primary code."""
+        """Levels of one code period of each component; an array is empty if its component has no primary code."""
         nothing = np.zeros(0, np.float32)
         return tuple(
             nothing if one.primary is None else np.multiply.outer(one.primary.astype(np.float32), pulse).reshape(-1)
@@ -64,9 +64,9 @@ class BandModulation:
         return one.chip(number) * (np.int8(1) if one.symbol is None else one.symbol(number // symbol))
 
     def levels(self, first_chip: int, n_chips: int) -> Float32[np.ndarray, " n"]:
-        """Return the sum of the components at each sub-chip of some chips; each component has unit power.
+        """Return the sum of the components, each of unit power, at each sub-chip of `n_chips` chips.
 
-        The chips are counted from the reference second.
+        `first_chip` is counted from the reference second.
         """
         levels = np.zeros(n_chips * self.per_chip, np.float32)
         for one, pattern, pulse in zip(self.components, self._patterns, self._pulses, strict=True):

@@ -6,11 +6,11 @@ One 64-bit hash of the sample number gives one pair of standard normal numbers b
 radius r = √(−2 ln U) uses 31 bits, and an angle within ±π/4 uses 30 bits. Three bits swap sine and cosine and set two
 signs, which extends the angle to the full circle. The loops have no look-ups and no branches, so the compiler can use
 vector instructions. Polynomials compute logarithm, sine and cosine, for the same reason. A pair depends only on its key
-and number. So any worker may make any part of an epoch, and the result has the same bits.
+and number. So the bits of the noise do not depend on which worker makes which part of an epoch.
 
-Three loops run one after the other over a piece of 1024 pairs: hash, logarithm, rotation. A single loop for all three
-steps takes 1.1 times as long. The reason is the long chain of steps for a pair, which cannot overlap with the chains of
-other pairs.
+Three loops run one after the other over a piece of 1024 pairs. The loops compute hash, logarithm and rotation. A single
+loop for all three steps takes 1.1 times as long. The reason is the long chain of steps for a pair, which cannot overlap
+with the chains of other pairs.
 
     z = mix(key + i · GOLD)                     splitmix64 [STEELE14]
     x = (31 bits of z) + ½                      ½ … 2³¹: the largest number is 6.66 σ
@@ -20,8 +20,8 @@ The polynomials are from Cephes in single precision [CEPHES]. The polynomials us
 machines get the same bits. Compared with float64, the radius has a relative error of 1.1e-7, and sine and cosine an
 error of 6e-8.
 
-Two keys that differ by a multiple of GOLD would give the same sequence, shifted. `noise_key` makes each key as a hash,
-which prevents such a difference.
+Two keys that differ by a multiple of GOLD would give shifted copies of one sequence. `noise_key` makes each key as a
+hash, so that two keys do not differ by a small multiple of GOLD.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -57,7 +57,7 @@ _C = tuple(np.float32(c) for c in (-0.5, 4.166664568298827e-2, -1.38873162549376
 
 
 def noise_key(seed: int, epoch: int, stream: int) -> np.uint64:
-    """Return the key of the noise of one epoch.
+    """Return the key that determines the noise of one epoch.
 
     `stream` is a constant for each band and purpose, so that two bands or purposes have different noise.
     """
@@ -124,7 +124,7 @@ def _turn(scale, hi, lo, ln, x):
 
 @njit(cache=True, nogil=True)
 def fill_normals(key, first, scale, x):
-    """Fill float32[2 n] `x` with scale × the pairs from number `first` on, real and imaginary parts alternating."""
+    """Fill float32[2 n] `x` with `scale` times the normal pairs from number `first` on, real before imaginary part."""
     hi, lo = np.empty(_PIECE, np.uint32), np.empty(_PIECE, np.uint32)
     ln = np.empty(_PIECE, np.float32)
     n_pairs = x.size // 2

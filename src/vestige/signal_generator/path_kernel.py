@@ -1,18 +1,19 @@
-"""Make the samples of a recording in compiled loops: the table of a band's modulation, and the signal of each path.
+"""Fill the table of a band's modulation, and add the signal of each path to samples of a recording, in compiled loops.
 
 Theory of operation
 -------------------
 All components of a satellite in a band have the same code phase and carrier. So the components are added *before*
-sampling. The table contains the sum of the components on the finest sub-chip grid of the band. The grid has 12.276 MHz
-on E1 and 5.115 MHz on E6. A path then needs only one look-up and one rotation per sample, for any number of components:
+sampling. The table contains the sum of the components on the finest sub-chip grid of the band. The rate of the grid is
+12.276 MHz on E1 and 5.115 MHz on E6. With this table a path needs only one look-up and one rotation per sample, for any
+number of components:
 
     x_i += level[⌊u_0 + i u_1⌋] · (a e^{jφ_i})          u_0, u_1 in float64, new for each block
 
 Code phase and carrier phase are parabolas in time. Code rate and carrier phase are computed in float64 at the middle of
-each block of 1024 samples. Several consecutive blocks use the same table of the carrier. The number of these blocks
-follows from the Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
+each block of 1024 samples. Several consecutive blocks use one table of the carrier. The number of these blocks follows
+from the Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
 
-No sum depends on the order of vector lanes, and products and sums are fused explicitly. So a block has the same bits on
+No sum depends on the order of vector lanes, and products and sums are fused explicitly. So a block has equal bits on
 every machine.
 """
 
@@ -36,9 +37,9 @@ def fill_periodic(levels, first, pattern, signs, first_period):
     Parameters
     ----------
     levels
-        float32[n], to which the component is added.
+        float32[n]: levels to which the component is added.
     first
-        Number of the first sub-chip.
+        Number of the first sub-chip of `levels`, counted from the reference second.
     pattern
         float32[m]: levels of one period of the code.
     signs
@@ -60,7 +61,7 @@ def fill_periodic(levels, first, pattern, signs, first_period):
 
 @njit(cache=True, nogil=True)
 def fill_chips(levels, chips, pulse):
-    """Add to the levels a component that is given chip by chip; each chip is multiplied by the pulse."""
+    """Add to the levels a component that is given chip by chip; each chip is multiplied by the levels of the pulse."""
     per_chip = pulse.size
     for k in range(per_chip):
         for i in range(chips.size):
@@ -69,7 +70,7 @@ def fill_chips(levels, chips, pulse):
 
 @njit(cache=True, nogil=True)
 def _add_block(x, levels, u, step, cos, sin, re, im, index):
-    """Add amplitude × rotator × level to samples whose real and imaginary parts alternate."""
+    """Add amplitude × rotator × level to the samples of a block, whose real and imaginary parts alternate in `x`."""
     for i in range(index.size):
         index[i] = np.int32(u + i * step)
     for i in range(index.size):
@@ -80,14 +81,14 @@ def _add_block(x, levels, u, step, cos, sin, re, im, index):
 
 @njit(cache=True, nogil=True)
 def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler_hz, doppler_rate, growth=0.0):
-    """Add the signal that arrives by one path to samples.
+    """Add to samples the signal that arrives by one path.
 
     Parameters
     ----------
     x
         float32[2 n], samples with alternating real and imaginary parts.
     levels
-        float32[m]: the table, long enough for every sample.
+        float32[m]: table of the modulation at each sub-chip, long enough for every sample.
     middle
         Number of the sample to which code, amplitude and Doppler refer.
     dt
@@ -104,7 +105,7 @@ def add_path(x, levels, middle, dt, code, rate, acceleration, amplitude, doppler
     n_samples = x.size // 2
     n_blocks = -(-n_samples // BLOCK)
     # phase error in rad that each further block with the same table adds; the frequency of the table is exact in the
-    # middle
+    # middle of these blocks
     turn = np.pi * abs(doppler_rate) * dt * dt * BLOCK / 2 * BLOCK
     held = n_blocks if turn * n_blocks <= _MAX_TURN_RAD else max(1, int(_MAX_TURN_RAD / turn))
     cos, sin = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)

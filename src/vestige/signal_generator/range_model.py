@@ -1,4 +1,4 @@
-"""Model the range as s(t) = s0 + v t + a t²/2 + A sin ωt [WFO, Eq. 3], with a protocol for all range models."""
+"""Model the range as s(t) = s0 + v t + a t²/2 + A sin ωt [WFO, Eq. 3], and define the protocol of all range models."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 @runtime_checkable
 class RangeHistory(Protocol):
-    """Range as a function of time, for any geometry."""
+    """Protocol of a range as a function of time, for any geometry."""
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the range at times in s after the scenario's start, in m."""
@@ -28,12 +28,12 @@ class RangeHistory(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RangeModel:
-    """Range as a function of time, with its derivatives; the range is the pseudorange with the receiver's clock error.
+    """Range or pseudorange s(t) as a function of time, with its first and second derivatives.
 
     Attributes
     ----------
     s0_m, v_mps, a_mps2
-        Range, range rate and acceleration at t = 0.
+        Range in m, range rate in m/s and acceleration in m/s² at t = 0, without the sinusoidal part.
     amplitude_m, omega_radps
         A in m and ω in rad/s of the sinusoidal part A sin ωt.
     """

@@ -1,18 +1,18 @@
-"""Make samples of spread signals with paths, Doppler and noise at any sampling rate, faster than `waveform`.
+"""Make samples of spread-spectrum signals with paths, Doppler and noise at any sampling rate, faster than `waveform`.
 
 Theory of operation
 -------------------
-Sample n is taken at the time t_n after the start of the segment. At the start, chip number L arrives by a path without
-delay. The first L chips arrive before the start. A signal has Doppler f_d and Doppler rate ḟ_d on its carrier f_c. A
-signal with the paths r adds the samples
+Sample n is taken at the time t_n after the start of the signal (`start_s`). At the start, chip number L arrives by a
+path without delay. The first L chips arrive before the start. A signal has Doppler f_d and Doppler rate ḟ_d on its
+carrier f_c. A signal with the paths r adds the samples
 
     x_n = Σ_r a_r · chip[L + ⌊u_n − d_r⌋] · exp j2π[(f_c − f_0 + f_d + f_r) t_n + ½ ḟ_d t_n²]
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
 
-The Doppler thus affects code and carrier alike. A correlator with the same start and Doppler, at the delay d_r, gives
-a_r. A path's own Doppler f_r rotates only the phase of the path. The change of the delay is neglected, because a
-Doppler of 1 Hz moves the delay by only 4 mm in 16 ms. A signal with another range rate, such as a spoofing signal,
-needs its own `ReceivedSignal`.
+The Doppler thus affects code and carrier alike. A correlator with the start and the Doppler of the signal gives a_r at
+the delay d_r. A path's own Doppler f_r rotates only the phase of the path. The change of the delay d_r by f_r is
+neglected, because a Doppler of 1 Hz moves the delay by only 4 mm in 16 ms. A signal with another range rate, such as a
+spoofing signal, needs its own `ReceivedSignal`.
 
 **Strength.** Noise is complex, white and Gaussian with variance 1 per sample, so N0 is 1/f_s. A component with a given
 C/N0 has the amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.
@@ -40,17 +40,17 @@ SIGMA = np.float32(np.sqrt(0.5))  # standard deviation per dimension of complex 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedSignal:
-    """One received signal: its chips, their start, and the paths by which they arrive."""
+    """Received signal: its chips, the start of the chips, and the paths by which the chips arrive."""
 
     chips: ChipSequence  # rectangular (BPSK) chips; there is no signal before the first and after the last chip
     # Time in s at which chip number `lead_chips` arrives by a path without delay; the time may be negative. The time
     # counts from sample 0, or from the origin that `origin_sample` and `origin_s` of `synthesize` state.
     start_s: float
-    doppler_hz: float  # Doppler of the carrier at `start_s`
-    doppler_rate_hz_per_s: float  # rate of change of the Doppler
-    delay_m: Float[np.ndarray, " n_rays"]  # delay of each path, positive if later
+    doppler_hz: float  # Doppler of the carrier in Hz at `start_s`
+    doppler_rate_hz_per_s: float  # rate of change of the Doppler in Hz/s
+    delay_m: Float[np.ndarray, " n_rays"]  # delay of each path in m, positive if later
     amplitude: Complex128[np.ndarray, " n_rays"]  # amplitude of each path with its phase at `start_s`
-    ray_doppler_hz: Float[np.ndarray, " n_rays"]  # Doppler of each path over `doppler_hz`
+    ray_doppler_hz: Float[np.ndarray, " n_rays"]  # Doppler of each path minus `doppler_hz`, in Hz
     lead_chips: int = 0  # number of chips before `start_s`, for earlier samples and late paths
 
 
@@ -86,13 +86,13 @@ def synthesize(
         Number of the sample at `origin_s`. This sample should be near the signals, because float64 rounds large times
         in a long recording.
     origin_s
-        Time of `origin_sample` on the axis of the signals' `start_s`.
+        Time in s of `origin_sample` on the time axis of `ReceivedSignal.start_s`.
     noise_power
         Variance of the noise. Amplitudes refer to variance 1, so a larger variance means additional white interference.
     carrier_hz
-        Carrier of all signals.
+        Carrier frequency of all signals in Hz.
     center_frequency_hz
-        Radio frequency that lies at 0 Hz in the samples.
+        Radio frequency in Hz that lies at 0 Hz in the samples.
     """
     skip = first_sample % BLOCK  # blocks are counted from sample 0, so that rounding does not depend on `first_sample`
     first = first_sample - skip

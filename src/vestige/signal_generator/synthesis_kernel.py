@@ -1,16 +1,16 @@
 """Add the paths of one signal to samples, in compiled loops.
 
-All paths of a group use the same chip windows (`vestige.signals.chip_window_kernel`). Each sample of a path then needs
-a rotation, the XOR of the path's chip into the sign bits, and an addition. Each path has its own rotator table. The
-phase of a path at the middle of every block is computed in float64. The Doppler rate rotates the sum of all paths
-inside the block. This rotation is computed to second order in its angle, which stays below 1e-3 rad at 100 Hz/s.
+All paths of a group use the same chip windows (`vestige.signals.chip_window_kernel`). So each sample of a path needs a
+rotation, the XOR of the path's chip into the sign bits, and an addition. Each path has its own rotator table. The phase
+of a path at the middle of every block is computed in float64. The Doppler rate rotates the sum of all paths inside the
+block. This rotation is computed to second order in its angle, which stays below 1e-3 rad at 100 Hz/s.
 
 One loop processes two paths, so that their sum is loaded and stored once. The loop of the last two paths also rotates
 the sum and adds the sum to the samples. An odd number of paths gets another path with amplitude 0, which changes no
 bit.
 
-No sum depends on the order of vector lanes, and products and sums are fused explicitly. So a block has the same bits on
-every machine, for any division of the samples at the limits of blocks.
+No sum depends on the order of vector lanes, and products and sums are fused explicitly. So a block has equal bits on
+every machine, however the samples are divided at the limits of blocks.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -32,13 +32,13 @@ from vestige.signals.chip_window_kernel import (
 from vestige.signals.float_kernel import bits_of, float_of, fma
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
-# Length of a row of tables; rows at a distance of 4096 bytes would displace each other from the first-level cache
+# number of elements in a row of the rotator tables; rows 4096 bytes apart would displace each other from the L1 cache
 _ROW = BLOCK + 48
 
 
 @njit(inline="always")
 def _sign(window, fraction, delay):
-    """Return the sign bit of the chip at a sample, for a signal with a delay."""
+    """Return the sign bit of the chip at a sample, for a path with a delay."""
     shift = np.uint32(np.uint32(fraction + delay) >> np.uint32(FRACTION_BITS))
     return np.int32(np.uint32(np.uint32(window << shift) & np.uint32(0x80000000)))
 
@@ -129,7 +129,7 @@ def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate
         for r in range(n_rays):
             a[r] = amplitudes[r] * turn_at(if_hz + ray_hz[r], doppler_rate, tm)
         inside = i1 - i0 == n
-        if last == 0 or not inside:  # otherwise the first pair of paths overwrites the sum of the previous block
+        if last == 0 or not inside:  # in all other blocks the first pair of paths overwrites the previous sum
             s_re[:] = 0
             s_im[:] = 0
         for r in range(0, last if inside else last + 2, 2):
@@ -147,7 +147,7 @@ def _add_group(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate
 
 @njit(cache=True, nogil=True)
 def add_paths(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate):
-    """Add all paths of one signal to samples, group by group of paths that lie within one chip window.
+    """Add all paths of one signal to samples, in groups of paths whose delays lie within one chip window.
 
     Parameters
     ----------
@@ -161,13 +161,13 @@ def add_paths(x, packed, n_chips, delays, amplitudes, ray_hz, t0, dt, code_rate,
         complex128[n_rays]: amplitude of each path at the start of the code; float64[n_rays]: Doppler in Hz of each path
         relative to the signal.
     t0, dt
-        Time of the first sample after the start of the code, and the sampling interval, in s.
+        Time in s from the start of the code to the first sample, and sampling interval in s.
     code_rate, code_rate_rate
         Received chip rate in chips/s at the start of the code, and its rate of change in chips/s².
     if_hz, doppler_rate
         Carrier frequency in the samples at the start of the code in Hz, and its rate of change in Hz/s.
     """
-    order = np.argsort(delays, kind="mergesort")  # a stable sort
+    order = np.argsort(delays, kind="mergesort")  # `mergesort` is a stable sort
     first = 0
     while first < order.size:
         last = first + 1

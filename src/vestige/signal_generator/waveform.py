@@ -1,7 +1,8 @@
 """Compute Galileo components as continuous complex functions of time, at any sampling rate [WFO, Sec. V].
 
-At the satellite time t_s, the satellite sends the real function d(t_s) · c(t_s). The symbol is d, and c is secondary
-chip times primary chip times pulse level. A pilot has a minus sign, because a band is (e_B − e_C)/√2 [OS-ICD, 2.3.3].
+At the satellite time t_s, the satellite sends the real function d(t_s) · c(t_s). The symbol is d, and c is the product
+of secondary chip, primary chip and pulse level. A pilot has a minus sign, because a band is (e_B − e_C)/√2 [OS-ICD,
+2.3.3].
 All codes and symbols start with the Galileo second, so t_s is counted from a whole second.
 
 The signal that arrives at the receiver time t was sent at t_s = t − P(t)/c, on the carrier e^{j2π f_c t_s}. After the
@@ -34,12 +35,11 @@ class Component:
     """Signal component of a satellite, such as E6-C."""
 
     signal: SignalDefinition
-    chip: Chips  # chip by its number, counted from the reference second: int8 if ±1, float32 for other amplitudes
-    symbol: Sequence | None = None  # symbol ±1 by its number, counted from the reference second; None for a pilot
-    # Function that returns chips number `first` to `first + n - 1`, if many chips together are faster than single
-    # chips.
+    chip: Chips  # function that returns chips by number since the reference second: int8 if ±1, else float32
+    symbol: Sequence | None = None  # function that returns symbols ±1 by number since the reference second, or None
+    # Function that returns chips number `first` to `first + n - 1`; None if this is not faster than `chip`.
     stretch: Callable[[int, int], Int8[np.ndarray, " n"]] | None = None
-    # Primary and secondary code, if `chip` is the product of these codes; else None.
+    # Primary and secondary code if `chip` is the product of these codes; None for other chips.
     primary: Int8[np.ndarray, " n"] | None = None
     secondary: Int8[np.ndarray, " k"] | None = None
 
@@ -59,7 +59,8 @@ class Component:
     ) -> Complex128[np.ndarray, " n"]:
         """Return the received signal x(t) with unit amplitude.
 
-        `pseudorange_m` is P(t) of this band; the front end puts the radio frequency `center_frequency_hz` at 0 Hz.
+        `pseudorange_m` is P(t) of this band in m. The front end moves the radio frequency `center_frequency_hz` to 0
+        Hz.
         """
         delay_s = pseudorange_m / SPEED_OF_LIGHT_MPS
         cycles = (self.signal.carrier_hz - center_frequency_hz) * t_s - self.signal.carrier_hz * delay_s
@@ -69,7 +70,7 @@ class Component:
 def open_component(signal: SignalDefinition, svid: int, *, seed: int = 0) -> Component:
     """Return a component with its published codes, and with random symbols on a data channel.
 
-    The symbols of any two satellites or signals differ.
+    Each satellite and each signal has its own random symbols.
     """
     symbols = random_signs(stream_key(seed, "symbols", signal.name, svid)) if signal.symbol_rate_hz else None
     return coded_component(signal, svid, symbols)

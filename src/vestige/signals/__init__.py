@@ -1,1 +1,1 @@
-"""Properties of the Galileo signals: definitions, codes, pulse, spectrum, autocorrelation."""
+"""Define the Galileo signals: components, codes, chip pulses, spectra and correlation functions."""

@@ -1,4 +1,4 @@
-"""Find the chip of every sample with chip windows and a fixed-point code phase, to make and to correlate samples.
+"""Find the chip at every sample with chip windows and a fixed-point code phase, to make and to correlate samples.
 
 Theory of operation
 -------------------
@@ -6,9 +6,9 @@ Theory of operation
 means the chip −1. A window is 32 consecutive chips. A left shift by s brings chip s of the window into the sign bit.
 The sign bit, XORed into a float32, multiplies the float32 by the chip.
 
-**One window for many samples.** A window has the chips of all samples that lie within 15 chips. The window is valid for
-every delay within `WINDOW_REACH_CHIPS` of a common middle. At 2.2 or more samples per chip, 32 samples use the same
-window. At 0.5 to 2.2 samples per chip, eight samples use the same window. At lower sampling rates each sample has its
+**One window for many samples.** A window has the chips of a group of samples, which lie in at most 15 chips. The window
+is valid for every delay within `WINDOW_REACH_CHIPS` of a common middle. At 2.2 or more samples per chip, 32 samples use
+one window. At 0.5 to 2.2 samples per chip, eight samples use one window. At lower sampling rates each sample has its
 own window. Each chip of a window keeps its bit position in the packed word. Chip c is bit c mod 32, and the shift is
 the code phase modulo 32 chips. So no look-up is needed for single samples.
 
@@ -16,7 +16,7 @@ the code phase modulo 32 chips. So no look-up is needed for single samples.
 with 40 fraction bits, so the error of 1000 steps stays below 1e-9 chip. The phase, modulo 32 chips and cut to 27
 fraction bits, is added to the phase of the delay (`window_delay`). The five upper bits of the sum are the shift. A chip
 edge is exact to 2^-27 chip (0.4 µm). A loop over the samples with a float64 code phase finds the same chip at every
-sample. Two samples lie in the same chip if the later sample is far enough behind the chip's start (`phase_apart`).
+sample. Two samples lie in the same chip if the phase of the later sample in its chip is at least `phase_apart`.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -36,16 +36,16 @@ from vestige.signals.rotator_kernel import BLOCK
 
 GROUP = 32  # largest number of samples with the same window; the length of `window` is a multiple of this number
 _SMALL_GROUP = 8
-# largest distance in chips from the first to the last sample of a group, so that the group meets 15 chips
+# largest distance in chips from the first to the last sample of a group; the samples of a group lie in at most 15 chips
 _GROUP_SPAN = 14
-# largest distance of a delay from the middle; together with the chips of a group, 31 of a window's 32 chips are used
+# largest distance in chips of a delay from the middle of the delays; a group needs at most 8 + 15 + 8 chips of a window
 WINDOW_REACH_CHIPS = 8.0
 FRACTION_BITS = 27  # number of fraction bits of a delay; the five bits above the fraction count 32 chips
 _LEAD = 8  # number of chips in a window before the chip of the group's first sample
 _PHASE_BITS = 40  # number of fraction bits of the code phase
 _CUT_BITS = _PHASE_BITS - FRACTION_BITS
-# Numbers of the samples in a block. A loop with a counter instead would be compiled to 64-bit sums, which take twice as
-# long as 32-bit sums
+# Numbers of the samples in a block. A loop counter in place of this array would be compiled to 64-bit sums, which take
+# twice as long as 32-bit sums.
 _NUMBERS = np.arange(BLOCK, dtype=np.uint32)
 
 
@@ -58,7 +58,7 @@ def chip_at(packed, j):
 
 @njit(cache=True, nogil=True)
 def window_delay(delay):
-    """Return −delay as fixed point, modulo 32 chips; `delay` is in chips from the middle, within WINDOW_REACH_CHIPS."""
+    """Return −`delay` as a fixed-point number modulo 32 chips; `delay` is in chips, at most ±WINDOW_REACH_CHIPS."""
     return np.uint32(np.int64(np.round(-delay * 2.0**FRACTION_BITS)))
 
 
@@ -66,8 +66,8 @@ def window_delay(delay):
 def interior(u0, step, reach, n_chips, n):
     """Return the limits (i0, i1) of the samples that lie within the code at all delays within ±reach.
 
-    Sample i of n has the code phase u0 + i · step. The range may omit one sample at each end. The plain loops at the
-    edges then process the omitted sample.
+    Sample i of n has the code phase u0 + i · step. The limits may omit one sample at each end that lies within the
+    code. The caller processes the samples outside the limits with a plain loop.
     """
     i0 = max(0, min(n, np.int64(np.ceil((reach - u0) / step)) + 1)) if u0 < reach else np.int64(0)
     i1 = n
@@ -78,7 +78,7 @@ def interior(u0, step, reach, n_chips, n):
 
 @njit(cache=True, nogil=True)
 def _fixed(u0, step):
-    """Return code phase and step as fixed-point numbers, and the number of whole chips before this phase."""
+    """Return as integers the fraction of the code phase, the step, and the number of whole chips of the code phase."""
     base = np.floor(u0)
     return (
         np.int64(np.round((u0 - base) * 2.0**_PHASE_BITS)),
@@ -91,19 +91,19 @@ def _fixed(u0, step):
 def _window(packed, phase):
     """Return the window of a fixed-point code phase, with each chip at its bit position in the packed word."""
     lead = (phase >> _PHASE_BITS) - _LEAD
-    word, place = np.uint64(lead >> 5), lead & 31  # unsigned, so that numba does not test for a negative index
+    word, place = np.uint64(lead >> 5), lead & 31  # `word` is unsigned: numba does not test for a negative index
     early, late = packed[word], packed[word + np.uint64(1)]
     return np.uint32(late ^ np.uint32(np.uint32(early ^ late) & np.uint32(np.uint32(0xFFFFFFFF) >> np.uint32(place))))
 
 
 def _store_copies(_context, array, first, value):
     if (array.dtype, first, value) != (types.uint32, types.uint64, types.uint32):
-        return None  # numba then reports that no such operation exists for these types
+        return None  # None makes numba report that the operation does not exist for these types
 
     def code(context, builder, signature, arguments):
         copies = ir.VectorType(ir.IntType(32), GROUP)
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        lanes = ir.VectorType(ir.IntType(32), GROUP)(None)  # lane 0 for each copy
+        lanes = ir.VectorType(ir.IntType(32), GROUP)(None)  # every copy takes lane 0
         one = builder.insert_element(ir.Constant(copies, ir.Undefined), arguments[2], ir.IntType(32)(0))
         place = builder.bitcast(builder.gep(data, [arguments[1]]), copies.as_pointer())
         builder.store(builder.shuffle_vector(one, one, lanes), place, align=4)
@@ -113,14 +113,14 @@ def _store_copies(_context, array, first, value):
 
 
 # `_copy_to_group(array, first, value)` stores GROUP copies of a uint32 in an array of uint32, from element `first` on.
-# The function uses vector instructions and is for compiled code only. The compiler turns a loop of GROUP steps into
+# `_copy_to_group` uses vector instructions and is for compiled code only. The compiler turns a loop of GROUP steps into
 # single stores, which take four times as long.
 _copy_to_group: Any = intrinsic(_store_copies)
 
 
 @njit(cache=True, nogil=True)
 def _fill_small_groups(packed, phase, step, n, group, window):
-    """Fill the windows of n samples, `group` by `group`."""
+    """Fill the windows of n samples, where each `group` consecutive samples have one window."""
     for g in range(np.uint64((n + group - 1) // group)):
         shared = _window(packed, phase)
         phase += group * step
@@ -135,12 +135,14 @@ def fill_windows(packed, u0, step, n, window):
     Parameters
     ----------
     packed
-        `packed_chips` of the code.
+        Chips of the code as `packed_chips` returns them.
     u0, step
-        Code phase of the first sample and its step, in chips; all phases lie in the code.
+        Code phase of the first sample, and step of the code phase from sample to sample, in chips. All samples lie in
+        the code.
     window
-        uint32[m]; m is a multiple of GROUP and not less than n. The sign bit of `window[i] << ((fraction[i] +
-        window_delay(d)) >> FRACTION_BITS)` is the chip of sample i at a delay of d chips (`fill_fractions`).
+        uint32[m]: array for the windows; m is a multiple of GROUP and not less than n. The sign bit of `window[i] <<
+        ((fraction[i] + window_delay(d)) >> FRACTION_BITS)` is the chip of sample i at a delay of d chips
+        (`fill_fractions`).
     """
     phase, dp, base = _fixed(u0, step)
     phase += (base + PAD) << _PHASE_BITS
@@ -160,14 +162,14 @@ def fill_fractions(u0, step, fraction):
     Parameters
     ----------
     u0, step
-        Code phase of the first sample and its step, in chips.
+        Code phase of the first sample, and step of the code phase from sample to sample, in chips.
     fraction
-        uint32[n] with n ≤ BLOCK.
+        uint32[n]: array for the fractions; n is at most BLOCK.
     """
     p0, dp, base = _fixed(u0, step)
     p0 += base << _PHASE_BITS
-    # The loop computes ⌊(p0 + i dp) / 2^cut⌋ modulo 2³² with 32-bit sums, because a vector has twice as many 32-bit as
-    # 64-bit numbers. The lower parts have `cut` bits, so their sum over a block does not overflow.
+    # The loop computes ⌊(p0 + i dp) / 2^cut⌋ modulo 2³² with 32-bit sums. A vector holds twice as many 32-bit numbers
+    # as 64-bit numbers. The lower parts have `cut` bits, so their sum over a block does not overflow.
     cut, lower = np.uint32(_CUT_BITS), np.uint32((1 << _CUT_BITS) - 1)
     high, low = np.uint32(p0 >> _CUT_BITS), np.uint32(np.uint32(p0) & lower)
     high_step, low_step = np.uint32(dp >> _CUT_BITS), np.uint32(np.uint32(dp) & lower)

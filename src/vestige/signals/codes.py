@@ -1,8 +1,8 @@
 """Return the primary and secondary codes of E1-B, E1-C, E6-B and E6-C from a table in the package.
 
-The tables are from the Galileo OS SIS ICD and the Galileo E6-B/C Codes Technical Note (© European Union, used with
-acknowledgement). `data/README.md` describes the packed form of the tables. The SHA-256 of each section is checked on
-reading.
+The codes are from the Galileo OS SIS ICD and the Galileo E6-B/C Codes Technical Note (© European Union, used with
+acknowledgement). `data/README.md` describes the packed form of the table. The SHA-256 of each section is checked when
+the section is read.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SECTIONS = {
 
 @cache
 def _section(name: str) -> UInt8[np.ndarray, "codes chips"]:
-    """Return one section of the table as bits."""
+    """Return one section of the code table as bits, with a row for each code."""
     table = (files("vestige.signals") / "data" / "galileo_memory_codes.bin").read_bytes()
     start = 0
     for section, (codes, chips, digest) in _SECTIONS.items():

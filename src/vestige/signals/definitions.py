@@ -1,4 +1,4 @@
-"""Definitions of the four Galileo signal components that vestige uses.
+"""Define the four Galileo signal components that vestige uses.
 
 | signal | carrier | chips/s | primary code | secondary code | symbols/s |
 |---|---|---|---|---|---|
@@ -31,11 +31,11 @@ class SignalDefinition:
     name
         Name in the ICD, such as `E6-C`.
     code_length
-        Chips of the primary code.
+        Number of chips of the primary code.
     secondary_length
-        Chips of the secondary code, each as long as a primary code period; 1 if there is none.
+        Number of chips of the secondary code, each as long as a period of the primary code; 1 without secondary code.
     symbol_rate_hz
-        Navigation symbols per second; 0 for a pilot.
+        Number of navigation symbols per second; 0 for a pilot.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """Provide float32 operations that numba does not have: the bits of a number, and fused multiply-add.
 
-A compiler that may fuse a product and a sum does so on some machines only. The bits of the result then depend on the
-machine. `fma` is fused on every machine: a processor without such an instruction calls the C library, which is slow but
-exact.
+A compiler that may fuse a product and a sum fuses them only on some machines. Without `fma`, the bits of a result would
+therefore depend on the machine. `fma` is fused on every machine. A CPU without an instruction for fused multiply-add
+calls the C library, which is slow but exact.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -32,7 +32,7 @@ def float_of(bits):
 
 def _fused(_context, x, y, z):
     if not x == y == z == types.float32:
-        return None  # numba then reports that no such operation exists for these types
+        return None  # None makes numba report that the operation does not exist for these types
 
     def code(_context, builder, _signature, arguments):
         return builder.fma(*arguments)

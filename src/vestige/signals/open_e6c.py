@@ -1,9 +1,9 @@
 """Decide whether the chips of a RECS belong to the open E6-C code, which is public and repeats each millisecond.
 
-E6-C was not encrypted before the service began. RECS made from a recording of that time (`vestige recs make`) test the
-whole processing. With such RECS a search for the earliest arrival is meaningless. The reason is that the same chips
-arrive again one code period later. The chips that arrived 100 ms earlier, one period of the secondary code, also match
-the RECS.
+E6-C was not encrypted before the service began. RECS made from a recording of unencrypted E6-C (`vestige recs make`)
+test the whole processing. With RECS of the open code, a search for the earliest arrival is meaningless, because equal
+chips arrive again one code period later. The chips that arrived 100 ms earlier, one period of the secondary code, also
+match the RECS.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from vestige.signals.definitions import E6C
 
 
 def is_open_e6c(chips: Int8[np.ndarray, " n_chips"], svid: int) -> bool:
-    """Return whether the chips of one satellite repeat, except for the sign, with the period of the primary code.
+    """Return whether the chips of a RECS repeat, except for the sign, with the period of the primary code.
 
     Parameters
     ----------
     chips
-        int8[n_chips], ±1, in order of transmission. Chips of a single code period are compared with the public primary
-        code.
+        int8[n_chips]: chips ±1 in order of transmission. If the chips contain only one code period, this period is
+        compared with the public primary code.
     svid
         SVID of the satellite.
 

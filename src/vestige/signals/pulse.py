@@ -1,16 +1,16 @@
 """Compute the spectrum and the correlation of chip pulses, with and without a band limit.
 
 Every Galileo pulse in vestige is piecewise constant over a chip. A chip has n equal sub-chips with levels a_0 … a_{n-1}
-and mean square 1. All functions follow exactly from the levels. With the width w = T_c/n of a sub-chip, the functions
-are:
+and mean square 1. Spectrum and correlations follow exactly from the levels. With the width w = T_c/n of a sub-chip, the
+functions are:
 
     spectrum          S(f) = (w sinc(f w))² |Σ_k a_k e^{-j2πf(k+½)w}|² / T_c        unit area over all f
     autocorrelation   R(τ): linear between R(m w) = (1/n) Σ_k a_k a_{k+m}           random code, |τ| < T_c
     band-limited      R_B(τ) = ∫_{-B/2}^{B/2} S(f) cos(2πfτ) df                     ideal filter
 
 CBOC(6,1,1/11) is √(10/11) BOC(1,1) ± √(1/11) BOC(6,1), on twelve sub-chips [OS-ICD, 2.3.3]. The sign is + on E1-B and −
-on E1-C. In the average over E1-B and E1-C, the cross term cancels. The spectrum is then MBOC = 10/11 BOC(1,1) + 1/11
-BOC(6,1).
+on E1-C. In the average over E1-B and E1-C the cross term cancels, so the average spectrum is MBOC = 10/11 BOC(1,1) +
+1/11 BOC(6,1).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Pulse:
     name
         Usual name, such as `BPSK` or `BOC(1,1)`.
     levels
-        Amplitude on each of the equal sub-chips; the mean square is 1.
+        Amplitudes on the equal sub-chips of a chip; the mean square of the amplitudes is 1.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Pulse:
 
 
 def boc_levels(half_cycles: int) -> Float[np.ndarray, " half_cycles"]:
-    """Return the levels +1, −1, … of a sine-phased BOC pulse with `half_cycles` half cycles a chip."""
+    """Return the levels +1, −1, … of a sine-phased BOC pulse with `half_cycles` half cycles per chip."""
     return np.where(np.arange(half_cycles) % 2 == 0, 1.0, -1.0)
 
 
@@ -71,7 +71,7 @@ def spectrum(pulse: Pulse, frequency_hz: Float[np.ndarray, " n"], chip_rate_hz: 
     Parameters
     ----------
     frequency_hz
-        Frequency from the carrier in Hz.
+        Frequency minus the carrier frequency in Hz.
     chip_rate_hz
         Chip rate in chips/s.
     """
@@ -79,7 +79,7 @@ def spectrum(pulse: Pulse, frequency_hz: Float[np.ndarray, " n"], chip_rate_hz: 
 
 
 def _line(pulse: Pulse, frequency_hz: Float[np.ndarray, " n"], chip_rate_hz: float) -> Complex128[np.ndarray, " n"]:
-    """Return the Fourier transform of one pulse in s."""
+    """Return the Fourier transform of one pulse, in s, at frequencies relative to the carrier."""
     levels = np.asarray(pulse.levels)
     width = 1.0 / (chip_rate_hz * levels.size)
     centers = (np.arange(levels.size) + 0.5) * width
@@ -88,7 +88,7 @@ def _line(pulse: Pulse, frequency_hz: Float[np.ndarray, " n"], chip_rate_hz: flo
 
 
 def autocorrelation(pulse: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return R(τ) of the unfiltered signal with a random code; zero beyond one chip.
+    """Return the autocorrelation R(τ) of an unfiltered signal with a random code, which is 0 beyond one chip.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def autocorrelation(pulse: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float
 
 
 def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the correlation of an unfiltered signal with the replica of another pulse and the same random code.
+    """Return the correlation of an unfiltered signal with a replica that has another pulse and the same random code.
 
     The two pulses have the same symmetry about the middle of the chip, so the correlation is even. Beyond one chip the
     correlation is zero.
@@ -125,7 +125,7 @@ def cross_correlation(received: Pulse, replica: Pulse, delay_chips: Float[np.nda
 
 @lru_cache(maxsize=16)
 def _corners(received: Pulse, replica: Pulse) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return the delays in chips and the values at the bends of the correlation, which is linear between the bends."""
+    """Return delays in chips and values at the corners of the correlation, which is linear between its corners."""
     n = math.lcm(len(received.levels), len(replica.levels))
     first, second = (np.repeat(one.levels, n // len(one.levels)) for one in (received, replica))
     values = np.pad(np.correlate(first, second, mode="full") / n, 1)
@@ -135,7 +135,7 @@ def _corners(received: Pulse, replica: Pulse) -> tuple[Float[np.ndarray, " k"], 
 def band_limited_autocorrelation(
     pulse: Pulse, delay_chips: Float[np.ndarray, " n"], *, chip_rate_hz: float, bandwidth_hz: float
 ) -> Float[np.ndarray, " n"]:
-    """Return R_B(τ) after an ideal filter; R_B(0) is the share of the power that passes the filter.
+    """Return the autocorrelation R_B(τ) after an ideal filter; R_B(0) is the share of the power that passes the filter.
 
     Parameters
     ----------
@@ -159,10 +159,11 @@ def band_limited_correlation(
     chip_rate_hz: float,
     bandwidth_hz: float,
 ) -> Float[np.ndarray, " n"]:
-    """Return the correlation of a received pulse after an ideal filter with the replica of another pulse.
+    """Return the correlation of a signal, received through an ideal filter, with a replica that has another pulse.
 
-    R(τ) = ∫ S_rp(f) e^{j2πfτ} df over ±B/2, with S_rp the cross spectrum for a random code. For two equal pulses R is
-    `band_limited_autocorrelation`. The two pulses have the same symmetry about the middle of the chip, so R is real.
+    The correlation is R(τ) = ∫ S_rp(f) e^{j2πfτ} df over ±B/2, with S_rp the cross spectrum for a random code. For two
+    equal pulses R is `band_limited_autocorrelation`. The two pulses have the same symmetry about the middle of the
+    chip, so R is real.
 
     Parameters
     ----------
@@ -194,7 +195,7 @@ def _gauss_nodes() -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
 def _frequency_nodes(
     bandwidth_hz: float, chip_rate_hz: float, delay_chips: float
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Return Gauss-Legendre nodes and weights over [0, B/2], with enough nodes for the lobes and the cosine."""
+    """Return Gauss-Legendre nodes in Hz and weights over 0 to B/2, enough for the lobes of S(f) and for cos(2πfτ)."""
     if not bandwidth_hz > 0:
         raise ValueError(f"bandwidth must be positive, found {bandwidth_hz}")
     lobes = bandwidth_hz / 2 / chip_rate_hz * (1 + delay_chips)

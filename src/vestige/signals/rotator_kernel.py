@@ -1,11 +1,11 @@
-"""Compute the carrier over one block of samples as a table.
+"""Compute a table of the carrier over one block of samples, and the carrier's phasor at the middle of the block.
 
-A table for a constant frequency rotates all samples of a block. The phase of the block and the rate of change of the
-frequency are computed in float64 at the block's middle. The table is the product of a few coarse and fine steps, so
-that a table needs 64 sines instead of 1024.
+A table for a constant frequency rotates all samples of a block. The phase at the middle of the block, including the
+effect of the Doppler rate, is computed in float64. The table is the product of a few coarse and fine steps, so that a
+table needs 64 sines instead of 1024.
 
-The phasor of a block is computed with polynomials [CEPHES, double precision]. The polynomials take half the time of the
-C library's functions, and give the same bits on machines with different C libraries.
+The phasor at the middle of a block is computed with polynomials [CEPHES, double precision]. The polynomials take half
+the time of the C library's functions, and give equal bits on machines with different C libraries.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -19,7 +19,7 @@ from vestige.kernel_cache import njit
 BLOCK = 1024  # number of samples in a block; the arrays of a block fit into the first-level cache
 MIDDLE = BLOCK // 2
 _FINE = 32
-# sine and cosine on ±π/4 [CEPHES, sin and cos]
+# coefficients of sine and cosine for angles within ±π/4 [CEPHES, sin and cos]
 _S = (
     -1.66666666666666307295e-1, 8.33333333332211858878e-3, -1.98412698295895385996e-4, 2.75573136213857245213e-6,
     -2.50507477628578072866e-8, 1.58962301576546568060e-10,
@@ -46,7 +46,7 @@ def _phasor(cycles):
 
 @njit(cache=True, nogil=True)
 def rotator_table(cycles_per_sample, cos, sin):
-    """Fill float32[BLOCK] with the cosine and sine of the angle from the block's middle, exact to float32 rounding."""
+    """Fill float32[BLOCK] `cos` and `sin` of the phase relative to the block's middle, exact to float32 rounding."""
     fine = np.empty(_FINE, np.complex128)
     for b in range(_FINE):
         angle = 2 * np.pi * cycles_per_sample * b

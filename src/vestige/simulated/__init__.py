@@ -1,1 +1,1 @@
-"""Simulate what a scenario describes: snapshots, recordings and exported test cases."""
+"""Simulate the snapshots, recordings and exported test cases that a scenario describes."""

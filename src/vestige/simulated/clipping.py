@@ -1,4 +1,4 @@
-"""Measure the share of stored numbers that clip, and advise the user.
+"""Measure the share of stored numbers that clip, and advise the user how to avoid clipping.
 
 Jamming can exceed the range of a number format: int8 samples clip at 19 dB above the noise. A front end with a gain
 control keeps the samples in range, because the gain decreases when the power rises.
@@ -17,7 +17,7 @@ from vestige.recording.samples.sample_format import SampleType
 from vestige.records import Band
 
 _CLIPPED_SHARE = 1e-3  # share of clipped numbers above which there is a warning
-_FEW_BITS = 3  # largest number of bits with which many samples may be at the outermost levels of a quantiser
+_FEW_BITS = 3  # largest number of bits for which the outermost levels of a quantiser are always in use
 
 
 def largest_level(component: SampleType, front_end: FrontEnd) -> int | None:
@@ -56,14 +56,14 @@ def n_clipped(components: Num[np.ndarray, "*shape"], largest: int | None) -> int
 
 
 def clipping_warning(shares: Mapping[Band, float], front_end: FrontEnd) -> str:
-    """Return a line with the clipped share of each band and advice; "" if the share is small in every band.
+    """Return a line with the clipped share of each band and advice; return "" if the share is small in both bands.
 
     Parameters
     ----------
     shares
-        Share of the stored numbers of each band that clip, 0 to 1.
+        Clipped share of the stored numbers of each band, 0 to 1.
     front_end
-        Front end of the samples.
+        Front end that the samples have passed.
 
     Examples
     --------

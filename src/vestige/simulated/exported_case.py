@@ -1,13 +1,13 @@
 """Export some epochs of a campaign as an ACAS test case: all data that an independent receiver needs, and the truth.
 
 The test case contains the epochs `first` to `end` − 1. The samples of E1 and E6 are continuous and contain all
-satellites of the scenario (`receiver.samples.continuous`). The test case also contains E1 observations with the errors
-of the truth, RECS, group delays and keys. `vestige run` processes the same epochs with the same RECS, keys and errors.
-In a scenario with a sky, the E6 samples are equal to the samples of the campaign. The E1 samples are equal except for
-the symbols of E1-B. On a single line of sight the noise of the campaign's samples differs, because each epoch has its
-own noise.
+satellites of the scenario (`receiver.samples.continuous`). The test case also contains RECS, group delays, keys, and E1
+observations with the errors that `truth.csv` states. `vestige run` processes the same epochs with the same RECS, keys
+and errors. In a scenario with a constellation, the E6 samples are equal to the samples of the campaign. The E1 samples
+are equal except for the symbols of E1-B. In a scenario with a single line of sight, test case and campaign have
+different noise. The reason is that the campaign makes separate noise for each epoch.
 
-Truth, samples and files are made in blocks of epochs, so the memory does not grow with the number of epochs.
+Truth, samples and files are made in blocks of epochs, so the needed memory does not grow with the number of epochs.
 """
 
 from __future__ import annotations
@@ -36,23 +36,23 @@ from vestige.simulated.exported_satellite import ExportedSatellite, tail_after_s
 from vestige.time import GalileoTime
 
 EPOCHS_IN_MEMORY = 500  # number of epochs in a block, which needs 3 MB with eight satellites
-DEFAULT_RANGE_M = 25_000_000.0  # range in m without a stated range; real ranges are 23,200 to 29,000 km
+DEFAULT_RANGE_M = 25_000_000.0  # range in m if the scenario has no range; real ranges are 23,200 to 29,000 km
 MAX_RATE_MPS = 10_000.0  # largest range rate in m/s, reached by a receiver in a low orbit
-_MESSAGE_SPARE_S = 1.0  # duration in s of the message after the last sample
+_MESSAGE_SPARE_S = 1.0  # time in s from the last sample to the end of the message
 PROCESSABLE_TRAVEL_TIME_S = (0.03, 0.14)  # limits in s of the travel time in a recording
 
 
 def with_default_range(scenario: CampaignScenario) -> CampaignScenario:
-    """Return the scenario, with a range of 25,000 km if the scenario has no range, as in the paper."""
+    """Return the scenario; if its line of sight has the range 0, return a scenario with a range of 25,000 km."""
     path = scenario.line_of_sight
     return scenario if path.s0_m else scenario.model_copy(update={"line_of_sight": replace(path, s0_m=DEFAULT_RANGE_M)})
 
 
 @dataclass(frozen=True, kw_only=True)
 class AcasTestCase:
-    """Epochs `first` to `end` − 1 of a campaign."""
+    """Test case with the epochs `first` to `end` − 1 of a campaign."""
 
-    scenario: CampaignScenario  # the campaign, whose satellite has a realistic range
+    scenario: CampaignScenario  # campaign whose satellites have realistic ranges
     first: int
     end: int
     block_epochs: int = EPOCHS_IN_MEMORY  # largest number of epochs in memory, which does not affect the files
@@ -73,12 +73,12 @@ class AcasTestCase:
 
     @property
     def simulation(self) -> Simulation:
-        """Simulation of the receiver with the first satellite."""
+        """Simulation of the receiver and the first satellite of the scenario."""
         return self.scenario.simulations[0]
 
     @cached_property
     def satellites(self) -> tuple[ExportedSatellite, ...]:
-        """All satellites that the receiver ever receives, with all epochs; `blocks` yields blocks of epochs."""
+        """All satellites that the receiver receives at any epoch, each with all epochs of the test case."""
         message = self.message
         forged = None if message is None else message.forged(self.scenario.seed)
         return tuple(
@@ -94,9 +94,9 @@ class AcasTestCase:
         )
 
     def blocks(self, *numbers: int) -> Iterator[tuple[ExportedSatellite, ...]]:
-        """Yield the satellites in successive blocks of epochs.
+        """Yield successive blocks of epochs, each with its satellites.
 
-        `numbers` are positions in `satellites`; without `numbers`, a block contains all satellites.
+        `numbers` are positions in `satellites`. Without `numbers`, each block contains all satellites.
         """
         chosen = [self.satellites[number] for number in numbers] or self.satellites
         if self.end - self.first <= self.block_epochs:
@@ -106,7 +106,7 @@ class AcasTestCase:
 
     @cached_property
     def message(self) -> SkyMessage | None:
-        """E1-B messages of the satellites; None on a single line of sight, which has no orbit."""
+        """E1-B messages of the satellites; None for a single line of sight, which has no orbit."""
         scenario, constellation = self.scenario, self.scenario.constellation
         if constellation is None:
             return None
@@ -121,10 +121,10 @@ class AcasTestCase:
 
     @property
     def _message_begin(self) -> GalileoTime | None:
-        """Time in the first subframe of the message; None for all subframes of the operator, if there are OSNMA events.
+        """Time in the first subframe of the message; None with OSNMA events, where the message has all subframes.
 
-        The message begins as long before the first epoch as the operator begins before the scenario. So slow tags have
-        data to authenticate, and the longest delay of a spoofing signal is covered.
+        The message begins `SUBFRAMES_BEFORE` subframes before the first epoch. So slow tags have data to authenticate,
+        and the message covers the longest delay of a spoofing signal.
         """
         if self.simulation.osnma.events:
             return None
@@ -138,7 +138,7 @@ class AcasTestCase:
         end = last + (self.tail_s + _MESSAGE_SPARE_S)
         if not self.simulation.osnma.events:
             return end
-        return max(end, last.subframe + (2.0 * SUBFRAME_S - 1.0))  # this time is after the keys of the last RECS
+        return max(end, last.subframe + (2.0 * SUBFRAME_S - 1.0))  # the keys of the last RECS are sent before this time
 
     @cached_property
     def tail_s(self) -> float:
@@ -148,7 +148,7 @@ class AcasTestCase:
 
     @cached_property
     def osnma_receiver(self) -> OsnmaReceiver | None:
-        """OSNMA receiver that has received all pages; None without OSNMA events, because then every key is received."""
+        """OSNMA receiver that has received all pages; None without OSNMA events, where every key is received."""
         if self.message is None or not self.simulation.osnma.events:
             return None
         receiver = OsnmaReceiver(self.operator.public_keys, self.operator.merkle_tree)
@@ -181,14 +181,14 @@ class AcasTestCase:
         return {band: SpooferInterference(simulation=simulation, band=band) for band in Band}
 
     def receivers(self) -> Iterator[ExportedReceiver]:
-        """Yield the receiver in successive blocks of epochs; a single line of sight has no such blocks."""
+        """Yield the true state of the receiver in each block of epochs; yield nothing for a single line of sight."""
         if self.scenario.constellation is None:
             return
         for (one,) in self.blocks(0):
             yield ExportedReceiver(scenario=self.scenario, path=one.path, first=one.first, tag_s=one.tag_s)
 
     def observations(self) -> Iterator[ObservationEpoch]:
-        """Yield the E1 observations at the arrival of each epoch's chips; epochs without observations are left out."""
+        """Yield the E1 observations at the time tag of each epoch; epochs without observations are left out."""
         for block in self.blocks():
             for row, tag_s in enumerate(block[0].tag_s):
                 found = {one.svid: seen for one in block if (seen := one.observations[row]) is not None}
@@ -211,13 +211,13 @@ class AcasTestCase:
         return self.simulation.osnma_operator()
 
     def assistance(self) -> Assistance:
-        """Return RECS, group delays and keys."""
+        """Return RECS and group delays of all satellites, and the keys."""
         each = [self.segments_of(one) for one in self.scenario.simulations]
         segments = tuple(segment for same_time in zip(*each, strict=True) for segment in same_time)
         return replace(self.assistance_without_recs(), segments=segments)
 
     def assistance_without_recs(self) -> Assistance:
-        """Return group delays and keys, without the RECS, because the RECS of hours need much memory."""
+        """Return group delays and keys without RECS, because the RECS of a recording of hours need much memory."""
         simulation, numbers = self.simulation, self._recs_numbers
         if not numbers:
             raise VestigeError(
@@ -244,7 +244,7 @@ class AcasTestCase:
 
     @property
     def _predicted_ionosphere(self) -> dict[int, float]:
-        """Ionospheric delay on E1 in m by SVID, which a receiver computes from word 5, for the middle epoch."""
+        """Ionospheric delay on E1 in m at the middle epoch, by SVID, as a receiver computes the delay from word 5."""
         if self.scenario.atmosphere.ionosphere is None:
             return {}
         middle = self.first + (self.end - self.first) // 2
@@ -253,14 +253,14 @@ class AcasTestCase:
         return {one.svid: float(one.truth.broadcast_ionosphere_e1_m[row]) for one in block}
 
     def truth_tables(self) -> Iterator[dict[str, list[str]]]:
-        """Yield the truth as columns of text for `truth.csv`, satellite by satellite, in blocks of epochs."""
+        """Yield tables of `truth.csv`, one for each satellite and block of epochs, as columns of text by name."""
         for number in range(len(self.satellites)):
             for (block,) in self.blocks(number):
                 yield block.truth_table()
 
 
 def _check_motion(blocks: Iterator[ExportedSatellite], epochs: str) -> None:
-    """Raise `VestigeError` if a satellite has an impossible range or range rate in any of its blocks."""
+    """Raise `VestigeError` if a satellite has an impossible range or range rate in any block of epochs."""
     travels_s, rates_mps = [], []
     for one in blocks:
         travel_s, rate_mps = one.received_s - one.truth.time_s, one.path.rate_mps(one.truth.time_s)

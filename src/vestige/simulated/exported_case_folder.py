@@ -1,4 +1,4 @@
-"""Write the files of a test case beside its samples: observations, assistance, truth, README.txt."""
+"""Write the files of a test case beside its samples: observations, message, assistance, truth and README.txt."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _MESSAGE = """\
 
 
 def simulated(case: AcasTestCase) -> SimulatedRecording:
-    """Return the recording of a test case, including all its files."""
+    """Return the recording of a test case, which writes all files of the test case."""
     simulation, atmosphere = case.simulation, case.scenario.atmosphere
     return SimulatedRecording(
         sky=SkyInBlocks(case=case),
@@ -56,14 +56,14 @@ def simulated(case: AcasTestCase) -> SimulatedRecording:
 
 
 def write_companions(case: AcasTestCase, folder: Path) -> None:
-    """Write observations, assistance, truth and README.txt."""
+    """Write observations, navigation message, assistance, truth and README.txt of a test case to `folder`."""
     rinex, observed = folder / "rinex", next(case.observations(), None) is not None
     if observed or case.message is not None:
         rinex.mkdir()
     if observed:
         write_csv_observations(folder / "observations.csv", case.observations())
-        # These observations are in a separate folder, because a recording has only one file of observations. CSV loses
-        # no digit.
+        # The RINEX observations are in a separate folder, because a recording has only one file of observations. The
+        # CSV file is this file of observations, because CSV loses no digit.
         receiver = next(case.receivers(), None)
         place_m = (0.0, 0.0, 0.0) if receiver is None else receiver.first_place_m
         write_rinex_observations(rinex / "observations.rnx", case.observations(), approximate_position_m=place_m)
@@ -90,7 +90,7 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
 
 
 def write_tables(path: Path, tables: Iterable[dict[str, list[str]]]) -> None:
-    """Write the rows of successive tables with the same columns into one file."""
+    """Write the rows of successive tables, which have equal columns, to one CSV file."""
     with path.open("w", encoding="ascii", newline="\n") as stream:
         for number, table in enumerate(tables):
             if number == 0:

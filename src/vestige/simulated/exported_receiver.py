@@ -1,4 +1,4 @@
-"""Compute the true position and clock error of the receiver at each epoch of a test case, to assess its fixes."""
+"""Compute the true position and clock error of the receiver at each epoch of a test case, to assess position fixes."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from vestige.scenario.campaign import CampaignScenario
 class ExportedReceiver:
     """True state of the receiver at the time tags of its E1 observations."""
 
-    scenario: CampaignScenario  # a scenario with a sky
-    path: ContinuousTruth  # truth of a satellite; every satellite has the same receiver clock in its truth
+    scenario: CampaignScenario  # scenario with a constellation
+    path: ContinuousTruth  # truth of any satellite, because the truth of every satellite has the receiver's clock
     first: int  # number of the first epoch
     tag_s: Float[np.ndarray, " n"]  # time tags in s after the scenario's start, on the receiver's clock
 
     @cached_property
     def motion(self) -> ReceiverMotion:
-        """Position, velocity and acceleration of the receiver's antenna."""
+        """Position, velocity and acceleration of the receiver's antenna at the time tags."""
         return self.scenario.receiver_motion(self.tag_s, self.path.clock_m(self.tag_s))
 
     @property
     def first_place_m(self) -> tuple[float, float, float]:
-        """ECEF position at the first epoch in m."""
+        """ECEF position of the receiver at the first epoch in m."""
         x_m, y_m, z_m = self.motion.position_m[0]
         return float(x_m), float(y_m), float(z_m)
 
     def table(self) -> dict[str, list[str]]:
-        """Return the columns of `receiver_truth.csv` as text."""
+        """Return the columns of `receiver_truth.csv` as text, by name of the column."""
         tags = [self.scenario.start_time + float(tag_s) for tag_s in self.tag_s]
         latitude_rad, longitude_rad, height_m = geodetic_from_ecef(self.motion.position_m)
         numbers = {

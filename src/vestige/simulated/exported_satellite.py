@@ -1,4 +1,4 @@
-"""Compute the truth, the signals in E1 and E6, and the E1 observations of a satellite of an exported recording."""
+"""Compute truth, signals on E1 and E6, and E1 observations of one satellite in an exported recording."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from vestige.records import Band, E1Observation
 from vestige.signal_generator.waveform import Sequence
 from vestige.streams import stream
 
-# Largest numbers of epochs that are computed at once, which limit the memory.
-_AT_ONCE = 10_000  # number of epochs whose delays are computed at once
-_PASSED_AT_ONCE = 1000  # number of epochs whose truth is computed at once, before the first epoch
+# The numbers of epochs that are computed at once limit the needed memory.
+_AT_ONCE = 10_000  # number of epochs whose spoofing delays are computed at once
+_PASSED_AT_ONCE = 1000  # number of epochs before `first` whose truth is computed at once
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedSatellite:
-    """A satellite in the epochs `first` to `end` − 1 of a campaign."""
+    """Satellite in the epochs `first` to `end` − 1 of a campaign."""
 
     simulation: Simulation
     interval_s: float  # time between two epochs in s
@@ -36,7 +36,7 @@ class ExportedSatellite:
     end: int
     symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
     forged_symbols: Sequence | None = None  # symbols of an attacker's own message; None for random symbols
-    known: TruthWithin | None = None  # truth of the epochs of this object; None if the truth is not yet computed
+    known: TruthWithin | None = None  # truth at the epochs; None if the truth is not yet computed
 
     @property
     def svid(self) -> int:
@@ -51,7 +51,7 @@ class ExportedSatellite:
     def blocks(self, n_epochs: int) -> Iterator[ExportedSatellite]:
         """Yield the satellite in successive blocks of at most `n_epochs` epochs, each with its truth.
 
-        The truth, the samples and the observations have the same bits for every size of the blocks.
+        The bits of truth, samples and observations do not depend on the size of the blocks.
         """
         before, after = epochs_around(self.interval_s, self.tail_s)
         process = TruthAround(self.simulation, before=before, after=after)
@@ -63,7 +63,7 @@ class ExportedSatellite:
 
     @cached_property
     def truth(self) -> TruthWithin:
-        """The truth at the epochs."""
+        """Truth at the epochs `first` to `end` − 1."""
         if self.known is not None:
             return self.known
         (whole,) = self.blocks(self.end - self.first)
@@ -71,18 +71,18 @@ class ExportedSatellite:
 
     @cached_property
     def path(self) -> ContinuousTruth:
-        """The truth as a function of time."""
+        """Truth of the satellite's signals as a function of time."""
         return continuous_truth(self.simulation, self.truth.around)
 
     @property
     def _own(self) -> slice:
-        """Rows of the epochs in the truth, which also contains epochs before and after."""
+        """Rows of the epochs `first` to `end` − 1 in the truth of `path`, which also has earlier and later epochs."""
         before = int(np.searchsorted(self.path.truth.time_s, self.truth.time_s[0]))
         return slice(before, before + self.end - self.first)
 
     @cached_property
     def bgd_s(self) -> float:
-        """BGD(E1,E6) of the satellite in s; the bias of the truth is the remaining error."""
+        """BGD(E1,E6) in s that the satellite broadcasts; `bias_m` of the truth is the remaining error of this BGD."""
         return broadcast_group_delay_s(self.simulation.seed, self.svid)
 
     @cached_property
@@ -115,13 +115,13 @@ class ExportedSatellite:
     def observations(self) -> tuple[E1Observation | None, ...]:
         """E1 observations at the time tag of each epoch, 86 ms after transmission.
 
-        The entry of an epoch is None if the campaign has no E1 measurement: below the mask, without lock, and during
-        acquisition. The entry is also None while the receiver follows a meaconer with a delay of seconds. The time of
-        such a receiver differs from the time of the samples.
+        The entry of an epoch is None if the satellite is below the mask, or the receiver has no lock or is still
+        acquiring. The entry is also None while the receiver follows a meaconer with a delay of seconds. The reason is
+        that the time of a receiver with this delay differs from the time of the samples.
 
         An attacker's delay depends on the time of transmission. The signal that is received at the time tag was sent up
-        to 15 ms before or after the epoch. So the delay of this signal differs from the delay of the epoch by the rate
-        of the delay times the time difference.
+        to 15 ms before or after the epoch. So the delay at the epoch is corrected by the rate of the delay times the
+        time between epoch and transmission.
         """
         to_hz, truth = -E1_CARRIER_HZ / SPEED_OF_LIGHT_MPS, self.truth
         t_s = self.tag_s
@@ -152,11 +152,11 @@ class ExportedSatellite:
 
     @property
     def _ambiguity(self) -> int:
-        """Ambiguity of the carrier phase in whole cycles, because a receiver counts from an arbitrary number."""
+        """Random ambiguity of the carrier phase in whole cycles; a receiver counts cycles from an arbitrary number."""
         return int(stream(self.simulation.seed, "carrier phase", self.svid).integers(-1_000_000, 1_000_000))
 
     def truth_table(self) -> dict[str, list[str]]:
-        """Return the truth of every epoch as text, by the columns of `truth.csv`."""
+        """Return the truth of every epoch as columns of text, by name of the column of `truth.csv`."""
         truth, path = self.truth, self.path
         t_s = self.received_s
         sent = [self.simulation.start + float(elapsed_s) for elapsed_s in truth.time_s]
@@ -200,9 +200,9 @@ class ExportedSatellite:
 
 
 def tail_after_s(simulation: Simulation, interval_s: float, first: int, end: int) -> float:
-    """Return the time in s from the last transmission to the last sample of a satellite.
+    """Return the time in s from the last transmission to the last sample, which is after all spoofing signals.
 
-    The epochs `first` to `end` − 1 follow each other at `interval_s`.
+    The time is for the satellite of `simulation` and the epochs `first` to `end` − 1, which are `interval_s` apart.
     """
     pieces = (np.arange(begin, min(begin + _AT_ONCE, end)) for begin in range(first, end, _AT_ONCE))
     return TAIL_S + max(latest_s(simulation.spoofer, simulation.svid, interval_s * one) for one in pieces)

@@ -1,4 +1,4 @@
-"""Make the recording of a scenario with `kind = "recording"`: open codes on E6-C, and the OSNMA keys of its time."""
+"""Make the recording of a scenario with `kind = "recording"`, with open codes on E6-C and a file of OSNMA keys."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from vestige.simulated.sky_parts import WholeSky
 
 
 def open_code_recording(scenario: RecordingScenario) -> SimulatedRecording:
-    """Return the recording of a scenario, with the OSNMA keys of its time and their trust anchor in `osnma/`."""
+    """Return the recording of a scenario, with the OSNMA keys of the recorded time and a trust anchor in `osnma/`."""
     receiver = scenario.receiver
     return SimulatedRecording(
         sky=WholeSky(
@@ -55,7 +55,7 @@ def _received(scenario: RecordingScenario, band: Band, satellite: SatelliteSecti
 def _write_keys(scenario: RecordingScenario, folder: Path) -> None:
     osnma, start = folder / "osnma", scenario.start_time
     osnma.mkdir()
-    # the keys include the key of the subframe after the last subframe, which KDI = 1 needs
+    # the last key is sent in the subframe after the recording, because a RECS with KDI 1 needs this key
     subframes = int((start + scenario.duration_s - start.subframe) / SUBFRAME_S) + 2
     operator = osnma_operator(scenario.seed, start, subframes, SERVICE_WITHOUT_EVENTS)
     write_key_file(osnma / "keys.csv", operator.validated_keys(), operator.roots)

@@ -41,13 +41,13 @@ from vestige.time import GalileoTime
 Report = Callable[[str, int, int], None]
 Say = Callable[[str], None]
 
-# Stored value of 1.0, by number type. In int8, the noise of I and of Q has a standard deviation of 14 counts, and the
-# scale ends at 9 σ.
+# Stored value of an I or Q of 1.0, by number type. In int8, the noise of I and of Q has a standard deviation of 14
+# counts, and the largest number is 9 σ.
 SCALES: Mapping[SampleType, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
 _PROBE_S = 0.05
 _KEPT_BATCHES = 50  # number of batches (half a second) after which progress is stored, for a resumption
 _LONG_S = 900.0  # length in s of a recording whose other files take seconds to write
-_WRITING = 1.5  # time for synthesis, conversion, checksum and disk as a multiple of synthesis alone
+_WRITING = 1.5  # time to make, convert, check and store samples as a multiple of the time to make samples
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,10 +59,10 @@ class SimulatedRecording:
     front_end: FrontEnd  # front end of each band, with the sampling rate
     samples: range  # numbers of the samples
     seed: int  # seed of the noise
-    time_uncertainty_s: float  # upper limit of the clock error that the receiver assumes
+    time_uncertainty_s: float  # upper limit of the clock error in s, as the receiver states it
     description: str  # a line of text for the user
     companions: Callable[[Path], None]  # function that writes all other files of the folder
-    interference: Mapping[Band, Interference] = field(default_factory=dict)  # noise and jamming, if there is any
+    interference: Mapping[Band, Interference] = field(default_factory=dict)  # noise and jamming of attacks
     own_parts: tuple[str, ...] = ()  # the user's own classes in the scenario, `module:Name@digest`
     troposphere: bool = False  # whether a troposphere delays the signals
     ionosphere: bool = False  # whether the ionosphere of the message delays the signals
@@ -80,14 +80,14 @@ class SimulatedRecording:
     def record(
         self, band: Band, *, at_most: int | None = None, noise: bool = True, pool: Executor | None = None
     ) -> Iterator[SampleBatch]:
-        """Yield the samples of a band in order of time."""
+        """Yield batches of the samples of a band in order of time."""
         return self._made(band, self.samples[:at_most], noise=noise, pool=pool)
 
     def window(self, band: Band, from_s: float, to_s: float) -> SampleBatch:
-        """Return the samples of a band between two times in s after the reference, as one batch.
+        """Return the samples of a band from `from_s` to `to_s`, in s after the reference time, as one batch.
 
-        Samples within the recording are equal to the samples from `record`. The two times may lie after the end of the
-        recording.
+        Samples within the recording are equal to the samples from `record`. `from_s` and `to_s` may lie after the end
+        of the recording.
         """
         first, end = (round(at_s * self.sample_rate_hz) for at_s in (from_s, to_s))
         batches = list(self._made(band, range(first, end), noise=True))
@@ -97,7 +97,7 @@ class SimulatedRecording:
         return next(self.record(band, at_most=stretch_samples(self.sample_rate_hz)))
 
     def _rest(self, band: Band, done: int, pool: Executor) -> Generator[SampleBatch]:
-        """Yield the samples of a band after the first `done` samples."""
+        """Yield batches of the samples of a band that follow the first `done` samples."""
         if rest := self.samples[done:]:
             yield from self._made(band, rest, noise=True, pool=pool)
 
@@ -124,19 +124,19 @@ class SimulatedRecording:
         Parameters
         ----------
         bands
-            The band, or the two bands in the order in which their samples alternate.
+            Band of the samples, or two bands in the order in which their samples alternate.
         write
-            Function that takes bytes: little-endian numbers, I and Q alternating. While this function waits, at most
-            eight stretches of samples are made.
+            Function that takes the samples as bytes: little-endian numbers with I before Q. While this function waits,
+            at most eight batches of about 10 ms are made.
         component
             Number type of I and of Q.
         workers
-            Number of threads that make samples; the samples do not depend on it.
+            Number of threads that make samples; the samples do not depend on this number.
         progress
             Function that is called with the bands, the number of written samples of each band, and the number of all
-            samples.
+            samples of each band.
         warn
-            Called with one line at the end if samples clip.
+            Function that is called with one line at the end if samples clip.
 
         Raises
         ------
@@ -179,7 +179,7 @@ class SimulatedRecording:
             )
 
     def n_bytes(self, component: SampleType, exports: Sequence[str] = ()) -> int:
-        """Return the size of the samples of both bands in bytes, including copies for exports."""
+        """Return the size in bytes of the samples of both bands, including the copies for the receivers `exports`."""
         own = SampleFormat(component=component, layout="iq").sample_bytes
         return len(Band) * len(self.samples) * (own + sum(COPY_BYTES[name] for name in exports))
 
@@ -189,7 +189,7 @@ class SimulatedRecording:
             check_export(name, SampleFormat(component=component, layout="iq"), self.sample_rate_hz)
 
     def seconds_to_write(self) -> float:
-        """Return the approximate time in s to write the recording, estimated from a short stretch of each band."""
+        """Return the approximate time in s to write the recording, estimated from a short part of each band."""
         n_samples = min(len(self.samples), int(_PROBE_S * self.sample_rate_hz))
         slowest_s = 0.0
         for band in Band:
@@ -213,34 +213,34 @@ class SimulatedRecording:
         say: Say | None = None,
         warn: Say | None = None,
     ) -> tuple[Path, ...]:
-        """Write the folder and return its files; resume if an earlier process was killed during the writing.
+        """Write the folder of the recording and return its files; continue a recording that a killed process left.
 
         Parameters
         ----------
         folder
-            The folder of the recording, which appears when all files are complete.
+            Folder of the recording, which appears when all files are complete.
         scenario_text
-            The scenario as TOML, with all replaced values.
+            Scenario as TOML, with all values that `--set` has replaced.
         component
-            Number type of the samples.
+            Number type of I and of Q.
         exports
-            Names in `recording.samples.exports.EXPORTS`.
+            Names of the receivers for which files are written, from `recording.samples.exports.EXPORTS`.
         workers
-            Number of threads that make samples; the samples do not depend on it.
+            Number of threads that make samples; the samples do not depend on this number.
         progress
             Function that is called with the band, the number of written samples, and the number of all samples.
         say
-            Function that is called with a line if a recording is resumed, and with a line before the other files of a
-            long recording are written.
+            Function that is called with a line of text if a recording is continued. For a long recording, the function
+            is also called before message, truth and assistance are written.
         warn
-            Called with one line at the end if samples clip.
+            Function that is called with one line at the end if samples clip.
 
         Raises
         ------
         InputFileError
-            If `folder` exists, another process writes it, or a killed process left another recording.
+            If `folder` exists, another process writes this folder, or a killed process left another recording.
         UnsupportedError
-            If one of `exports` cannot read such samples; in this case nothing is written.
+            If one of the receivers `exports` cannot read the samples; in this case nothing is written.
         VestigeError
             If the samples do not fit on the disk.
         """
@@ -270,11 +270,11 @@ class SimulatedRecording:
 
     @property
     def exported_sky(self) -> ExportedSky:
-        """Satellites and atmosphere that the files for other receivers state."""
+        """Satellites and atmosphere of the recording, which the files for other receivers state."""
         return ExportedSky(svids=self.sky.svids, troposphere=self.troposphere, ionosphere=self.ionosphere)
 
     def _identity(self, scenario_text: str, component: SampleType) -> dict[str, str]:
-        """Return all values on which the bits of the samples depend, by names for messages to the user."""
+        """Return all values on which the bits of the samples depend, by the name that an error message uses."""
         return {
             "scenario": hashlib.sha256(scenario_text.encode()).hexdigest(),
             "stretch of time": f"samples {self.samples.start} to {self.samples.stop}",
@@ -285,15 +285,15 @@ class SimulatedRecording:
         }
 
     def scale(self, component: SampleType) -> float:
-        """Return the stored value of 1.0; the levels of a quantiser are stored unscaled."""
+        """Return the stored value of an I or Q of 1.0; the levels of a quantiser are stored unscaled."""
         return SCALES[component] if self.front_end.bits is None else 1.0
 
     def _write_samples(
         self, unfinished: UnfinishedRecording, form: SampleFormat, workers: int, progress: Report | None
     ) -> tuple[list[Path], dict[Band, float]]:
-        """Write both bands at the same time; return their metadata files, and the share of their numbers that clip.
+        """Write both bands at the same time; return the metadata file and the clipped share of numbers of each band.
 
-        A thread for each band writes the samples, which the workers make.
+        One thread for each band writes the samples that the workers make.
         """
         stop = threading.Event()
         left = dict(unfinished.samples)

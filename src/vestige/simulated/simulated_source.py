@@ -22,7 +22,7 @@ class SimulatedSource:
     Attributes
     ----------
     scenario
-        The campaign.
+        Campaign whose snapshots are simulated.
     block_epochs
         Number of epochs in a block; the verdicts do not depend on this number.
     """
@@ -32,7 +32,7 @@ class SimulatedSource:
 
     @property
     def assistance(self) -> SimulatedAssistance:
-        """RECS and keys for the snapshots of the campaign."""
+        """RECS, group delays and keys for the snapshots of the campaign."""
         return self.scenario.simulated_receiver.assistance
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
@@ -45,15 +45,14 @@ class SimulatedSource:
 
 
 def simulate(scenario: CampaignScenario | Path | str, *, block_epochs: int = BLOCK_EPOCHS) -> SimulatedSource:
-    """Return the snapshots of a campaign, at its fidelity, for a single line of sight or for a sky.
+    """Return a source that simulates the snapshots of a campaign when they are requested.
 
-    Use `simulate` to inspect single snapshots and verdicts. In contrast, `run` keeps the results of all epochs in a
-    folder.
+    Use `simulate` to inspect single snapshots and verdicts. Use `run` to store the results of all epochs in a folder.
 
     Parameters
     ----------
     scenario
-        Campaign, or the path of its file.
+        Campaign, or path of the scenario file of a campaign.
     block_epochs
         Number of epochs in a block, 1 or more. The verdicts do not depend on this number.
 

@@ -1,4 +1,4 @@
-"""Make the signals of a test case in blocks of epochs, so that the memory does not grow with the recording's length."""
+"""Make the signals of a test case in blocks of epochs, so that the memory does not grow with the number of epochs."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from vestige.simulated.sky_parts import Part
 
 
 class _Blocks:
-    """The blocks of a test case by number; several threads may use the same object.
+    """Blocks of a test case by number; several threads may use one object.
 
     The last requested block is kept, and a later block continues from the kept block. A request for an earlier block
-    makes all previous blocks again.
+    starts again with the first block.
     """
 
     def __init__(self, case: AcasTestCase) -> None:
@@ -27,7 +27,7 @@ class _Blocks:
         self._block: tuple[ExportedSatellite, ...] = ()
 
     def block(self, number: int) -> tuple[ExportedSatellite, ...]:
-        """Return the satellites of a block."""
+        """Return the satellites of the test case in the block `number`."""
         with self._lock:
             if self._number < 0 or number < self._number:
                 self._number, self._following = -1, self._case.blocks()
@@ -39,9 +39,9 @@ class _Blocks:
 
 @dataclass(frozen=True, kw_only=True)
 class SkyInBlocks:
-    """All signals of a test case; each band keeps the signals of one block of epochs at a time.
+    """All signals of a test case, of which each band has only one block of epochs in memory.
 
-    Bands have separate blocks, because one band may be written much faster than the other band.
+    The two bands have separate blocks, because one band may be written much faster than the other band.
     """
 
     case: AcasTestCase
@@ -52,13 +52,14 @@ class SkyInBlocks:
 
     @property
     def svids(self) -> tuple[int, ...]:
-        """Satellites of the recording, in ascending order."""
+        """SVIDs of the satellites of the recording, in ascending order."""
         return tuple(sorted(one.svid for one in self.case.scenario.simulations))
 
     def parts(self, band: Band, samples: range) -> Iterator[Part]:
-        """Yield the samples of each block with the signals of a band.
+        """Yield the sample numbers of each block, with the signals of a band in this block.
 
-        A block begins with the stretch of the recorder that contains the transmission of the block's first epoch.
+        The recorder makes samples in stretches of about 10 ms. A block begins with the stretch that contains the
+        transmission of the block's first epoch.
         """
         case, rate_hz = self.case, self.case.scenario.receiver.sample_rate_hz
         length = stretch_samples(rate_hz)

@@ -1,7 +1,7 @@
-"""Provide the signals of a recording by stretches of time.
+"""Provide the signals of a recording part by part, in order of time.
 
-The truth of a recording of hours is too large for the memory. So the signals of a stretch of time are requested only
-when the samples of this stretch are made.
+The truth of a recording of hours is too large for the memory. So the signals of a part are requested only when the
+samples of this part are made.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ Part = tuple[range, tuple[ReceivedSatellite, ...]]
 
 
 class SkyParts(Protocol):
-    """The signals of a recording in both bands."""
+    """Protocol of an object that provides the signals of a recording in both bands."""
 
     @property
     def svids(self) -> tuple[int, ...]:
-        """Satellites of the recording, in ascending order."""
+        """SVIDs of the satellites of the recording, in ascending order."""
 
     def parts(self, band: Band, samples: range) -> Iterator[Part]:
         """Yield ranges of successive sample numbers, each with the signals of a band in these samples.
@@ -29,7 +29,7 @@ class SkyParts(Protocol):
         Parameters
         ----------
         band
-            The band.
+            Band of the samples.
         samples
             Numbers of the requested samples, which the parts cover in order. Samples before the first and after the
             last sample of the recording are possible.
@@ -38,15 +38,15 @@ class SkyParts(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class WholeSky:
-    """Signals of a recording that are not divided: the same objects from the first to the last sample."""
+    """Signals of a recording that is not divided into parts."""
 
     signals: Mapping[Band, tuple[ReceivedSatellite, ...]]
 
     @property
     def svids(self) -> tuple[int, ...]:
-        """Satellites of the recording, in ascending order."""
+        """SVIDs of the satellites of the recording, in ascending order."""
         return tuple(sorted({one.svid for sky in self.signals.values() for one in sky}))
 
     def parts(self, band: Band, samples: range) -> Iterator[Part]:
-        """Yield all samples with all signals of a band."""
+        """Yield a single part: the range `samples`, with all signals of a band."""
         yield samples, self.signals[band]

@@ -5,11 +5,11 @@ A recording `night` is written in `.night.unfinished`, in the same parent folder
 | file | content |
 |---|---|
 | `progress.json` | settings of the recording, and number of samples of each band that are certainly on disk |
-| `night/` | the later folder; samples are in `*.part` until their band is complete |
+| `night/` | the folder that is renamed at the end; the samples of a band are in `*.part` until the band is complete |
 
 `progress.json` is replaced in one step, after all the counted samples are on the disk. So the process or the machine
 may stop at any moment. The next call truncates the files to the counted samples and makes the missing samples. All
-other files are made anew. After an error or Ctrl-C no file is left.
+other files are made again. After an error or Ctrl-C no file is left.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class UnfinishedRecording:
     Attributes
     ----------
     folder
-        Folder to write into, which becomes the output at the end.
+        Folder in which the files are written, and which is renamed to the output folder at the end.
     samples
         Number of samples of each band that are on the disk; empty for a new recording.
     """
@@ -52,7 +52,7 @@ class UnfinishedRecording:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def keep(self, band: Band, n_samples: int) -> None:
-        """Record that the first `n_samples` of a band are on the disk; the next process resumes after them."""
+        """Store that the first `n_samples` of a band are on the disk, so that the next process continues after them."""
         with self._lock:
             self.samples[band] = n_samples
             counts = {band.value: count for band, count in self.samples.items()}
@@ -80,7 +80,7 @@ def unfinished_folder(output: Path) -> Path:
 
 @contextmanager
 def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[UnfinishedRecording]:
-    """Yield a folder with the samples that a killed process left, and rename the folder to `output` at the end.
+    """Yield a recording with the samples that a killed process left, and rename its folder to `output` at the end.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[
         If `output` exists or lies in the results of a campaign. If the hidden folder contains another recording, is in
         use by another process, or could have been prepared by another user.
     OSError
-        If the folder cannot be written; the error has the name of `output`.
+        If the folder cannot be written; the error names `output`.
     """
     check_new_folder(output)
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -118,7 +118,7 @@ def unfinished_recording(output: Path, identity: Mapping[str, str]) -> Iterator[
 
 
 def _own_folder(hidden: Path) -> None:
-    """Make the folder, or check that only the present user could have written into an existing folder."""
+    """Make the folder, or check that only the current user could have written to an existing folder."""
     try:
         hidden.mkdir(mode=0o700)
     except FileExistsError:
@@ -129,7 +129,7 @@ def _own_folder(hidden: Path) -> None:
 
 
 def _samples_left(hidden: Path, identity: Mapping[str, str]) -> dict[Band, int]:
-    """Return the number of samples of each band that a killed process left."""
+    """Return the number of samples of each band that a killed process left in the hidden folder; {} if none."""
     progress = hidden / _PROGRESS
     try:
         text = progress.read_text(encoding="utf-8")
@@ -150,7 +150,7 @@ def _samples_left(hidden: Path, identity: Mapping[str, str]) -> dict[Band, int]:
 
 
 def _remove_all_but_samples(hidden: Path, folder: Path, samples: Mapping[Band, int]) -> None:
-    """Remove all files that the next call makes anew, which are all except the samples and `progress.json`."""
+    """Remove all files that are made again, which are all files except the kept samples and `progress.json`."""
     kept = {folder / f"{band.value.lower()}{suffix}" for band in samples for suffix in (DATA, f"{DATA}.part")}
     for path in (*hidden.iterdir(), *folder.iterdir()):
         if path in (folder, hidden / _PROGRESS) or path in kept:

@@ -37,14 +37,14 @@ class ForgeryAfterDisclosure(CheckedAttack):
     Attributes
     ----------
     delay_s
-        Delay of the attacker's transmission after the true transmission in s, more than 0, at most 120. The attacker
-        has the key only after its last bit is sent, so a scenario with a shorter delay gives an error.
+        Time in s from the true transmission to the attacker's transmission, more than 0, at most 120. The attacker has
+        the key only after the last bit of the key is sent. A scenario with a delay before this time gives an error.
     power_db
-        Power relative to the true signal in dB.
+        Power of the spoofing signal relative to the true signal in dB.
     range_offset_m
         Delay in m in addition to `delay_s` for the satellites in `svids`; negative for a shorter range.
     acquired
-        Whether the receiver acquires after the attack's start, because the receiver was switched on or jammed before.
+        Whether the receiver acquires E1 again when the attack begins, because the receiver was off or jammed before.
 
     Raises
     ------
@@ -68,10 +68,10 @@ class ForgeryAfterDisclosure(CheckedAttack):
 
     @property
     def reacquired(self) -> bool:
-        """Whether the receiver acquires E1 anew when the attack begins, and takes the strongest signal."""
+        """Whether the receiver acquires E1 again when the attack begins, and takes the strongest signal."""
         return self.acquired
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal:
-        """Return the spoofing signal of a satellite in a band."""
+        """Return the spoofing signal of a satellite in a band, `delay_s` later than the true signal."""
         made = delayed(self, band, times_s, delay_m=self.range_offset_m, power_db=self.power_db, phase=COHERENT)
         return replace(made, delay_m=made.delay_m + self.delay_s * SPEED_OF_LIGHT_MPS)

@@ -2,14 +2,13 @@
 
 An attack adds noise and a jamming waveform to a band, and at most one spoofing signal for each satellite. A spoofing
 signal is described relative to the true signal of its satellite in the same band. The effects depend only on time,
-because an attack has no memory and no random numbers. Times are the times of the epochs in s after the scenario's
-start.
+because an attack has no memory and no random numbers. Times are in s after the scenario's start.
 
 **Assumption 2** [WFO, Sec. II] says that the true encrypted signal is always present and always comes first. An attack
 that violates Assumption 2 can be simulated, but states the violation in `outside_assumption_2`.
 """
 
-# ruff: noqa: ARG002  an attack without an effect ignores its arguments
+# ruff: noqa: ARG002  methods of the base class ignore their arguments, because they have no effect
 
 from __future__ import annotations
 
@@ -39,23 +38,23 @@ MAX_LEVEL_DB = 100.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpoofingSignal:
-    """Spoofing signal of a satellite in a band, relative to the true signal, at each epoch.
+    """Spoofing signal of a satellite in a band at each epoch, relative to the true signal.
 
     Attributes
     ----------
     delay_m, delay_rate_mps
-        Delay relative to the line of sight in m, positive if later, and the rate of this delay in m/s.
+        Delay relative to the true signal in m, positive if later, and rate of this delay in m/s.
     power_db
-        Power relative to the line of sight in dB; −inf if there is no signal.
+        Power relative to the true signal in dB; −inf if there is no spoofing signal.
     phase_rad
-        Phase relative to the line of sight in rad.
+        Carrier phase relative to the true signal in rad.
     doppler_hz
-        Doppler in Hz of the carrier relative to the line of sight, which is the rate of `phase_rad`.
+        Doppler of the carrier relative to the true signal in Hz, which is the rate of `phase_rad` in cycles/s.
     forged_chips
-        True on E6 if the attacker invented the chips. Otherwise the attacker sends the received true chips again.
+        Whether the attacker invented the chips on E6. If false, the spoofing signal has the true chips.
     forged_nav_data
-        True on E1 if the attacker invented the navigation data. Otherwise the attacker sends the data of the satellite
-        again.
+        Whether the attacker invented the navigation data on E1. If false, the spoofing signal has the data of the
+        satellite.
     """
 
     delay_m: Float[np.ndarray, " n"]
@@ -69,7 +68,7 @@ class SpoofingSignal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jamming:
-    """A jamming waveform in a band: J/N at each epoch, and the bandwidth to which N refers."""
+    """Jamming waveform in a band, with J/N at each epoch and the bandwidth in Hz of the noise power N."""
 
     waveform: AnyJammer
     j_over_n: Float[np.ndarray, " n"]
@@ -83,10 +82,10 @@ class Attack:
     Attributes
     ----------
     start_s, stop_s
-        Begin and end of the attack in s after the scenario's start. The attack is already off at `stop_s`.
+        Start and end of the attack in s after the scenario's start. The attack is already off at `stop_s`.
     svids
-        Satellites whose signals are spoofed; an empty list means all satellites. Noise and jamming affect all
-        satellites.
+        SVIDs of the satellites whose signals are spoofed; an empty list means all satellites. Noise and jamming affect
+        all satellites.
     """
 
     start_s: float = 0.0
@@ -104,7 +103,7 @@ class Attack:
 
     @property
     def kind(self) -> str:
-        """Name of the attack in a scenario; `module:Name` for a class without a shorter name."""
+        """Value of the key `kind` in a scenario; `module:Name` for a class that the user wrote."""
         return kind_of(type(self))
 
     @property
@@ -122,23 +121,23 @@ class Attack:
         return (times_s >= self.start_s) & (times_s < self.stop_s)
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
+        """Return the spoofing signal of a satellite in a band; None for a band that the attack does not spoof."""
         return None
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the density of white noise that the attack adds to a band, over N0."""
+        """Return the density of white noise that the attack adds to a band, divided by N0."""
         return np.zeros(times_s.shape)
 
     def jamming(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Jamming | None:
-        """Return the jamming waveform that the attack adds to a band, or None."""
+        """Return the jamming waveform that the attack adds to a band; None if the attack adds no waveform."""
         return None
 
     def replayed(self, component: Component, svid: int, seed: int) -> Component:
-        """Return the component of a recorded spoofing signal that replaces a component of the true signal."""
+        """Return the component that the spoofing signal in a recording has in place of `component`."""
         return component
 
     def withholds_osnma(self, first_s: float, last_s: float) -> bool:
-        """Return whether the attack prevents the reception of an OSNMA key that is sent between two times."""
+        """Return whether the attack prevents the reception of an OSNMA key sent from `first_s` to `last_s`."""
         return False
 
 
@@ -153,9 +152,9 @@ def delayed(
     forged_chips: bool = False,
     forged_nav_data: bool = False,
 ) -> SpoofingSignal:
-    """Return a spoofing signal from its profiles; the signal is off while the attack is off.
+    """Return a spoofing signal with the given profiles of delay and power; the signal is off while the attack is off.
 
-    A number means a constant profile.
+    A number in place of a profile means a constant profile.
     """
     delay = as_profile(delay_m)
     carrier = DelayedCarrier(
@@ -190,13 +189,13 @@ def check_delay(key: str, delay_m: AnyProfile | float) -> None:
 
 
 def check_bands(key: str, bands: tuple[Band, ...]) -> None:
-    """Raise `SettingError` if an attack names no band, or a band twice."""
+    """Raise `SettingError` if an attack names no band, or names a band twice."""
     if not bands or len(set(bands)) != len(bands):
         raise SettingError(key, [band.value for band in bands], "one band or more, each once")
 
 
 def check_level(key: str, level_db: AnyProfile | float) -> None:
-    """Raise `SettingError` if a power exceeds its reference by more than 100 dB; -inf means no power."""
+    """Raise `SettingError` if a power is more than 100 dB above its reference; −inf dB means no power."""
     high_db = extremes(level_db)[1]
     if not high_db <= MAX_LEVEL_DB:
         raise SettingError(key, f"{high_db:g} dB", f"at most {MAX_LEVEL_DB:g} dB")

@@ -1,8 +1,8 @@
 """Simulate an attack that ends before the next RECS, so that no RECS detects the attack.
 
-Between two RECS the spoofing signal switches on at the delay of the true signal. The spoofing signal then moves away
-with the tracking loop. The spoofing signal moves the loop back to the true signal, and then switches off. Let x be the
-time since the last RECS, from `guard_s` to `period_s − guard_s`. The delay is then
+Between two RECS the spoofing signal switches on at the delay of the true signal. The spoofing signal moves the tracking
+loop away from the true signal, moves the loop back, and then switches off. Let x be the time since the last RECS, from
+`guard_s` to `period_s − guard_s`. The delay of the spoofing signal relative to the true signal is
 
     τ = top_m sin²(π (x − guard)/(period − 2 guard))        power on
 """
@@ -32,11 +32,11 @@ class BetweenRecs(CheckedAttack):
     Attributes
     ----------
     top_m
-        Largest delay in m.
+        Largest delay of the spoofing signal relative to the true signal in m.
     power_db
-        Power in dB relative to the true signal while the attack is on.
+        Power of the spoofing signal in dB relative to the true signal while the attack is on.
     period_s, first_recs_s
-        Time between two RECS, and time of the first RECS, in s.
+        Time between two RECS in s, and time of the first RECS in s after the scenario's start.
     guard_s
         Time in s before and after a RECS during which the attack is off.
     phase, bands
@@ -69,7 +69,7 @@ class BetweenRecs(CheckedAttack):
         return Attack.on(self, times_s) & (since_s > self.guard_s) & (since_s < self.period_s - self.guard_s)
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
+        """Return the spoofing signal of a satellite in a band; None for a band that the attack does not spoof."""
         if band not in self.bands:
             return None
         rate = 1 / (self.period_s - 2 * self.guard_s)

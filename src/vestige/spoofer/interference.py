@@ -1,4 +1,4 @@
-"""Simulate attacks without a spoofing signal: jamming, and noise just strong enough to prevent OSNMA."""
+"""Simulate attacks without a spoofing signal: jamming, and noise that destroys OSNMA pages but permits tracking."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from vestige.spoofer.jammers import WIDEBAND, Jammer
 from vestige.spoofer.profiles import Profile, as_profile
 from vestige.spoofer.repeaters import BOTH
 
-NOISE_BANDWIDTH_HZ = 2 * FUNDAMENTAL_FREQUENCY_HZ  # width of the main lobe of E6 with the first side lobe on each side
+NOISE_BANDWIDTH_HZ = 2 * FUNDAMENTAL_FREQUENCY_HZ  # width in Hz of main lobe and first side lobes of E6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jam(CheckedAttack):
-    """A jammer on one or both bands.
+    """Jammer on one band or on both bands.
 
     Attributes
     ----------
     j_over_n_db
         Mean power of the jammer over the noise power in dB.
     waveform
-        Wideband, CW, chirp or pulsed.
+        Waveform of the jammer: wideband noise, continuous wave, chirp or pulsed noise.
     bands
         Bands that are jammed. If only E6 is jammed, tracking on E1 continues.
     noise_bandwidth_hz
-        Bandwidth to which N refers in Hz.
+        Bandwidth in Hz of the noise power N.
     """
 
     j_over_n_db: Profile
@@ -47,7 +47,7 @@ class Jam(CheckedAttack):
             raise SettingError("noise_bandwidth_hz", f"{self.noise_bandwidth_hz:g} Hz", "1 kHz to 1 GHz")
 
     def jamming(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Jamming | None:
-        """Return the jamming waveform that the attack adds to a band, or None."""
+        """Return the jamming waveform that the attack adds to a band; None for a band that is not jammed."""
         if band not in self.bands:
             return None
         level = 10 ** (as_profile(self.j_over_n_db).value(times_s) / 10)
@@ -60,9 +60,9 @@ class Jam(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaDenial(CheckedAttack):
-    """White noise on E1 that does not stop tracking, but destroys OSNMA pages.
+    """White noise on E1 that permits tracking, but destroys OSNMA pages.
 
-    A key that is on air during the attack is not received. So RECS with this key cannot be decrypted.
+    A key that is on air during the attack is not received, so RECS with this key cannot be decrypted.
 
     Attributes
     ----------
@@ -74,12 +74,12 @@ class OsnmaDenial(CheckedAttack):
     kind: Literal["osnma-denial"] = "osnma-denial"
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the density of white noise that the attack adds to a band, over N0."""
+        """Return the density of white noise that the attack adds to a band, divided by N0."""
         if band is not Band.E1:
             return np.zeros(times_s.shape)
         return np.where(self.on(times_s), 10 ** (as_profile(self.j_over_n_db).value(times_s) / 10), 0.0)
 
     def withholds_osnma(self, first_s: float, last_s: float) -> bool:
-        """Return whether the attack is on at any time between two times."""
+        """Return whether the attack is on between `first_s` and `last_s`, and has power at one of these two times."""
         hit = self.start_s < last_s and first_s < self.stop_s
         return hit and float(np.max(as_profile(self.j_over_n_db).value(np.array([first_s, last_s])))) > -np.inf

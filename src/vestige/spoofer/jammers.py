@@ -16,11 +16,11 @@ White noise N0 gives the covariance N0/T · R(d_i − d_k). With J/N in a noise 
     chirp over B_s           (J/N) (B/B_s) R_{B_s}(Δ)     many sweeps fall in T; R_B: behind a filter of width B
 
 Sampling aliases the side lobes of S_c beyond ±f_s/2 onto the frequencies of the line or the sweep. This effect, about 3
-% more noise at 12.5 MHz, is neglected. C(0) is the *rise* of the noise density after the correlator because of the
-jammer. The phase of a wave, a sweep or a pulse is drawn at random once per epoch.
+% more noise at 12.5 MHz, is neglected. C(0) is the *rise* of the noise density, which the jammer causes after the
+correlator. The phase of a wave, a sweep or a pulse is drawn at random once per epoch.
 """
 
-# ruff: noqa: ARG002  one signature for all waveforms
+# ruff: noqa: ARG002  all waveforms have the same signature
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ from vestige.signal_generator.noise_kernel import fill_normals
 from vestige.signals.definitions import SignalDefinition
 from vestige.signals.pulse import autocorrelation, band_limited_autocorrelation, spectrum
 
-_SHORTEST_S = 0.999e-6  # shortest duration of a pulse in s, which is some samples
-_PIECE = 8192  # number of samples that are added together; their arrays fit into the cache
+_SHORTEST_S = 0.999e-6  # shortest duration of a pulse in s, which is a few samples
+_PIECE = 8192  # number of samples that are processed together; the arrays of these samples fit into the cache
 
 
 class _White:
@@ -45,7 +45,7 @@ class _White:
 
     __slots__ = ()
     white: ClassVar[bool] = True  # whether the waveform is white noise while the jammer is on
-    reach_hz: ClassVar[float] = 0.0  # largest distance of a line or sweep from the carrier; 0 for white noise
+    reach_hz: ClassVar[float] = 0.0  # largest distance in Hz of a line or sweep from the carrier; 0 for noise
 
     def covariance(
         self, signal: SignalDefinition, lag_chips: Float[np.ndarray, " n"], noise_bandwidth_hz: float
@@ -63,18 +63,18 @@ class Wideband(_White):
     def add(
         self, x: Complex64[np.ndarray, " n"], power: float, sample_rate_hz: float, key: np.uint64, first: int = 0
     ) -> None:
-        """Add the waveform to samples.
+        """Add the waveform to the samples `x`.
 
-        Noise in the samples has variance 1, and the waveform has the mean power `power`. `key` is the key of the
-        waveform's randomness (`noise_key`). `first` is the number of the first sample, so that consecutive pieces of a
-        waveform are continuous.
+        Noise in the samples has variance 1, and the waveform has the mean power `power`. `key` determines the random
+        numbers of the waveform (`noise_key`). `first` is the number of the first sample, so that consecutive pieces of
+        a waveform are continuous.
         """
         _add_noise(x, power, key, first)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContinuousWave:
-    """A continuous wave at a frequency `offset_hz` above the carrier."""
+    """Continuous wave at a frequency `offset_hz` above the carrier."""
 
     offset_hz: float = 0.0
     kind: Literal["cw"] = "cw"
@@ -82,7 +82,7 @@ class ContinuousWave:
 
     @property
     def reach_hz(self) -> float:
-        """Distance of the line from the carrier in Hz."""
+        """Distance of the continuous wave from the carrier in Hz."""
         return abs(self.offset_hz)
 
     def covariance(
@@ -106,7 +106,7 @@ class ContinuousWave:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chirp:
-    """A sawtooth sweep over `bandwidth_hz` around the carrier, repeated every `sweep_s`, rounded to whole samples."""
+    """Sawtooth sweep over `bandwidth_hz` around the carrier; the period `sweep_s` is rounded to whole samples."""
 
     bandwidth_hz: float = 10e6
     sweep_s: float = 20e-6
@@ -148,7 +148,7 @@ class Chirp:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pulsed(_White):
-    """Wideband noise during a share `duty` of every `period_s`; the power is the mean over time."""
+    """Wideband noise during the share `duty` of every `period_s`; J is the mean power over pulses and pauses."""
 
     duty: float = 0.1
     period_s: float = 1e-3
@@ -178,26 +178,26 @@ Jammer = Annotated[AnyJammer, Field(discriminator="kind")]
 
 
 def rise(jammer: AnyJammer, signal: SignalDefinition, noise_bandwidth_hz: float) -> float:
-    """Return C(0) for J/N = 1, the rise of the noise density after a correlator in units of N0."""
+    """Return C(0) for J/N = 1, which is the rise of the noise density after a correlator in units of N0."""
     return float(jammer.covariance(signal, np.zeros(1), noise_bandwidth_hz)[0].real)
 
 
 def power_in_samples(jammer: AnyJammer, j_over_n: float, noise_bandwidth_hz: float, sample_rate_hz: float) -> float:
     """Return the mean power of a jammer in samples whose noise has variance 1.
 
-    White noise adds power to the samples only within their bandwidth. Every other waveform adds its whole power,
-    relative to N0 B = B/f_s.
+    White noise adds only its power within the bandwidth f_s of the samples, which is J/N. Every other waveform adds its
+    whole power, which is (J/N) B/f_s.
     """
     return j_over_n if jammer.white else j_over_n * noise_bandwidth_hz / sample_rate_hz
 
 
 def _uniform(key: np.uint64) -> float:
-    """Return a number in [0, 1) that follows from the key, which is a hash."""
+    """Return a uniformly distributed number in [0, 1) that follows from the key, which is a hash."""
     return int(key) / 2.0**64
 
 
 def _other_uniform(key: np.uint64) -> float:
-    """Return a second number in [0, 1) from the lower 32 bits of the key; `_uniform` takes the upper bits."""
+    """Return a second uniformly distributed number in [0, 1), which follows from the lower 32 bits of the key."""
     return (int(key) & 0xFFFFFFFF) / 2.0**32
 
 

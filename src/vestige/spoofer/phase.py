@@ -2,7 +2,7 @@
 
     locked      φ = φ0                              for any delay: the carrier phase aligned attack
     slipping    φ = φ0 + 2π f (t − t_start)         a frequency error of the attacker's oscillator
-    coherent    φ = φ0 − 2π f_c τ(t)/c              as with a delay line: a turn for each wavelength
+    coherent    φ = φ0 − 2π f_c τ(t)/c              as with a delay line: a cycle per wavelength of delay
 
 The sum of the true signal and the spoofing signal has the amplitude |1 + √η e^{jφ} R(τ)|. So the phase decides whether
 the signals cancel or reinforce each other. If the delay of a locked or slipping spoofing signal changes, its code and
@@ -26,7 +26,7 @@ _MAX_SLIP_HZ = 1e4  # largest frequency error in Hz, twice the Doppler range of 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelayedCarrier:
-    """Arguments of a phase law: time since the attack's start, delay and its rate, and carrier."""
+    """Arguments of a phase law: time since the attack's start, delay, rate of the delay, and carrier frequency."""
 
     since_start_s: Float[np.ndarray, " n"]
     delay_m: Float[np.ndarray, " n"]
@@ -36,7 +36,7 @@ class DelayedCarrier:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Locked:
-    """A constant phase φ0 in rad."""
+    """Phase law `locked`, with a constant phase φ0 in rad."""
 
     phase_rad: float = 0.0
     kind: Literal["locked"] = "locked"
@@ -46,13 +46,13 @@ class Locked:
         return np.full(signal.delay_m.shape, self.phase_rad)
 
     def doppler_hz(self, signal: DelayedCarrier) -> Float[np.ndarray, " n"]:
-        """Return the frequency dφ/dt / 2π in Hz: 0."""
+        """Return the frequency dφ/dt / 2π in Hz, which is 0."""
         return np.zeros(signal.delay_m.shape)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slipping:
-    """A constant frequency error f in Hz; φ0 is the phase in rad at the attack's start."""
+    """Phase law `slipping`, with a constant frequency error f in Hz and the phase φ0 in rad at the attack's start."""
 
     slip_hz: float
     phase_rad: float = 0.0
@@ -73,7 +73,7 @@ class Slipping:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coherent:
-    """The phase that the delay itself causes, plus φ0 in rad."""
+    """Phase law `coherent`, with the phase that the delay of the signal causes, plus a constant φ0 in rad."""
 
     phase_rad: float = 0.0
     kind: Literal["coherent"] = "coherent"

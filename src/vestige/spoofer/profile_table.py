@@ -1,6 +1,7 @@
-"""Read a profile from a CSV file: a header `time_s,value`, then a point in each line.
+"""Read a profile from a CSV file.
 
-Empty lines and lines that begin with # are skipped.
+The first line is the header `time_s,value`, and each following line has a point of the profile. Empty lines and lines
+that begin with # are skipped.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ _HEADER = "time_s,value"
 
 
 def read_profile_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the times in s and the values of a table.
+    """Return the times in s and the values of a profile from a CSV file.
 
-    Raises `InputFileError` if the file has another format or fewer than two points. The same error is raised for a
-    number that is not finite, and for times that do not ascend.
+    Raises `InputFileError` if the file has another format, fewer than two points, a number that is not finite, or times
+    that do not ascend.
     """
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]

@@ -1,8 +1,8 @@
 """Compute profiles of delay in m, or of power in dB, as functions of time, with the exact derivative.
 
 Every profile has its first value before its start, and its last value after its end. So a profile has a value at every
-time. The attack is switched on and off by its own `start_s` and `stop_s`, and not by a profile. The table says which
-profiles and rates are continuous:
+time. `start_s` and `stop_s` of the attack, and not a profile, switch the attack on and off. The table says which values
+and rates are continuous:
 
 | profile | value | rate |
 |---|---|---|
@@ -30,7 +30,7 @@ from vestige.spoofer.profile_table import read_profile_table
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Constant:
-    """Profile with the same value at all times.
+    """Profile with one value at all times.
 
     Attributes
     ----------
@@ -46,13 +46,13 @@ class Constant:
         return np.full(t_s.shape, self.level)
 
     def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the derivative, 0."""
+        """Return the derivative per s at each time, which is 0."""
         return np.zeros(t_s.shape)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ramp:
-    """Profile from one value to another value, in a straight line or as half a cosine.
+    """Profile that changes from one value to another value, in a straight line or as half a cosine.
 
     Attributes
     ----------
@@ -80,16 +80,16 @@ class Ramp:
         return self.first + (self.last - self.first) * _share(t_s, self.start_s, self.stop_s, self.smooth)
 
     def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the derivative per s; at a corner the derivative after the corner."""
+        """Return the derivative per s at each time; at a corner, return the derivative after the corner."""
         return (self.last - self.first) * _share_rate(t_s, self.start_s, self.stop_s, self.smooth)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sine:
-    """Profile of an approach and a departure, with rate 0 at the turn [WFO, Sec. VI-B].
+    """Profile that approaches a value and departs again, with rate 0 at the turn [WFO, Sec. VI-B].
 
     The profile is half a cosine from `first` to `turn`, and another half cosine from `turn` to `last`. The delay of the
-    paper's spoofing signal falls until the spoofing signal reaches the true signal, and then rises again.
+    spoofing signal in [WFO] falls until the spoofing signal reaches the true signal, and then rises again.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Sine:
         return self.turn + approach + departure
 
     def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the derivative per s."""
+        """Return the derivative per s at each time."""
         approach = (self.turn - self.first) * _share_rate(t_s, self.start_s, self.turn_s, smooth=True)
         departure = (self.last - self.turn) * _share_rate(t_s, self.turn_s, self.stop_s, smooth=True)
         return approach + departure
@@ -131,7 +131,7 @@ class Trapezoid:
     Attributes
     ----------
     base, top
-        Values outside and on the plateau.
+        Value outside the trapezoid, and value on the plateau.
     start_s, stop_s
         Times at which the profile leaves the base and reaches the base again, in s after the scenario's start.
     rise_s, fall_s
@@ -163,7 +163,7 @@ class Trapezoid:
         return self.base + (self.top - self.base) * (up - down)
 
     def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the derivative per s; at a corner the derivative after the corner."""
+        """Return the derivative per s at each time; at a corner, return the derivative after the corner."""
         up = _share_rate(t_s, self.start_s, self.start_s + self.rise_s, self.smooth)
         down = _share_rate(t_s, self.stop_s - self.fall_s, self.stop_s, self.smooth)
         return (self.top - self.base) * (up - down)
@@ -171,14 +171,14 @@ class Trapezoid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Profile with straight lines between points, which are given in the table or in a CSV file (`profile_table`).
+    """Profile with straight lines between points, which are in the scenario or in a CSV file (`profile_table`).
 
     The points of a file are read when the profile is made. So the loaded scenario no longer depends on the file.
 
     Attributes
     ----------
     path
-        CSV file with the header `time_s,value` and a point in each line; empty if the points are given in the table.
+        CSV file with the header `time_s,value` and a point in each line; empty if the points are in the scenario.
     time_s, values
         Times in s after the scenario's start in ascending order, and the value at each time.
     """
@@ -203,7 +203,7 @@ class Table:
         return np.interp(t_s, self.time_s, self.values)
 
     def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the derivative per s; at a point the derivative after the point."""
+        """Return the derivative per s at each time; at a point, return the derivative after the point."""
         slopes = np.concatenate([[0.0], np.diff(self.values) / np.diff(self.time_s), [0.0]])
         return slopes[np.searchsorted(self.time_s, t_s, side="right")]
 
@@ -220,9 +220,10 @@ def _tag(value: Any) -> str:
 
 
 def _with_points(table: Any, info: ValidationInfo) -> Any:
-    """Return a table of a scenario with its points, which are read from a file if the table names a file.
+    """Return the table of a profile with its points; if the table names a CSV file, read the points from this file.
 
-    The path of the file is relative to the scenario file. Points are lists in TOML, and tuples in a `Table`.
+    The path of the file is relative to the folder of the scenario file. The points are lists in TOML, and tuples in a
+    `Table`.
     """
     if not isinstance(table, dict):
         return table
@@ -293,7 +294,7 @@ def extremes(profile: AnyProfile | float) -> tuple[float, float]:
 
 
 def fastest(profile: AnyProfile | float) -> float:
-    """Return the largest magnitude of the rate of a profile, in m/s or dB/s."""
+    """Return the largest magnitude of a profile's rate, in m/s for a delay and in dB/s for a power."""
     match profile:
         case Ramp():
             return _flank(profile.last - profile.first, profile.stop_s - profile.start_s, profile.smooth)

@@ -1,9 +1,9 @@
 """Simulate attacks with spoofing signals: lift-off attacks, meaconing, forgery and nulling.
 
-E1 codes are public, so the attacker makes its E1 spoofing signal itself. E6-C is encrypted, so the attacker has to
-repeat the true signal on E6, with the noise of the attacker's own reception. At the victim, the spoofing signal has η
-times the power of the true signal. The attacker's C/N0 is G times the victim's C/N0. Then the density of the repeated
-noise is
+E1 codes are public, so the attacker generates the spoofing signal on E1. E6-C is encrypted, so the attacker has to
+repeat the true signal on E6, with the noise of the attacker's own reception. Let the spoofing signal at the victim have
+η times the power of the true signal. Let the attacker's C/N0 be G times the victim's C/N0. The density of the repeated
+noise at the victim is
 
     N_repeated / N0 = η / G
 
@@ -32,18 +32,18 @@ RECEPTION_GAIN_DB = 20.0  # gain in dB of a dish antenna for each satellite, or 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LiftOffAttack(CheckedAttack):
-    """Spoofing signal that is given by profiles, and that is the same in every band of the attack.
+    """Spoofing signal whose profiles of delay and power are valid for every band of the attack.
 
     Attributes
     ----------
     delay_m, power_db, phase
-        Delay in m and power in dB relative to the true signal, and the phase law.
+        Delay in m and power in dB of the spoofing signal relative to the true signal, and phase law.
     bands
-        Bands with a spoofing signal; with E1 alone, E6 has no spoofing signal.
+        Bands that have a spoofing signal.
     reception_gain_db
-        Gain G in dB: C/N0 of the attacker's reception on E6 over the victim's.
+        Gain G in dB: C/N0 of the attacker's reception on E6 over the victim's C/N0 on E6.
     forged_nav_data
-        Whether the data on E1-B are the attacker's own; otherwise the data of the satellite are sent again.
+        Whether the attacker invents the data on E1-B; if false, the attacker sends the data of the satellite again.
     """
 
     delay_m: Profile
@@ -61,7 +61,7 @@ class _LiftOffAttack(CheckedAttack):
         return ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
+        """Return the spoofing signal of a satellite in a band; None for a band that the attack does not spoof."""
         if band not in self.bands:
             return None
         return delayed(
@@ -75,7 +75,7 @@ class _LiftOffAttack(CheckedAttack):
         )
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the density of the repeated noise on E6, over N0."""
+        """Return the density of the repeated noise on E6, divided by N0."""
         if band is Band.E1 or band not in self.bands:
             return np.zeros(times_s.shape)
         return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
@@ -85,8 +85,8 @@ class _LiftOffAttack(CheckedAttack):
 class LiftOff(_LiftOffAttack):
     """Spoofing signal that approaches the true signal, rises and leaves with the tracking loop [WFO, Sec. VI-B].
 
-    With `bands = ["E1"]` the attack has no effect on E6. With E1 and E6, the attack is zero-delay meaconing of the two
-    bands.
+    With `bands = ["E1"]` the attack has no effect on E6. With `bands = ["E1", "E6"]` the attack is zero-delay meaconing
+    of the two bands.
     """
 
     kind: Literal["lift-off"] = "lift-off"
@@ -126,13 +126,13 @@ class E1Asynchronous(CheckedAttack):
     Attributes
     ----------
     delay_m, power_db
-        Delay in m, which may be negative, and power in dB, relative to the true signal.
+        Delay of the spoofing signal in m, which may be negative, and power in dB, both relative to the true signal.
     acquired
         Whether the receiver is restarted when the attack begins, and acquires during the attack. If the attack starts
-        at 0 s, the receiver has acquired by the first epoch. Otherwise the receiver is locked to the true signal, and
-        has to lose lock first.
+        at 0 s, the receiver has acquired by the first epoch. If `acquired` is false, the receiver stays locked to the
+        true signal until it loses lock.
     forged_nav_data
-        Whether the data on E1-B are the attacker's own; otherwise the data of the satellite are sent again.
+        Whether the attacker invents the data on E1-B; if false, the attacker sends the data of the satellite again.
     """
 
     delay_m: Profile
@@ -147,7 +147,7 @@ class E1Asynchronous(CheckedAttack):
         return self.acquired
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
+        """Return the spoofing signal of a satellite in a band; None for a band that the attack does not spoof."""
         if band is not Band.E1:
             return None
         return delayed(
@@ -181,22 +181,22 @@ class Meaconing(CheckedAttack):
     Attributes
     ----------
     delay_s
-        Delay in s, from a fraction of a microsecond (repeater) to seconds (recorder).
+        Delay from reception to transmission in s, from a fraction of a microsecond (repeater) to seconds (recorder).
     antenna
         Position of the repeater's receiving antenna. The path over this antenna adds to the delay of each satellite, so
         a victim computes the position of the antenna [WFO, Sec. II]. This option needs a constellation and a
         trajectory. Without this option the delay is the same for all satellites, as if the attacker's antenna were
         beside the victim's antenna.
     power_db
-        Power in dB relative to the true signal.
+        Power of the spoofing signal in dB relative to the true signal.
     bands
         Bands that the attacker repeats.
     reception_gain_db
-        Gain G in dB: C/N0 of the attacker's reception over the victim's.
+        Gain G in dB: C/N0 of the attacker's reception over the victim's C/N0.
     acquired
         Whether the receiver is restarted when the attack begins, and acquires during the attack. If the attack starts
-        at 0 s, the receiver has acquired by the first epoch. Otherwise the receiver is locked to the true signal, and
-        has to lose lock first.
+        at 0 s, the receiver has acquired by the first epoch. If `acquired` is false, the receiver stays locked to the
+        true signal until it loses lock.
     """
 
     delay_s: float
@@ -218,7 +218,7 @@ class Meaconing(CheckedAttack):
         return self.acquired and Band.E1 in self.bands
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
+        """Return the spoofing signal of a satellite in a band; None for a band that the attack does not spoof."""
         if band not in self.bands:
             return None
         return delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=COHERENT)
@@ -227,12 +227,12 @@ class Meaconing(CheckedAttack):
     def delay_m(self) -> Profile:
         """Delay relative to the true signal in m, without the path over `antenna`.
 
-        `PlacedMeaconing`, the meaconer for one satellite, adds this path.
+        `PlacedMeaconing`, which is this attack on one satellite, adds the path over `antenna`.
         """
         return self.delay_s * SPEED_OF_LIGHT_MPS
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the density of the repeated noise, over N0."""
+        """Return the density of the repeated noise in a band, divided by N0."""
         if band not in self.bands:
             return np.zeros(times_s.shape)
         return repeated_noise(self, self.power_db, self.reception_gain_db, times_s)
@@ -240,14 +240,15 @@ class Meaconing(CheckedAttack):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forgery(CheckedAttack):
-    """Strong chips on E6 that the attacker invented, which raise the power on E6 without knowledge of the encryption.
+    """Spoofing signal with invented chips on E6, with which an attacker without the chips raises the power on E6.
 
     Attributes
     ----------
     power_db
-        Power in dB relative to the true signal.
+        Power of the spoofing signal in dB relative to the true signal.
     delay_m
-        Delay of the chips relative to the true signal in m. The delay has hardly any effect.
+        Delay of the invented chips relative to the true signal in m. The delay has hardly any effect, because invented
+        chips do not correlate with the true chips.
     """
 
     power_db: Profile
@@ -255,7 +256,7 @@ class Forgery(CheckedAttack):
     kind: Literal["forgery"] = "forgery"
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
+        """Return the spoofing signal of a satellite in a band; None for a band that the attack does not spoof."""
         if band is not Band.E6:
             return None
         return delayed(
@@ -270,7 +271,7 @@ class Nulling(CheckedAttack):
     Attributes
     ----------
     gain_db
-        Power gain g² in dB; 0 dB cancels the true signal perfectly.
+        Power gain g² in dB; 0 dB without phase error cancels the true signal perfectly.
     phase_error_rad
         Phase error e in rad.
     bands
@@ -288,7 +289,7 @@ class Nulling(CheckedAttack):
         return "it nulls the encrypted signal" if Band.E6 in self.bands else ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
+        """Return the spoofing signal of a satellite in a band; None for a band that the attack does not spoof."""
         if band not in self.bands:
             return None
         opposite = Locked(phase_rad=pi + self.phase_error_rad)
@@ -298,6 +299,6 @@ class Nulling(CheckedAttack):
 def repeated_noise(
     attack: Attack, power_db: Profile, reception_gain_db: float, times_s: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Return the density of the repeated noise over N0, η/G, at each epoch; 0 while the attack is off."""
+    """Return the density η/G of the repeated noise over N0 at each epoch, which is 0 while the attack is off."""
     over_db = as_profile(power_db).value(times_s) - reception_gain_db
     return np.where(attack.on(times_s), 10 ** (over_db / 10), 0.0)

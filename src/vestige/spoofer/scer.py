@@ -6,15 +6,15 @@ decisions give the sign and the amplitude.
 
 **Noise on E6.** The simulated E6 spoofing signals have the true chips. The errors of the estimates are added as white
 noise. The attacker estimates the chips of each satellite separately. So the errors of two satellites are independent,
-and their powers add:
+and the powers of the errors add:
 
     N/N0 = Σ_i η (Ec/N0 of satellite i) (1/ρ_i² − 1)        i: all satellites of the attack
 
 All satellites are received with one front end, so the noise of this sum affects every satellite. The sum of independent
-Gaussian noises is Gaussian noise with the sum of the powers. So a single stream of noise is exact. Each term is the
-noise density after a correlator whose chips begin together with the estimated chips. For other satellites, whose chips
-begin at other times, the density is 0.5 to 1 times the term, and 2/3 on average. So the sum is an upper limit of the
-noise in a real receiver.
+Gaussian noises is Gaussian noise with the sum of the powers. So a single sequence of noise simulates the errors of all
+satellites exactly. Each term is the noise density after a correlator whose chips begin together with the estimated
+chips. In a correlator whose chips begin at another time, the density is 0.5 to 1 times the term, and 2/3 on average. So
+the sum is an upper limit of the noise in a real receiver.
 
 A repeater (`chips = "repeated"`) receives all satellites together, so its noise counts once.
 """
@@ -56,25 +56,27 @@ class Scer(CheckedAttack):
     Attributes
     ----------
     delay_m, power_db, phase
-        Delay in m, power in dB and phase of the spoofing signal on E1. On E6 `power_db` is the power of the part that
-        matches the true chips.
+        Delay in m, power in dB and phase law of the spoofing signal on E1. On E6 `power_db` is the power of the part
+        that correlates with the true chips.
     e6_lag_m
-        Delay in m of the E6 spoofing signal after the E1 spoofing signal; at least the length of an E6-C chip, because
-        the attacker knows no chip before its end.
+        Delay in m of the E6 spoofing signal after the E1 spoofing signal. The delay should be at least the length of an
+        E6-C chip, because the attacker knows no chip before its end.
     reception_gain_db
-        Gain G in dB: C/N0 of the attacker's reception over the victim's.
+        Gain G in dB: C/N0 of the attacker's reception over the victim's C/N0.
     chips
-        Method for E6-C: `repeated` with the attacker's noise, or `hard` or `soft` decisions on each chip.
+        Chips of E6-C that the attacker transmits: `repeated` with the attacker's noise, or `hard` or `soft` decisions
+        on each chip.
     symbols
-        Method for the symbols of E1-B: `known` from their beginning on, or `hard` or `soft` decisions while the symbol
-        is received. This key affects only recordings, because campaigns do not simulate E1-B.
+        Symbols of E1-B that the attacker transmits: `known` from the beginning of a symbol on, or `hard` or `soft`
+        decisions while the symbol is received. This key affects only recordings, because campaigns do not simulate
+        E1-B.
     victim_cn0_dbhz
-        C/N0 of E6-C, and of E1-B, with the victim's antenna in dBHz. This C/N0 and G determine the quality of the
+        C/N0 of E6-C and of E1-B in dBHz with the victim's antenna. This C/N0 and G determine the quality of the
         attacker's estimates. A number applies to all satellites. `received` means the victim's C/N0 of E6-C of each
         satellite.
     latency_s
-        Time from the attacker's antenna to the transmission, in s. If the attacker transmits a symbol with a delay τ,
-        the estimate uses the first part of the symbol, of the duration τ minus latency.
+        Time in s from reception at the attacker's antenna to transmission. If the attacker transmits a symbol with a
+        delay τ, the estimate uses the first part of the symbol, whose duration is τ − `latency_s`.
     """
 
     delay_m: Profile
@@ -107,7 +109,7 @@ class Scer(CheckedAttack):
     def attacker_cn0_dbhz(self) -> float:
         """C/N0 of the attacker's reception in dBHz.
 
-        Raises ValueError if the C/N0 depends on the satellite; `against` returns an attack with a number.
+        Raises `ValueError` if `victim_cn0_dbhz` is `received`; `against` replaces `received` by a number.
         """
         return self._victim_dbhz + self.reception_gain_db
 
@@ -124,7 +126,7 @@ class Scer(CheckedAttack):
         return "the encrypted spoofing signal arrives before the true signal" if early else ""
 
     def spoofing_signal(self, band: Band, times_s: Float[np.ndarray, " n"]) -> SpoofingSignal | None:
-        """Return the spoofing signal of a satellite in a band; None if the attack never has such a signal."""
+        """Return the spoofing signal of a satellite in a band, which is `e6_lag_m` later on E6 than on E1."""
         lag_m = self.e6_lag_m if band is Band.E6 else 0.0
         on_time = delayed(self, band, times_s, delay_m=self.delay_m, power_db=self.power_db, phase=self.phase)
         if not lag_m:
@@ -138,7 +140,7 @@ class Scer(CheckedAttack):
         )
 
     def noise_over_n0(self, band: Band, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the noise of the attacker's reception or of the decisions on E6, over N0."""
+        """Return the noise density over N0 on E6, from the attacker's reception or from the decisions on chips."""
         if band is Band.E1:
             return np.zeros(times_s.shape)
         if self.chips == "repeated":
@@ -152,7 +154,7 @@ class Scer(CheckedAttack):
         return estimation_noise(self._victim_dbhz, self.reception_gain_db, self.chips)
 
     def head_start_s(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the duration in s of the part of a symbol that is received before the transmission, at each epoch."""
+        """Return how much of a symbol, in s, the attacker has received when transmission begins, at each epoch."""
         return as_profile(self.delay_m).value(times_s) / SPEED_OF_LIGHT_MPS - self.latency_s
 
     def replayed(self, component: Component, svid: int, seed: int) -> Component:
@@ -165,9 +167,9 @@ class Scer(CheckedAttack):
     def _estimated_chips(self, symbol: Sequence, code: Int8[np.ndarray, " 4092"], key: np.uint64) -> Chips:
         """Return the chips of E1-B times the attacker's estimate of the symbol at each chip.
 
-        In each chip time, the attacker's sum Σ increases by s √(2γ) plus a standard normal number. The symbol is s, ±1,
-        and γ is the Ec/N0 of a chip at the attacker. A hard decision is sign Σ, or a random guess if no chip has been
-        received. A soft decision is tanh(√(2γ) Σ).
+        In each chip time, the attacker's sum Σ increases by s √(2γ) plus a standard normal number. The symbol is s =
+        ±1, and γ is the Ec/N0 of a chip at the attacker. A hard decision is sign Σ, or a random guess if no chip has
+        been received. A soft decision is tanh(√(2γ) Σ).
         """
         root = np.sqrt(2 * 10 ** (self.attacker_cn0_dbhz / 10) / E1B.chip_rate_hz)
 
@@ -194,7 +196,7 @@ class Scer(CheckedAttack):
 class ScerOnSatellite(Scer):
     """SCER attack on one satellite of a receiver, with the noise of the estimates for all satellites of the attack."""
 
-    noise_of_all: float  # noise density over N0 of the decisions for all satellites, at 0 dB
+    noise_of_all: float  # noise density over N0 of the decisions for all satellites, for a power of 0 dB
 
     @property
     def noise_at_0_db(self) -> float:
@@ -203,17 +205,17 @@ class ScerOnSatellite(Scer):
 
 
 def against(attacks: tuple[Any, ...], svid: int, cn0_dbhz: Mapping[int, float]) -> tuple[Any, ...]:
-    """Return the attacks on one satellite of a receiver.
+    """Return the attacks of a scenario as they affect one satellite.
 
-    An SCER attack with `victim_cn0_dbhz = "received"` gets the C/N0 of the satellite. An SCER attack that decides on
-    chips gets the noise of all its satellites. All other attacks are unchanged.
+    In an SCER attack with `victim_cn0_dbhz = "received"`, the C/N0 of the satellite replaces `received`. An SCER attack
+    that decides on chips gets the noise of all its satellites. All other attacks are unchanged.
 
     Parameters
     ----------
     attacks
         Attacks of a scenario.
     svid
-        The satellite.
+        SVID of the satellite.
     cn0_dbhz
         C/N0 in dBHz of E6-C at the victim, by the SVID of each satellite on air.
     """

@@ -1,4 +1,4 @@
-"""Combine all attacks of a scenario into their effects on each band of a satellite, epoch by epoch.
+"""Combine the effects of all attacks of a scenario on each band of a satellite, epoch by epoch.
 
 | attack | E1 | E6 |
 |---|---|---|
@@ -65,22 +65,22 @@ _PILOT = {Band.E1: E1C, Band.E6: E6C}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandEffects:
-    """Effects of the attacks on a band of a satellite; the second axis counts the attacks."""
+    """Effects of all attacks on one band of a satellite; the axis n counts the epochs, and the axis k the attacks."""
 
-    # Spoofing signals relative to the line of sight, with the fields of `SpoofingSignal`. Without a signal the power is
-    # −inf dB, and the other values are 0.
+    # Spoofing signals relative to the true signal, with the fields of `SpoofingSignal`. If an attack has no spoofing
+    # signal, the power is −inf dB, and the other values are 0.
     delay_m: Float[np.ndarray, "n k"]
     delay_rate_mps: Float[np.ndarray, "n k"]
     power_db: Float[np.ndarray, "n k"]
     phase_rad: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    forged_chips: Bool[np.ndarray, " k"]  # whether the chips of a spoofing signal are invented by the attacker
-    forged_nav_data: Bool[np.ndarray, " k"]  # whether the navigation data of a spoofing signal are invented
-    white: Float[np.ndarray, " n"]  # added density of white noise, over N0: repeated noise and wideband jamming
+    forged_chips: Bool[np.ndarray, " k"]  # whether the attacker invented the chips of a spoofing signal
+    forged_nav_data: Bool[np.ndarray, " k"]  # whether the attacker invented the navigation data of a spoofing signal
+    white: Float[np.ndarray, " n"]  # density of added white noise over N0: repeated noise and wideband jamming
     jammers: tuple[Jamming, ...]  # jamming waveforms other than white noise
 
     def part(self, rows: slice) -> BandEffects:
-        """Return the effects in the epochs of a slice."""
+        """Return the effects in the epochs of the slice `rows`."""
         names = (*_OF_EPOCHS, "white")
         return replace(
             self,
@@ -94,7 +94,7 @@ class BandEffects:
         return 10 ** (self.power_db / 20) * np.exp(1j * self.phase_rad)
 
     def rise(self, band: Band) -> Float[np.ndarray, " n"]:
-        """Return the added noise density after a correlator of the band's pilot, over N0."""
+        """Return the density over N0 of the noise that the attacks add after a correlator of the band's pilot."""
         total = self.white.copy()
         for one in self.jammers:
             total += one.j_over_n * rise(one.waveform, _PILOT[band], one.noise_bandwidth_hz)
@@ -103,7 +103,7 @@ class BandEffects:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spoofer:
-    """The attacker, with all attacks of a scenario."""
+    """Attacker with all attacks of a scenario."""
 
     attacks: tuple[Attack, ...] = ()  # simultaneous attacks
 
@@ -138,9 +138,9 @@ class Spoofer:
     def acquired_anew(
         self, svid: int, after_s: Float[np.ndarray, " n"], until_s: Float[np.ndarray, " n"]
     ) -> Bool[np.ndarray, " n"]:
-        """Return whether an attack that begins in (after_s, until_s] makes the receiver acquire anew.
+        """Return whether an attack that begins in (after_s, until_s] makes the receiver acquire a satellite again.
 
-        An attack without power does not make the receiver acquire anew.
+        An attack whose spoofing signal on E1 has no power does not make the receiver acquire again.
         """
         anew = np.zeros(until_s.shape, bool)
         for attack in self.attacks:
@@ -151,7 +151,7 @@ class Spoofer:
         return anew
 
     def withholds_osnma(self, first_s: float, last_s: float) -> bool:
-        """Return whether an attack prevents the reception of an OSNMA key that is sent between two times."""
+        """Return whether an attack prevents the reception of an OSNMA key sent from `first_s` to `last_s`."""
         return any(attack.withholds_osnma(first_s, last_s) for attack in self.attacks)
 
     def warnings(self) -> tuple[str, ...]:

@@ -1,1 +1,1 @@
-"""Theory of the receiver: thresholds, losses, thermal noise, numbers of hypotheses, and a comparison with the paper."""
+"""Compute thresholds, losses, thermal noise and numbers of hypotheses from theory, and compare them with [WFO]."""

@@ -1,4 +1,4 @@
-"""Compute the probability of a miss of a signal that fades by multipath, averaged over the fading.
+"""Compute the probability that a signal that fades by multipath is missed, averaged over the fading.
 
 Theory of operation
 -------------------
@@ -10,8 +10,8 @@ A² P/2 per dimension:
     miss = P(|z| < γ) = 1 − Q₁(A/s, γ/s)
 
 C/N0 refers to the direct signal. A real reflection is delayed, so only a part of its power reaches the correlator of
-the direct signal. The average is therefore an upper limit of the probability of a miss. P = 0 gives `miss_probability`
-of `thresholds`.
+the direct signal. The average is therefore an upper limit of the probability of a miss. With P = 0 the formula gives
+`miss_probability` of `thresholds`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def faded_miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, ra
     pfa
         P_fa of a single test.
     ray_power_db
-        P, mean power of all reflections over the power of the direct signal in dB; −inf without reflections.
+        P in dB, the mean power of all reflections over the power of the direct signal; −inf without reflections.
 
     Examples
     --------

@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 The exhaustive search and the search with hand-over look for a signal within the time uncertainty ΔT [WFO, Sec. III-D
-and III-E]. Their numbers of hypotheses are:
+and III-E]. The two searches have these numbers of hypotheses:
 
     exhaustive   N = (ΔT / code step) · (Doppler span / Doppler step)      half a chip, 1/(2 T_I)
     hand-over    N = (ΔT / E1 code period) · taps                          one Doppler bin, known from E1
@@ -12,9 +12,9 @@ The paper's count for the hand-over, 30 s / 4 ms = 7500, has one code offset at 
 number is multiplied by the number of taps. The hand-over saves tests on E6 because a detection on E1 comes first. The
 detection on E1 has its own number of hypotheses: `exhaustive_hypotheses` over one E1 period with the E1 chip.
 
-The numbers are not rounded to whole steps. Hypotheses less than a chip apart have correlated noise, so N such
-hypotheses give fewer false alarms than N independent hypotheses. `effective_taps` gives this reduction for a bank of
-taps.
+The numbers are not rounded to whole steps. Hypotheses less than a chip apart have correlated noise, so N of these
+hypotheses give fewer false alarms than N independent hypotheses. `effective_taps` computes the number of independent
+hypotheses that gives as many false alarms as a bank of taps.
 """
 
 from __future__ import annotations
@@ -50,14 +50,15 @@ def exhaustive_hypotheses(
     doppler_span_hz: float,
     chip_s: float = 1 / E6C.chip_rate_hz,
 ) -> float:
-    """Return N of a search over all code offsets and Doppler bins [WFO, Sec. III-D]."""
+    """Return the number of hypotheses of a search over all code offsets and Doppler bins [WFO, Sec. III-D]."""
     return code_offsets(time_uncertainty_s, chip_s) * doppler_bins(doppler_span_hz, integration_s)
 
 
 def handover_hypotheses(time_uncertainty_s: float, taps: int = 1) -> float:
-    """Return N of a search on E6 at the code phase and Doppler that E1 gives [WFO, Sec. III-E].
+    """Return the number of hypotheses of a search on E6 at the code phase and Doppler from E1 [WFO, Sec. III-E].
 
-    `taps` code offsets are tested at each position; positions repeat with the period of the E1 code.
+    The code phase of E1 gives a position in each period of the E1 code. `taps` code offsets are tested at each
+    position.
     """
     return time_uncertainty_s / E1C.period_s * taps
 
@@ -65,13 +66,13 @@ def handover_hypotheses(time_uncertainty_s: float, taps: int = 1) -> float:
 def effective_taps(pfa: Reals, taps: int, correlation: float) -> Reals:
     """Return the number of independent tests that give as many false alarms as a bank of taps with correlated noise.
 
-    The number is N_eff = n − (n−1) P₁₂/P_fa. P₁₂ is the probability that two neighbouring taps raise a false alarm
-    together,
+    The number is N_eff = n − (n−1) P₁₂/P_fa, where n is `taps`. P₁₂ is the probability that two neighbouring taps raise
+    a false alarm together:
 
         P₁₂/P_fa = ∫_0^∞ e^{-t} Q₁(ρ√(g²+2t)/s, g/s) dt,    s = √(1−ρ²),  g the threshold
 
     N_eff is an upper limit, because the formula includes only coincidences of neighbouring taps. N_eff is exact for
-    small P_fa, and 1 % high at 1e-3 (11 taps, ρ 0.74).
+    small P_fa, and 1 % too large at P_fa = 1e-3 (11 taps, ρ = 0.74).
 
     `pfa` is the false-alarm probability of each tap. `correlation` is ρ, the autocorrelation at the distance of
     neighbouring taps, at least 0 and below 1.

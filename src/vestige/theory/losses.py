@@ -6,7 +6,7 @@ An error τ of the code offset, in chips, multiplies the amplitude of a coherent
 frequency error f multiplies the amplitude by sinc(f T_I). On a grid of step Δ the error is at most Δ/2. The mean loss
 is the loss of the mean *power* over all errors, which are uniformly distributed. An uncompensated acceleration makes
 the phase a parabola over T_I. An uncompensated code Doppler moves the replica by D chips over T_I, from −D/2 to D/2.
-The mean of the triangle is therefore D/4 less than its height.
+The mean of the triangle over this interval is therefore 1 − D/4.
 
 A positive number is a loss. [WFO] leaves out all these effects.
 """
@@ -26,7 +26,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 class GridLoss(NamedTuple):
-    """Loss in dB halfway between two grid points, and loss in dB of the mean power over all positions."""
+    """Loss in dB halfway between two grid points, and loss in dB of the mean power over all positions in the grid."""
 
     worst_db: float
     mean_db: float
@@ -35,7 +35,7 @@ class GridLoss(NamedTuple):
 def code_grid_loss(step_chips: float) -> GridLoss:
     """Return the loss by a grid of code offsets, for an unfiltered rectangular chip.
 
-    The step is at most 2 chips.
+    The step of the grid is at most 2 chips.
     """
     worst = 1 - step_chips / 2
     mean_power = (1 - worst**3) / (3 * (1 - worst))
@@ -51,22 +51,22 @@ def doppler_grid_loss(step_hz: float, integration_s: float) -> GridLoss:
 
 
 def acceleration_loss_db(acceleration_mps2: float, integration_s: float) -> float:
-    """Return the loss by an acceleration along the line of sight, with the correct frequency in the middle of T_I."""
+    """Return the loss in dB by an acceleration along the line of sight; the frequency is correct at T_I/2."""
     time_s = integration_s / 2 * _NODES
     phase = np.pi * acceleration_mps2 / SPEED_OF_LIGHT_MPS * E6C.carrier_hz * time_s**2
     return -20 * float(np.log10(np.abs(np.exp(1j * phase) @ _WEIGHTS) / 2))
 
 
 def code_doppler_loss_db(doppler_hz: float, integration_s: float) -> float:
-    """Return the loss by a replica without code Doppler that is aligned in the middle of the integration."""
+    """Return the loss in dB by a replica without code Doppler, which is aligned in the middle of the integration."""
     slide_chips = abs(doppler_hz) / E6C.carrier_hz * E6C.chip_rate_hz * integration_s
     return -20 * float(np.log10(1 - slide_chips / 4))
 
 
 def front_end_loss_db(bandwidth_hz: float) -> float:
-    """Return the loss by an ideal front-end filter with an unfiltered replica, from the share of the power that passes.
+    """Return the loss in dB by an ideal front-end filter with a two-sided bandwidth, for an unfiltered replica.
 
-    The bandwidth is two-sided.
+    The loss follows from the share of the power that passes the filter.
     """
     passed = band_limited_autocorrelation(
         E6C.pulse, np.zeros(1), chip_rate_hz=E6C.chip_rate_hz, bandwidth_hz=bandwidth_hz
@@ -75,7 +75,7 @@ def front_end_loss_db(bandwidth_hz: float) -> float:
 
 
 def quantisation_loss_db(bits: int) -> float:
-    """Return the loss by a quantiser at low C/N0: 1 bit (sign), or 2 bits with levels ±1, ±3 and the best step.
+    """Return the loss in dB at low C/N0 by a quantiser of 1 bit (sign) or 2 bits (levels ±1, ±3 with the best step).
 
     Let v be the step in σ, Φ = erf(v/√2) the share of the inner levels, and E = e^{-v²/2}. The efficiency of 2 bits is
     (2/π) (1 + 2E)² / (Φ + 9 (1 − Φ)). The efficiency of a single bit is 2/π.

@@ -8,8 +8,8 @@ of the sum has the density f, whose tails are Q_K and P_K:
     f(x) = x (x/a)^{K-1} e^{-(x²+a²)/2} I_{K-1}(a x)
     Q_K(a, b) = ∫_b^∞ f(x) dx          P_K(a, b) = ∫_0^b f(x) dx = 1 − Q_K(a, b)
 
-Authentication needs small tails, such as a false-alarm probability of 1e-14 or a miss probability of 1e-12. For such
-small values `1 − cdf` has no correct digits, and `scipy.special` has the lower tail only. The integrand is positive and
+Authentication needs small tails, such as a false-alarm probability of 1e-14 or a miss probability of 1e-12. For small
+tails `1 − cdf` has no correct digits, and `scipy.special` has the lower tail only. The integrand is positive and
 smooth, with one maximum near μ = √(a² + 2K − 1) and a width of about 1. Away from μ the integrand decreases at least as
 fast as a Gaussian. So the smaller tail is a Gauss-Legendre sum of positive terms over an interval that begins at b. The
 interval contains all but e^{-45} of the tail. No terms cancel, and the larger tail is 1 minus the smaller tail.
@@ -29,8 +29,8 @@ Real = float | Float[np.ndarray, "..."]
 Reals = TypeVar("Reals", float, Float[np.ndarray, "..."])  # the result has the type of the argument
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
-_DEPTH = 45.0  # values of the integrand below e^-45 of the largest value are neglected
-_CERTAIN = 60.0  # with a signal so far above the threshold, the miss probability is below e^-1800, 0 in floating point
+_DEPTH = 45.0  # values of the integrand below e^-45 times the largest value are neglected
+_CERTAIN = 60.0  # largest a − b that is computed; P_K is then below e^-1800, which is 0 in float64
 _MAX_ORDER = 1000  # largest order; at higher orders `ive` underflows where the series ends
 
 
@@ -54,7 +54,7 @@ def marcum_q(a: Reals, b: Real, order: int = 1) -> Reals:
 def marcum_p(a: Reals, b: Real, order: int = 1) -> Reals:
     """Return P_K(a, b) = 1 − Q_K(a, b): the probability that a signal of amplitude a stays below the threshold b.
 
-    Parameters are those of `marcum_q`.
+    The parameters are the parameters of `marcum_q`.
     """
     is_upper, tail = _smaller_tail(a, b, order)
     return np.where(is_upper, 1.0 - tail, tail)[()]

@@ -1,9 +1,10 @@
 """Recompute every number of [WFO] that theory determines, and compare the result with the printed value.
 
 This file contains only the paper's own inputs and its printed digits. A number agrees if its rounded value has the
-printed digits. Otherwise a remark gives the reason, with the number of the erratum (E1, E2, …; docs/paper_map.md). Rows
-1 to 37 follow the paper. Rows E… have numbers that belong to an erratum. The row `omitted` has the sizes of effects
-that the paper's theory leaves out. `NOT_COMPUTED` lists the numbers that theory cannot give, with reasons.
+printed digits. If a number does not agree, a remark gives the reason, with the number of the erratum (E1, E2, …;
+docs/paper_map.md). Rows 1 to 37 follow the paper. A row that is named after an erratum, such as E1, has numbers that
+belong to this erratum. The row `omitted` has the sizes of effects that the paper's theory leaves out. `NOT_COMPUTED`
+lists the numbers that theory cannot give, with reasons.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from vestige.theory.thresholds import (
 C = SPEED_OF_LIGHT_MPS
 CHIP_S = 1 / E6C.chip_rate_hz
 CHIP_M = C * CHIP_S
-STANDARD_GRAVITY_MPS2 = 9.80665  # exact, CGPM 1901
+STANDARD_GRAVITY_MPS2 = 9.80665  # exact by definition, CGPM 1901
 IONOSPHERE_M3_PER_S2 = 40.3  # the first-order delay is 40.3 TEC / f² [OS-ICD, 5.1.6]
 
 # inputs of the paper; the comments name the sections of [WFO]
@@ -65,7 +66,7 @@ NOT_COMPUTED = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperQuantity:
-    """Recomputed value in a row, with the printed value."""
+    """Recomputed value in a row of the comparison, with the value that the paper prints."""
 
     name: str
     value: float
@@ -83,13 +84,13 @@ class PaperQuantity:
 
     @property
     def text(self) -> str:
-        """The value with its unit, rounded for reading."""
+        """Recomputed value with its unit, rounded as `digits` states."""
         return f"{self.value:{self.digits}} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperNumber:
-    """Row of the comparison: the value that the paper prints, its section, and the recomputed values."""
+    """Row of the comparison: section of the paper, text that the paper prints, and recomputed values."""
 
     row: str
     where: str
@@ -99,7 +100,7 @@ class PaperNumber:
 
     @property
     def verdict(self) -> str:
-        """Comparison with the paper: `ok`, `differs`, or empty without a printed value; then the remark."""
+        """Result of the comparison (`ok`, `differs`, or empty without a printed value), followed by the remark."""
         word = "ok" if any(quantity.printed for quantity in self.quantities) else ""
         if not all(quantity.agrees for quantity in self.quantities):
             word = "differs"
@@ -107,7 +108,7 @@ class PaperNumber:
 
 
 def paper_numbers() -> tuple[PaperNumber, ...]:
-    """Return all rows; each call computes all numbers again."""
+    """Return all rows of the comparison; each call computes all numbers again."""
     return (*_errors(), *_exhaustive(), *_handover(), *_models(), *_results(), *_errata(), *_omitted())
 
 
@@ -120,7 +121,7 @@ def _q(name: str, value: float, unit: str = "", digits: str = ".4g", printed: st
 
 
 def _errors() -> list[PaperNumber]:
-    """Return rows 1 to 7: orders of magnitude."""
+    """Return rows 1 to 7, which have orders of magnitude."""
     tecu_m = (GAMMA_E1_E6 - 1) * IONOSPHERE_M3_PER_S2 * 1e16 / E1_CARRIER_HZ**2
     mboc_m = dll_noise_m(CN0_DBHZ, bandwidth_hz=24.552e6, spacing_chips=0.1)
     boc_m = dll_noise_m(CN0_DBHZ, bandwidth_hz=14e6, spacing_chips=0.25, shares={BOC11: 1.0})
@@ -152,10 +153,10 @@ def _errors() -> list[PaperNumber]:
 
 
 def _exhaustive() -> list[PaperNumber]:
-    """Return rows 8 to 16: exhaustive search in E6."""
+    """Return rows 8 to 16, which describe the exhaustive search in E6."""
     n_exact_chip = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ)
     n_exact_c = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ, CHIP_PRINTED_S)
-    n_paper = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ, 60.0 / 3e8)  # c = 3e8 m/s, as in the printed value
+    n_paper = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ, 60.0 / 3e8)  # the printed value uses c = 3e8 m/s
     pfa = single_event_pfa(OVERALL_PFA, n_paper)
     cn0 = [required_cn0_dbhz(PD, k * 4e-3, single_event_pfa(OVERALL_PFA, k * n_paper)) for k in (1, 2, 4)]
     return [
@@ -193,7 +194,7 @@ def _exhaustive() -> list[PaperNumber]:
 
 
 def _handover() -> list[PaperNumber]:
-    """Return rows 17 to 22: search in E6 with hand-over from E1."""
+    """Return rows 17 to 22, which describe the search in E6 with hand-over from E1."""
     n = handover_hypotheses(UNCERTAINTY_S)
     pfa = single_event_pfa(OVERALL_PFA, n)
     cn0 = required_cn0_dbhz(PD, 4e-3, pfa)
@@ -222,8 +223,9 @@ def _handover() -> list[PaperNumber]:
 
 
 def _models() -> list[PaperNumber]:
-    """Return rows 23 to 26: clock and dynamics."""
-    drift_psd, bias_psd = 2 * np.pi**2 * H_MINUS_2_HZ, H0_S / 2  # spectral densities of drift and white frequency
+    """Return rows 23 to 26, which describe the clock and the dynamics."""
+    # spectral densities of the noise that drives the frequency drift, and of the white frequency noise
+    drift_psd, bias_psd = 2 * np.pi**2 * H_MINUS_2_HZ, H0_S / 2
     adev = np.sqrt(H0_S / 2 + drift_psd / 3)
 
     def growth_m(time_s: float) -> float:
@@ -253,11 +255,11 @@ def _models() -> list[PaperNumber]:
 
 
 def _results() -> list[PaperNumber]:
-    """Return rows 27 to 36: harsh conditions, no spoofing."""
+    """Return rows 27 to 36, which describe harsh conditions without spoofing."""
     correlation = 1 - TAP_M / CHIP_M
     independent = effective_taps(PFA, TAPS, correlation)
     useful_chips = E6C.chip_rate_hz * RECS_S
-    body_chips = np.ceil(useful_chips / 128) * 128  # chips in whole AES blocks
+    body_chips = np.ceil(useful_chips / 128) * 128  # number of chips in whole AES blocks
     missed, epochs = 52, 100_000
     noise_only = required_cn0_dbhz(1 - missed / epochs, RECS_S, PFA)
     recs_35, recs_34 = (
@@ -320,7 +322,7 @@ def _results() -> list[PaperNumber]:
 
 
 def _errata() -> list[PaperNumber]:
-    """Return numbers that belong to an erratum rather than to the paper."""
+    """Return rows with numbers that belong to an erratum and not to the paper."""
     n_exact = exhaustive_hypotheses(UNCERTAINTY_S, 4e-3, SPAN_HZ)
     e1 = {
         t: single_event_pfa(OVERALL_PFA, exhaustive_hypotheses(E1C.period_s, t, SPAN_HZ, 1 / E1C.chip_rate_hz))
@@ -376,7 +378,7 @@ def _errata() -> list[PaperNumber]:
 
 
 def _omitted() -> list[PaperNumber]:
-    """Return the sizes of the effects that the paper's theory leaves out."""
+    """Return the row with the sizes of the effects that the paper's theory leaves out."""
     grids = {
         "half-chip grid": losses.code_grid_loss(0.5),
         "1/(2T) bin": losses.doppler_grid_loss(1 / (2 * RECS_S), RECS_S),

@@ -2,16 +2,17 @@
 
 Theory of operation
 -------------------
-The magnitudes c_e, c_p and c_l are of the early, punctual and late taps, at a distance Δ. The early and the late tap
-are called outer taps. The punctual tap and the lower outer tap lie on the same flank of the correlation and give its
-slope. Two lines meet at the peak: the line with this slope through c_p, and the line with the opposite slope through
-the higher outer tap. The position of the peak is
+The early, punctual and late taps have the magnitudes c_e, c_p and c_l, and a distance Δ from tap to tap. The early and
+the late tap are called outer taps. The punctual tap and the lower outer tap lie on the same flank of the correlation
+and give the slope of this flank. Two lines meet at the peak: the line with this slope through c_p, and the line with
+the opposite slope through the higher outer tap. With c_max the larger and c_min the smaller of c_e and c_l, the
+position of the peak is
 
-    τ = τ_p + sgn(c_l − c_e) · ½ · (c_max − c_min)/(c_p − c_min) · Δ        c_max, c_min: of c_e and c_l
+    τ = τ_p + sgn(c_l − c_e) · ½ · (c_max − c_min)/(c_p − c_min) · Δ
 
-Let all three taps lie on a triangle with flanks of slope a per metre. The peak is later than the punctual tap by δ.
-Then c_p = 1 − aδ, c_l = 1 − a(Δ−δ), and c_e = 1 − a(Δ+δ). So c_l − c_e is 2aδ, and c_p − c_e is aΔ. The result is
-therefore δ = ½ Δ (c_l − c_e)/(c_p − c_e).
+Let all three taps lie on a triangle with flanks of slope a per metre. Let the peak be later than the punctual tap by δ.
+Then c_p = 1 − aδ, c_l = 1 − a(Δ−δ), and c_e = 1 − a(Δ+δ). So c_l − c_e is 2aδ, and c_p − c_e is aΔ. Therefore δ is
+½ Δ (c_l − c_e)/(c_p − c_e), as in the formula for τ.
 
 The formula is exact for an unfiltered signal if Δ + |δ| is at most one chip. So for Δ ≤ 2/3 chip the formula is exact
 for every |δ| ≤ Δ/2.
@@ -19,9 +20,10 @@ for every |δ| ≤ Δ/2.
 [WFO] prints the formula without the ½ and the sign, which gives |2δ|. The results of [WFO] were computed with the ½ and
 the sign. The evidence is the cluster of early detections at −30 m + ½·15 m = −22.5 m.
 
-The distance |τ − τ_p| never exceeds Δ/2. An outer tap may be higher than the punctual tap. The maximum detector allows
-a higher outer tap for n > 1 and at the ends of the range of its taps. The result is then the middle between the
-punctual tap and the higher outer tap. Three equal taps give τ_p.
+The distance |τ − τ_p| never exceeds Δ/2. With the maximum detector, an outer tap may be higher than the punctual tap in
+two cases. The outer taps are n > 1 taps away, or the punctual tap is near an end of the bank of correlators. If an
+outer tap is higher, τ is the middle between the punctual tap and the higher outer tap. If all three taps are equal, τ
+is τ_p.
 """
 
 from __future__ import annotations
@@ -40,9 +42,10 @@ def range_offset_m(
 ) -> Float[np.ndarray, " n_epochs"]:
     """Return measured minus predicted E6 range of each epoch in m, positive if later; NaN without a detection.
 
-    Magnitudes |c| are in the order from the earliest to the latest tap. `tap` is the index of the punctual tap from a
-    detector: n to N−1−n, or −1 without a detection. `spacing` is n. `offsets_m` are the taps' offsets from the
-    prediction, ascending and equidistant.
+    `magnitudes` are in the order from the earliest to the latest tap. `spacing` is n, the number of taps from the
+    punctual tap to an outer tap. `tap` is the index of the punctual tap that a detector returns: n to N−1−n for N taps,
+    or −1 without a detection. `offsets_m` are the offsets of the taps from the predicted range, ascending and
+    equidistant.
 
     Raises `ValueError` if the taps are not equidistant, or a punctual tap lacks a neighbour.
     """

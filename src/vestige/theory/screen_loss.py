@@ -3,10 +3,11 @@
 Theory of operation
 -------------------
 A cell is a code offset and a Doppler bin of the search. A cell has the correlator output z = A e^{jφ} + w, in units of
-its noise per dimension. A screen decides quickly which cells are tested. The screen correlates a share f of the chips.
-The screen then adds the outputs of two cells half a chip apart, because half of their noise is common. The screen's sum
-z₁, in units of its own noise, and z have the correlation ρ = √(f (1 + ½)/2). If |z₁| > t, the two cells pass the
-screen, and z is compared with the threshold g. For a given z, and if the signal in z₁ has the amplitude ρ A,
+the noise of z per dimension. A screen decides quickly which cells are tested. The screen correlates a share f of the
+chips. The screen then adds the outputs of two cells half a chip apart, because half of the noise of the two cells is
+common. The screen's sum z₁, in units of the noise of z₁, and z have the correlation ρ = √(f (1 + ½)/2). If |z₁| > t,
+the two cells pass the screen, and z is compared with the threshold g. If the signal in z₁ has the amplitude ρ A, the
+distribution of z₁ for a given z is
 
     z₁ = ρ z + √(1−ρ²) v,    v complex Gaussian of unit variance per dimension, whatever A is:
     P(miss | |z| = S) = P₁(ρ S/√(1−ρ²), t/√(1−ρ²))
@@ -14,15 +15,17 @@ screen, and z is compared with the threshold g. For a given z, and if the signal
 A cell far above the threshold is thus almost never lost. The probability of a miss depends only on S, and not on the
 C/N0. With t = ρ g − k √(1−ρ²), a cell just at the threshold is k standard deviations above t. The choice of k and f is
 a compromise between the loss and the computing time. The share e^{−t²/2} of the cells without a signal passes the
-screen. The search uses f = ¾, so ρ = ¾, and k = 2. Without the sum of two outputs, f = 9/16 has the same correlation,
-but the screen then needs 50 % more additions.
+screen. The search uses f = ¾ and k = 2, so ρ is ¾. A screen with f = 9/16 that does not add two outputs also has ρ = ¾,
+but needs 50 % more additions.
 
 The loss at a C/N0 is the mean of the probability of a miss over all S > g. The mean is computed for the strongest cell,
-over all positions of the signal between the points of the grid. Three effects change the signal in z₁. The second
-output of the sum is half a chip earlier or later than the strongest cell. So the second output contains another share
-of the signal than the strongest cell. The Doppler bins of the screen are 1/(2 f T_I) apart, and the Doppler bins of the
-cells are 1/(2 T_I) apart. So the nearest bin of the screen may have another frequency than the cell. Within a segment
-of the screen, the carrier is not removed.
+over all positions of the signal between the points of the grid. Three effects change the amplitude of the signal in z₁:
+
+* The second output of the sum is half a chip earlier or later than the strongest cell. So the second output contains
+  another share of the signal.
+* The Doppler bins of the screen are 1/(2 f T_I) apart, and the Doppler bins of the cells are 1/(2 T_I) apart. So the
+  nearest bin of the screen may have another frequency than the cell.
+* Within a segment of the screen, the carrier is not removed.
 """
 
 from __future__ import annotations
@@ -38,16 +41,16 @@ SCREEN_SHARE = 0.75  # f, share of the chips that the screen correlates
 _CORRELATION = float(np.sqrt(SCREEN_SHARE * 0.75))  # ρ
 _REST = float(np.sqrt(1 - _CORRELATION**2))
 _SCREEN_SIGMAS = 2.0  # k
-_STRONGEST = 9.0  # the integral ends so far above the larger of amplitude and threshold, because the rest is negligible
+_STRONGEST = 9.0  # distance in σ from the larger of amplitude and threshold to the end of the integral
 
 
 def pass_threshold(threshold: Reals) -> Reals:
-    """Return t, the threshold on the magnitude of the screen's sum in σ per dimension; 0 if every cell must pass.
+    """Return the threshold t on the magnitude of the screen's sum in σ per dimension; 0 if every cell must pass.
 
     Parameters
     ----------
     threshold
-        g, threshold on the magnitude of the whole sum, in standard deviations of its noise per dimension.
+        g, the threshold on the magnitude of the correlator output z, in standard deviations of the noise per dimension.
 
     Examples
     --------
@@ -59,7 +62,7 @@ def pass_threshold(threshold: Reals) -> Reals:
 
 
 def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float, segment_cycles: float = 0.0) -> float:
-    """Return the share of the detections that the screen loses.
+    """Return the share of the detections of a search that the screen loses, 0 to 1.
 
     Parameters
     ----------
@@ -68,9 +71,10 @@ def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float, segment_cycle
     integration_s
         T_I, integration time in s.
     pfa
-        Single-event false-alarm probability of the search.
+        False-alarm probability of a single test of the search.
     segment_cycles
-        Cycles of the carrier in a segment of the screen at the largest Doppler. The Doppler is uniformly distributed.
+        Number of carrier cycles in a segment of the screen at the largest Doppler. The Doppler is uniformly
+        distributed.
 
     Examples
     --------
@@ -100,6 +104,6 @@ def screen_loss(cn0_dbhz: float, integration_s: float, pfa: float, segment_cycle
 
 
 def _unit_interval(n: int) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
-    """Return nodes and weights of Gauss's quadrature from 0 to 1."""
+    """Return nodes and weights of a Gauss-Legendre quadrature from 0 to 1."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
     return (nodes + 1) / 2, weights / 2

@@ -3,7 +3,7 @@
 In the paper's theory the signal is on a grid point. In a real search the signal lies anywhere between the points of the
 grid. A step of half a chip loses up to 2.5 dB, and 1.1 dB on average. Bins 1/(2 T_I) apart lose up to 0.9 dB, and 0.3
 dB on average (`losses`). So P_d at a given C/N0 is an average over code offset and Doppler. At high P_d this average is
-below the P_d of the paper.
+below the P_d that the paper's theory gives.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vestige.theory.hypotheses import effective_taps
 from vestige.theory.losses import code_grid_loss, doppler_grid_loss
 from vestige.theory.thresholds import probability_of_detection, required_cn0_dbhz, single_event_pfa, threshold
 
-# P_FA of one search of one satellite. The value is less than the share of the false-alarm budget for a search with each
+# P_FA of one search for one satellite. The value keeps the budget of false alarms even if there is a search with each
 # RECS.
 SEARCH_P_FA = 1e-6
 _DOPPLER_CORRELATION = 2 / np.pi  # correlation of the noise of two bins 1/(2 T_I) apart, sinc(1/2)
@@ -25,15 +25,15 @@ _DOPPLER_CORRELATION = 2 / np.pi  # correlation of the noise of two bins 1/(2 T_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchBudget:
-    """Detection budget of a search, which is printed before the search starts."""
+    """Detection budget of a search, which vestige prints before the search starts."""
 
     hypotheses: float
-    independent: float  # number of independent tests with the same false alarms; N without `correlated_neighbours`
+    independent: float  # number of independent tests that give as many false alarms as the N hypotheses
     pfa_overall: float  # false-alarm probability of the whole search
     pfa: float  # false-alarm probability of a single test
     threshold: float  # threshold on the magnitude, in standard deviations of the noise per dimension
-    required_cn0_dbhz: float  # C/N0 of E6-C that is found with probability 0.9 on the grid
-    grid_loss_db: float  # mean loss of a signal between the grid points, in code and Doppler
+    required_cn0_dbhz: float  # C/N0 of E6-C in dBHz at which a signal on a grid point has P_d = 0.9
+    grid_loss_db: float  # mean loss in dB by the grids of code offset and Doppler
 
 
 def search_budget(
@@ -44,12 +44,13 @@ def search_budget(
     correlated_neighbours: bool = False,
     doppler_step_hz: float | None = None,
 ) -> SearchBudget:
-    """Return the budget of a search of N hypotheses half a chip apart.
+    """Return the detection budget of a search of N hypotheses half a chip apart.
 
-    `overall_pfa` is the probability that noise alone exceeds the threshold anywhere. Neighbouring tests have correlated
-    noise: ½ in code offset, 2/π in Doppler. `correlated_neighbours` reduces N to the number of independent tests with
-    the same false alarms. Without this reduction the threshold is too high by 0.01 dB, at the N for a time uncertainty
-    of 30 s. Bins are `doppler_step_hz` apart: 0 for a known Doppler, 1/(2 T_I) by default.
+    `overall_pfa` is the probability that noise alone exceeds the threshold in any test. The noise of neighbouring tests
+    has the correlation ½ in code offset, and 2/π in Doppler. `correlated_neighbours` reduces N to the number of
+    independent tests that give as many false alarms. For a time uncertainty of 30 s, the threshold without this
+    reduction is too high by 0.01 dB. `doppler_step_hz` is the distance of the Doppler bins, by default 1/(2 T_I). The
+    distance 0 means a known Doppler.
     """
     pfa = float(single_event_pfa(overall_pfa, max(hypotheses, 1.0)))
     independent = max(hypotheses, 1.0)
@@ -77,8 +78,8 @@ def grid_probability_of_detection(
 ) -> float:
     """Return P_d of the strongest cell, averaged over all positions of a signal between the points of the grid.
 
-    `pfa` is the false-alarm probability of a cell. If `bins` is true, the Doppler is also on a grid, with steps of 1/(2
-    T_I). Otherwise the Doppler is known.
+    `pfa` is the false-alarm probability of a cell. `half_step_chips` is half the distance of the code offsets in chips.
+    If `bins` is true, the Doppler is also on a grid, with steps of 1/(2 T_I). If `bins` is false, the Doppler is known.
     """
     nodes, weights = np.polynomial.legendre.leggauss(24)
     share = (nodes + 1) / 2
@@ -92,7 +93,7 @@ def grid_probability_of_detection(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RocPoint:
-    """Probabilities of false alarm and detection of a search at one threshold."""
+    """Probability of a false alarm and probability of detection of a search, at one threshold."""
 
     overall_pfa: float
     probability_of_detection: float
@@ -103,7 +104,8 @@ def roc(
 ) -> tuple[RocPoint, ...]:
     """Return the receiver operating characteristic of a search of N hypotheses, including the losses by the grid.
 
-    If `bins` is true, the Doppler is on a grid (exhaustive search). Otherwise the Doppler is known (hand-over search).
+    If `bins` is true, the Doppler is on a grid (exhaustive search). If `bins` is false, the Doppler is known (hand-over
+    search).
     """
     return tuple(
         RocPoint(

@@ -1,9 +1,9 @@
-"""Compute the thermal noise of the two compared ranges: E1 from a delay lock loop, and E6 from one snapshot.
+"""Compute the thermal noise of an E1 range from a delay lock loop, and of an E6 range from one snapshot.
 
 Theory of operation
 -------------------
-The spectrum S(f) has unit area over all frequencies, and I{·} is an integral over the front-end bandwidth. The
-early-late spacing in s is d, B_L is the one-sided loop bandwidth, and T is the integration time [BETZ09]:
+The spectrum S(f) has unit area over all frequencies, and I{·} is an integral over the front-end bandwidth. Let d be the
+early-late spacing in s. B_L is the one-sided loop bandwidth in Hz, and T is the integration time in s [BETZ09]:
 
     non-coherent DLL    σ² = B_L (1 − ½ B_L T) I{S sin²(πfd)} / ((2π)² (C/N0) I{f S sin(πfd)}²)
                              · (1 + I{S cos²(πfd)} / (T (C/N0) I{S cos(πfd)}²))
@@ -12,7 +12,7 @@ early-late spacing in s is d, B_L is the one-sided loop bandwidth, and T is the 
 
 The range from a snapshot has far more noise than the range from a tracking loop. At 35 dBHz, the range from a loop of 1
 Hz has a standard deviation of 0.4 to 1 m. The smallest possible standard deviation of a range from 16 ms of E6 is 2.1 m
-within 20.46 MHz. Three taps 15 m apart give 2.5 m.
+within 20.46 MHz. The range from three taps 15 m apart has a standard deviation of 2.5 m.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ def dll_noise_m(
     chip_rate_hz: float = E1C.chip_rate_hz,
     dot_product: bool = False,
 ) -> float:
-    """Return the standard deviation of the pseudorange from a non-coherent early-minus-late loop, in m.
+    """Return the standard deviation in m of the pseudorange from a non-coherent delay lock loop.
 
-    With `dot_product` the loop multiplies early minus late by the prompt.
+    The discriminator of the loop is |L|² − |E|². With `dot_product` the discriminator is Re((L − E) P*).
 
-    C/N0 refers to the tracked signal. The bandwidth of the front end is two-sided. The spacing is the distance between
-    the early and the late correlator. `shares` are the power shares of the pulses of signal and replica. B_L is
-    one-sided.
+    `cn0_dbhz` is the C/N0 of the tracked signal. `bandwidth_hz` is the two-sided bandwidth of the front end.
+    `spacing_chips` is the distance between the early and the late correlator. `shares` are the power shares of the
+    pulses of signal and replica. `loop_bandwidth_hz` is the one-sided bandwidth of the loop.
     """
     cn0 = 10.0 ** (cn0_dbhz / 10.0)
     of = _dll_integrals(tuple(shares.items()), bandwidth_hz, spacing_chips, chip_rate_hz)
@@ -92,9 +92,9 @@ def _dll_integrals(
 
 
 def snapshot_noise_bound_m(cn0_dbhz: float, integration_s: float, bandwidth_hz: float) -> float:
-    """Return the Cramér-Rao bound of the E6-C range from one snapshot, in m.
+    """Return the Cramér-Rao bound in m for the standard deviation of the E6-C range from one snapshot.
 
-    The bandwidth of the front end is two-sided.
+    `bandwidth_hz` is the two-sided bandwidth of the front end.
     """
     band = {"chip_rate_hz": E6C.chip_rate_hz, "bandwidth_hz": bandwidth_hz}
     passed = float(band_limited_autocorrelation(E6C.pulse, np.zeros(1), **band)[0])
@@ -106,13 +106,13 @@ def snapshot_noise_bound_m(cn0_dbhz: float, integration_s: float, bandwidth_hz: 
 def pll_variance_rad2(
     cn0_hz: Float[np.ndarray, "*n"], *, bandwidth_hz: float, integration_s: float
 ) -> Float[np.ndarray, "*n"]:
-    """Return the variance of a phase lock loop's phase in rad² [KAPLAN06, 5.6.1], for a one-sided bandwidth."""
+    """Return the phase variance of a phase lock loop in rad² [KAPLAN06, 5.6.1]; `bandwidth_hz` is one-sided."""
     return bandwidth_hz / cn0_hz * (1 + 1 / (2 * integration_s * cn0_hz))
 
 
 def fll_variance_hz2(
     cn0_hz: Float[np.ndarray, "*n"], *, bandwidth_hz: float, integration_s: float
 ) -> Float[np.ndarray, "*n"]:
-    """Return the variance of a frequency lock loop's Doppler in Hz² [KAPLAN06, 5.6.2], for a one-sided bandwidth."""
+    """Return the Doppler variance of a frequency lock loop in Hz² [KAPLAN06, 5.6.2]; `bandwidth_hz` is one-sided."""
     spread = 4 * bandwidth_hz / cn0_hz * (1 + 1 / (integration_s * cn0_hz))
     return spread / (2 * np.pi * integration_s) ** 2

@@ -13,7 +13,7 @@ III-A]:
                  P_fa = Γ(K, g²/2) / Γ(K)     P_d = Q_K(A, g)
 
 The paper's numbers assume a single dwell, exact alignment in time and frequency, a constant amplitude, and a known
-noise power. The module `losses` gives the loss by misalignment. `swerling1_probability_of_detection` is for a
+noise power. The module `losses` computes the loss by misalignment. `swerling1_probability_of_detection` is for a
 fluctuating amplitude.
 
 The conversions between P_FA and P_fa use log1p and expm1. The printed formula 1 − (1 − P_FA)^{1/N} loses digits in
@@ -32,13 +32,13 @@ from scipy.special import chdtri
 from vestige.theory.marcum_q import Real, Reals, marcum_p, marcum_q
 
 _BISECTIONS = 60  # number of bisections that reduce a bracket of about 20 to less than its rounding error
-_SURE = 9.0  # amplitude above the threshold at which the miss, below 1e-18, is less than any 1 − P_d in floating point
+_SURE = 9.0  # A − g for which the probability of a miss is below 1e-18, less than any 1 − P_d in floating point
 
 
 def single_event_pfa(overall: Reals, hypotheses: float) -> Reals:
     """Return P_fa, the false alarm probability that each of N tests may have: 1 − (1 − P_FA)^{1/N}.
 
-    For correlated tests the false-alarm probability of all tests is less than P_FA.
+    For correlated tests the false-alarm probability of all tests together is less than P_FA.
 
     Raises `ValueError` if a probability is not between 0 and 1, or N is below 1.
     """
@@ -65,7 +65,7 @@ def threshold(pfa: Reals, n_noncoherent: int = 1) -> Reals:
     Returns
     -------
     float or float array
-        Threshold, of the shape of `pfa`.
+        Threshold, with the shape of `pfa`.
 
     Raises
     ------
@@ -103,12 +103,12 @@ def probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float, 
     pfa
         P_fa of a single test.
     n_noncoherent
-        K, number of squared magnitudes added.
+        K, number of squared magnitudes in the sum.
 
     Returns
     -------
     float or float array
-        P_d, of the shape of `cn0_dbhz`.
+        P_d, with the shape of `cn0_dbhz`.
 
     Raises
     ------
@@ -126,9 +126,9 @@ def probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float, 
 
 
 def miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoherent: int = 1) -> Reals:
-    """Return 1 − P_d, the probability that the signal stays below the threshold, computed without the subtraction.
+    """Return 1 − P_d, the probability that the signal stays below the threshold, with full precision for small values.
 
-    Parameters are those of `probability_of_detection`.
+    The parameters are the parameters of `probability_of_detection`.
     """
     strength = correlator_amplitude(cn0_dbhz, integration_s, n_noncoherent)
     return marcum_p(strength, threshold(pfa, n_noncoherent), n_noncoherent)
@@ -137,8 +137,8 @@ def miss_probability(cn0_dbhz: Reals, integration_s: float, pfa: float, n_noncoh
 def swerling1_probability_of_detection(cn0_dbhz: Reals, integration_s: float, pfa: float) -> Reals:
     """Return P_d = P_fa^{1/(1 + A²/2)} for an amplitude that is Rayleigh distributed from dwell to dwell.
 
-    This P_d is a lower reference, because a Rayleigh distributed signal has no direct path. Parameters are those of
-    `probability_of_detection`; `cn0_dbhz` is the mean.
+    This P_d is a reference for the strongest fading, because a Rayleigh distributed signal has no direct path. The
+    parameters are the parameters of `probability_of_detection`. `cn0_dbhz` is the mean C/N0 in dBHz.
     """
     _check(pfa)
     return pfa ** (1.0 / (1.0 + correlator_amplitude(cn0_dbhz, integration_s) ** 2 / 2.0))
@@ -158,12 +158,12 @@ def required_cn0_dbhz(pd: Reals, integration_s: float, pfa: float, n_noncoherent
     pfa
         P_fa of a single test.
     n_noncoherent
-        K, number of squared magnitudes added.
+        K, number of squared magnitudes in the sum.
 
     Returns
     -------
     float or float array
-        C/N0 in dBHz, of the shape of `pd`.
+        C/N0 in dBHz, with the shape of `pd`.
 
     Raises
     ------

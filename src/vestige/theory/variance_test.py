@@ -7,8 +7,8 @@ variance k ≥ 1, then
 
     T = χ²(n − d) + k χ²(d)        P(T > t) = ∫₀^∞ e^{−v} P(χ²(n − d) > t − k q(v)) dv,    P(χ²(d) > q(v)) = e^{−v}
 
-For d = n the sum is k χ²(n). The integral is computed as a sum over `_TAILS`. The variance k is rounded up to a step of
-2 %. The threshold is therefore an upper limit, which is too high by at most 2 % of the part k χ²(d).
+For d = n, T is k χ²(n). The integral is computed as a sum over the values `_TAILS` of v. The variance k is rounded up
+to a step of 2 %. The threshold is therefore an upper limit, which is too high by at most 2 % of the part k χ²(d).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def variance_threshold(
     wide
         d of each test, from 0 to n: the number of degrees of freedom with the larger variance.
     ratio
-        k of each test, 1 or more; NaN gives NaN.
+        k of each test, 1 or more; a test with k = NaN gets the threshold NaN.
     p_fa
         False-alarm probability of one test.
 

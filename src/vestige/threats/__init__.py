@@ -1,4 +1,4 @@
-"""The threat table: the measured and the expected outcome of every attack at every mitigation level.
+"""Make the threat table: the measured and the expected outcome of every attack at every mitigation level.
 
 `read_threats` returns the attacks, `cases` returns their scenes, and `case_of` makes a scene from your own scenario.
 `measure_threats` measures the scenes, and `threat_dataset` makes the table that `plots.threat_map` draws. The command

@@ -30,27 +30,27 @@ from vestige.threats.runs import RUNS, RunKey, line_of, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 from vestige.threats.scenes import LEVEL_NUMBERS, Scene, Threat, scene_scenario
 
-_IN_FLIGHT = 6  # number of runs per worker that are submitted in advance; half of the runs may belong to several scenes
+_IN_FLIGHT = 6  # number of runs per worker that are submitted in advance; some of the runs are already measured
 _SEEDS_TOGETHER = 6  # number of seeds whose `undisturbed_truth` a worker keeps for all scenes
 Outcomes = tuple[RunOutcome, ...]  # outcomes of a run, in the order of LEVEL_NUMBERS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """Scene of the threat table, or of a user's own scenario, that is measured."""
+    """Scene that is measured: a scene of the threat table, or a user's own scenario."""
 
     threat: str  # number of the attack, such as `A3`; – for the user's own scenario
     scene: str  # name of the scene
     # Function that returns the campaign of a seed. The second argument says whether the campaign has the attack.
     scenario: Callable[[int, bool], CampaignScenario]
     row: Threat | None = None  # row of the threat table; None for the user's own scenario
-    notes: tuple[str, str, str] = ("", "", "")  # reasons for a difference from the expectation, by level
+    notes: tuple[str, str, str] = ("", "", "")  # reasons why levels 1, 2 and 3 differ from the expectation
     settings: tuple[str, ...] = ()  # values of `--set`, which replace values of the scene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneCell:
-    """A cell of the table: the outcome of a case at a level, and its agreement with the expectation."""
+    """Cell of the threat table: outcome of a case at a level, and agreement of the outcome with the expectation."""
 
     case: Case
     level: int
@@ -59,12 +59,12 @@ class SceneCell:
 
     @property
     def agreement(self) -> Agreement:
-        """Agreement of the measurement with the expectation."""
+        """Agreement of the measured outcome with the expected outcome."""
         return agreement(self.expected, self.found)
 
     @property
     def expected(self) -> str:
-        """The expected outcome; empty for the user's own scenario."""
+        """Expected outcome; empty for the user's own scenario."""
         return self.case.row.outcome(self.level)[0] if self.case.row else ""
 
     @property
@@ -75,7 +75,7 @@ class SceneCell:
 
 
 def cases(threats: Sequence[Threat], settings: tuple[str, ...] = ()) -> tuple[Case, ...]:
-    """Return the scenes of some threats; `settings` replace values in every scene, as with `--set`."""
+    """Return the scenes of the threats as cases; `settings` replace values in every scene, as with `--set`."""
     return tuple(
         Case(
             threat=threat.id,
@@ -95,9 +95,9 @@ def _scenarios(threat: Threat, scene: Scene, settings: tuple[str, ...]) -> Calla
 
 
 def case_of(name: str, scenario: CampaignScenario, settings: tuple[str, ...] = ()) -> Case:
-    """Return a scenario as a case; the case has the same seeds as the scenes of the table.
+    """Return a case that measures a user's own scenario with every seed, with and without its attack.
 
-    `settings` are the values of `--set` with which the scenario was loaded; the table shows these values beside the
+    `settings` are the values of `--set` with which the scenario was loaded. The table shows these values beside the
     results.
     """
     all_columns = scenario.processor.model_copy(update={"level": max(LEVEL_NUMBERS)})
@@ -111,15 +111,16 @@ def case_of(name: str, scenario: CampaignScenario, settings: tuple[str, ...] = (
 def measure_scenes(scenario: CampaignScenario, window_s: tuple[float, float]) -> Outcomes:
     """Return the outcome of a campaign at every level, counted in a window of time.
 
-    For a campaign without an attack the outcome has the false alarms. The scenario must have a constellation, or a
-    processor of level 3. The end of the window is excluded.
+    The outcome of a campaign without an attack counts false alarms. The scenario must have a constellation, or a
+    processor of level 3. `window_s` is the start and the end of the window in s after the scenario's start. The end is
+    excluded.
     """
     plan = ScenarioPlan(scenario=scenario, with_phases=False)  # carrier phases do not affect an outcome
     return outcomes_of(scenario, direct_results(plan, judge=False), LEVEL_NUMBERS, window_s)
 
 
 def measure_together(scenarios: Sequence[CampaignScenario], window_s: tuple[float, float]) -> tuple[Outcomes, ...]:
-    """Return the outcomes of campaigns in one window; campaigns with the same seed need one simulation of the truth."""
+    """Return the outcomes of campaigns in one window of time; campaigns with equal seeds share the simulated truth."""
     return tuple(measure_scenes(one, window_s) for one in scenarios)
 
 
@@ -134,9 +135,9 @@ def measure_threats(
 ) -> Iterator[SceneCell]:
     """Yield a cell for each case and level, after all runs of all cases have ended.
 
-    The workers of the pool measure the runs in parallel. If there is a folder, new runs are added to its `runs.csv`.
-    Without a folder, no run is kept. `progress` is called with a text, the number of completed runs, and the number of
-    all runs.
+    The workers of the pool measure the runs in parallel. New runs are added to `runs.csv` in `folder`. Without
+    `folder`, no run is stored. `progress` is called with a text, the number of completed runs, and the number of all
+    runs.
 
     Raises `InputFileError` if `runs.csv` is not a file of runs.
     """
@@ -170,12 +171,12 @@ def _runs(
     known: dict[RunKey, RunOutcome],
     folder: Path | None,
 ) -> Iterator[tuple[int, bool, Outcomes]]:
-    """Yield the case number, whether there is an attack, and the outcomes of each run; write new runs to the file.
+    """Yield case number, presence of an attack, and outcomes at all levels of each run; write new runs to the file.
 
     All cases are measured with a group of seeds before the next group begins. The runs of a case begin before the
     runs of the previous case have ended, so that no worker waits.
     """
-    # the call that measures a run, and the position of the run in this call, by digest
+    # call that measures a run, and position of the run in the results of this call, by digest of the scenario
     measured: dict[str, tuple[Future[tuple[Outcomes, ...]], int]] = {}
 
     def submitted() -> Iterator[tuple[int, bool, tuple[RunKey, ...], str]]:

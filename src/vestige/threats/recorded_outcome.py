@@ -1,7 +1,7 @@
 """Determine the outcome of an attack in a recording that a receiver has processed, in the words of the threat table.
 
-`campaign/run_outcome.py` defines these words. An outcome needs the errors of the ranges and the epochs, which come from
-the recording:
+`campaign/run_outcome.py` defines the words of the threat table. An outcome needs the errors of the ranges and the
+epochs, which this module takes from the recording:
 
 **Error of a range.** The error is the tracked pseudorange minus the pseudorange of the same receiver without the
 attack. The pseudorange without the attack is computed from the scenario, without samples. The two pseudoranges have the
@@ -39,7 +39,7 @@ _SAME_S = 0.5  # half of the time in s between two epochs of E1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordedVerdicts:
-    """Verdicts of a level on a recording of n epochs and m satellites, as `JudgedRun`."""
+    """Verdicts at one level for a recording of n epochs and m satellites, with the fields of `JudgedRun`."""
 
     status: Int8[np.ndarray, "n m"]
     state: Int8[np.ndarray, "n m"]  # state that a receiver shows to its user after an epoch
@@ -61,13 +61,13 @@ class RecordedVerdicts:
         return alarm_begins(self.state)
 
     def first_failures(self, rows: Bool[np.ndarray, " n"]) -> tuple[tuple[str, int], ...]:
-        """Return the checks that failed in the given epochs with their first failed epoch, the earliest check first."""
+        """Return the checks that failed in the epochs `rows` with their first failed epochs, in order of time."""
         return failures_in_order(self.failed, rows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackedErrors:
-    """Errors in m that an attack causes in the pseudoranges of k seconds, m satellites; NaN without tracking."""
+    """Errors in m that an attack causes in the pseudoranges of m satellites at k times; NaN without tracking."""
 
     time_s: Float[np.ndarray, " k"]
     error_m: Float[np.ndarray, "k m"]
@@ -84,9 +84,9 @@ def tracked_errors(recorded: RecordedScene, tracked: Sequence[ObservationEpoch])
     Parameters
     ----------
     recorded
-        The scene.
+        Scene of the threat table as a recording.
     tracked
-        Observations from tracking the samples of the recording.
+        Observations that a receiver made by tracking the samples of the recording.
     """
     case = AcasTestCase(
         scenario=recorded.scenario(attacked=False), first=recorded.recording.first_s, end=recorded.recording.end_s
@@ -103,21 +103,21 @@ def tracked_errors(recorded: RecordedScene, tracked: Sequence[ObservationEpoch])
 
 
 def svids_of(recorded: RecordedScene) -> tuple[int, ...]:
-    """Return the satellites of a recording, in ascending order."""
+    """Return the SVIDs of the satellites of a recording, in ascending order."""
     return tuple(sorted(recorded.recording.svids))
 
 
 def recorded_verdicts(recorded: RecordedScene, steps: Sequence[Step], errors: TrackedErrors) -> RecordedVerdicts:
-    """Return the verdicts of a level on a recording.
+    """Return the verdicts at one level for a recording.
 
     Parameters
     ----------
     recorded
-        The scene.
+        Scene of the threat table as a recording.
     steps
-        The processor's answer at each epoch, in order of time.
+        Answers of the processor at each epoch, in order of time.
     errors
-        Errors of the tracked ranges that the attack caused.
+        Errors that the attack caused in the tracked pseudoranges.
     """
     svids, start, n = svids_of(recorded), recorded.scenario().start_time, len(steps)
     shape = (n, len(svids))
@@ -163,7 +163,7 @@ def recorded_verdicts(recorded: RecordedScene, steps: Sequence[Step], errors: Tr
 
 
 def recorded_outcome(recorded: RecordedScene, found: RecordedVerdicts) -> RunOutcome:
-    """Return the outcome of a recorded attack at one level."""
+    """Return the outcome of a recorded attack, from its verdicts at one level."""
     scenario = recorded.scenario()
     begin_s, end_s = window_of(scenario)
     counted = (found.time_s >= begin_s) & (found.time_s < end_s)

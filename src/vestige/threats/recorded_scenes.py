@@ -31,7 +31,7 @@ _DURATIONS = ("rise_s", "fall_s", "period_s", "guard_s")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedScene:
-    """A scene of the threat table as a recording."""
+    """Scene of the threat table as a recording."""
 
     threat: Threat
     scene: Scene
@@ -44,7 +44,7 @@ class RecordedScene:
         return f"{self.threat.id} {self.recording.name or self.scene.name}"
 
     def scenario(self, *, attacked: bool = True) -> CampaignScenario:
-        """Return the campaign with or without its attack; the recording has the epochs from `first_s` to `end_s`."""
+        """Return the campaign, with or without its attack, whose epochs `first_s` to `end_s` are recorded."""
         how = self.recording
         settings = [
             f"epochs={how.end_s}",

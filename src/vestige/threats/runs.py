@@ -14,7 +14,7 @@ from vestige.errors import InputFileError
 from vestige.output import replacement
 
 RUNS = "runs.csv"
-_MAX_BYTES = 1 << 30  # largest size of a file that is read; a line has about 200 bytes
+_MAX_BYTES = 1 << 30  # largest size in bytes of a file that is read; a line has about 200 bytes
 RunKey = tuple[str, ...]  # threat, scene, seed, attack or no attack, level, digest of the scenario
 
 _KEY = ("threat", "scene", "seed", "attacked", "level", "digest")
@@ -29,7 +29,7 @@ _READ: dict[str, Callable[[str], object]] = {
 
 
 def read_runs(path: Path) -> dict[RunKey, RunOutcome]:
-    """Return the runs in a file by their key; the result is empty if there is no file.
+    """Return the outcomes of the runs in a file by key of the run; the result is empty if there is no file.
 
     An incomplete last line, which an interruption has cut off, is left out.
 
@@ -63,13 +63,13 @@ def read_runs(path: Path) -> dict[RunKey, RunOutcome]:
 
 
 def write_runs(path: Path, runs: dict[RunKey, RunOutcome]) -> None:
-    """Write all runs; if writing fails, no incomplete file remains."""
+    """Write the outcomes of all runs to a file; if writing fails, no incomplete file remains."""
     with replacement(path) as part:
         part.write_text(_HEADER + "\n" + "".join(line_of(key, run) for key, run in runs.items()), encoding="utf-8")
 
 
 def line_of(key: RunKey, run: RunOutcome) -> str:
-    """Return the line of the file for a run."""
+    """Return the line of `runs.csv` with the key and the outcome of a run."""
     text = StringIO()
     values = [int(value) if isinstance(value, bool) else value for value in asdict(run).values()]
     csv.writer(text, lineterminator="\n").writerow([*key, *values])

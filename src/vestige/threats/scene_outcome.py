@@ -41,24 +41,24 @@ from vestige.constants import DAY_S
 
 MIXED = "mixed"  # word for a scene in which no outcome occurs in more than half of the runs
 ERROR = 0.05  # probability that a level whose checks all keep their budgets is reported to exceed a budget
-_GROUP = 3  # number of failures per event; clock checks use common data of 9 s, and RAIM tests have common slow errors
+_GROUP = 3  # largest number of failed tests that one event causes; neighbouring clock and RAIM tests use common data
 
 # Checks that test once per RECS and satellite, every 30 s, so that neighbouring failures are separate events.
 _WITH_RECS = {str(row.name) for level in LEVELS.values() for row in level if row.cadence is TestCadence.RECS}
 
 
 class Agreement(Enum):
-    """Agreement of a measurement with an expectation."""
+    """Agreement of a measured outcome with the expected outcome."""
 
     AGREES = "as expected"
     DIFFERS = "DIFFERS"
     UNDECIDED = "undecided"
-    NOT_EXPECTED = ""  # the table has no expectation
+    NOT_EXPECTED = ""  # the table has no expected outcome
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckShare:
-    """Number of runs in which a check failed, and the median time of its first failure in these runs."""
+    """Number of runs in which a check failed, and median time in s of its first failure in these runs."""
 
     name: str
     failed: Proportion
@@ -67,7 +67,7 @@ class CheckShare:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckBudget:
-    """Number of failures of a check without an attack, and the number that its own budget allows."""
+    """Number of failures of a check without an attack, and number of failures that the check's own budget allows."""
 
     name: str
     failures: int  # number of tests that failed, after confirmation
@@ -91,13 +91,13 @@ class SceneOutcome(OutcomeCounts):
     denied: Proportion
     succeeded: Proportion  # share of the runs that are missed or denied
     harmless: Proportion  # share of the runs that are neither detected nor missed nor denied
-    # Share of the runs without the attack that have an alarm in the same epochs. Without an attack there are no such
-    # runs.
+    # Share of the runs without the attack that have an alarm in the same epochs. A scene without an attack has none of
+    # these runs.
     by_chance: Proportion
     checks: tuple[CheckShare, ...]  # checks that failed in any run, sorted by frequency, then by time of the failure
     budgets: tuple[CheckBudget, ...] = ()  # failures and budget of each check that has a budget
-    time_to_detect_s: float  # median time in s of the runs with an alarm; NaN without any alarm
-    worst_range_m: float  # error in m of largest magnitude of a range in use, in all runs, with its sign
+    time_to_detect_s: float  # median time in s from attack to alarm in runs with an alarm; NaN without any alarm
+    worst_range_m: float  # error of a range in use with the largest magnitude in all runs, with its sign, in m
     worst_position_m: float  # largest error in m of a position in use, in all runs
 
     def a_day(self, name: str) -> tuple[float, float, float]:
@@ -130,7 +130,7 @@ class SceneOutcome(OutcomeCounts):
 
 
 def scene_outcome(runs: Sequence[RunOutcome], chance: Sequence[RunOutcome]) -> SceneOutcome:
-    """Return the outcome of a scene at one level from its runs with and without the attack."""
+    """Return the outcome of a scene at one level, from `runs` with the attack and from `chance` without the attack."""
 
     def share(name: str) -> Proportion:
         return proportion(sum(getattr(run, name) for run in runs), len(runs))

@@ -54,11 +54,11 @@ class ShortRecording(Section):
     faster
         Factor by which the attack is faster than in the scene.
     first_s, end_s
-        Start and end of the recording in s after the start of the scene, in which the attack is already accelerated.
+        Start and end of the recording, in s after the start of the scene with the accelerated attack.
     every_s
         Time between two RECS in s.
     svids
-        Satellites in the recording.
+        SVIDs of the satellites in the recording.
     sample_rate_hz
         Sampling rate of both bands in Hz. The rate is slightly above the 5.115 MHz that E6 needs, unless a jammer is
         wider.
@@ -79,9 +79,9 @@ class Scene(Section):
     name: str  # name of the scene, unique within a threat
     settings: tuple[str, ...] = ()  # values KEY=VALUE, as for `--set`, that replace values of `base`
     attack: tuple[dict[str, Any], ...] = ()  # `[[attack]]` tables of the scene
-    draw: dict[str, Draw] = Field(default_factory=dict)  # random values of each seed, by dotted key
-    draws_of: str = ""  # earlier name of the scene, with which random values are drawn; empty if unchanged
-    # Reasons for a difference from the expectation, by level.
+    draw: dict[str, Draw] = Field(default_factory=dict)  # values that each seed draws at random, by dotted key
+    draws_of: str = ""  # earlier name of the scene, which still determines the drawn values; empty if unchanged
+    # Reasons why the measured outcome differs from the expected outcome, by level.
     notes: dict[Literal["1", "2", "3"], str] = Field(default_factory=dict)
     recording: tuple[ShortRecording, ...] = ()  # recordings made from the scene
 
@@ -138,25 +138,23 @@ def scene_scenario(
     settings: tuple[str, ...] = (),
     attacks: tuple[dict[str, Any], ...] | None = None,
 ) -> CampaignScenario:
-    """Return the campaign of a scene with one seed.
-
-    The seed also determines the random values of the scene.
+    """Return the campaign of a scene with one seed, which also determines the values that the scene draws.
 
     Parameters
     ----------
     threat, scene, seed
-        Row of the threat table, one of its scenes, and the seed.
+        Row of the threat table, a scene of this row, and seed of the campaign.
     attacked
-        Whether the campaign has the attacks of the scene. Without the attacks, all other values are the same.
+        Whether the campaign has the attacks of the scene. All other values do not depend on `attacked`.
     settings
         Values of `--set`, which replace values of the scene. Values of attacks are used only if `attacked` is true.
     attacks
-        Attacks that replace the attacks of `scene_attacks`.
+        `[[attack]]` tables that replace the tables of `scene_attacks`; None for no replacement.
 
     Raises
     ------
     InputFileError
-        If the result is not a valid campaign.
+        If the tables with all replaced values are not a valid campaign.
     VestigeError
         If a setting does not have the form KEY=VALUE, or names a key that does not exist.
     """

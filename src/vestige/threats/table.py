@@ -1,9 +1,10 @@
 """Write the threat table to files: `threats.csv` with a row for each scene, and `threats.zarr` over scene and level.
 
-In the CSV file the name of a column ends with its level, such as `detected_level_2`. `expected_level_2` has the
-expected outcome with its reason. `level_2` says whether the measurement agrees with this outcome. In the store
-`threats.zarr`, the same statistics are variables over `scene` and `level`. `check_failed` is the number of runs in
-which a check failed. `check_time_s` is the median time of the first failure of the check in these runs.
+In the CSV file the name of a column ends with its level, such as `detected_level_2`. The column `expected_level_2` has
+the expected outcome with its reason. The column `level_2` says whether the measured outcome agrees with the expected
+outcome. In the store `threats.zarr`, the statistics of the CSV file are variables over `scene` and `level`. The
+variable `check_failed` is the number of runs in which a check failed. The variable `check_time_s` is the median time of
+the check's first failure in the runs in which the check failed.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _SHARES = ("detected", "mitigated", "protected", "missed", "denied", "by_chance"
 
 
 def table_rows(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
-    """Return the rows of the table, one dictionary with the column names as keys for each scene."""
+    """Return the rows of `threats.csv`: for each scene, a dictionary with the names of the columns as keys."""
     rows = []
     for _, of_scene in groupby(cells, key=lambda cell: (cell.case.threat, cell.case.scene)):
         levels = list(of_scene)
@@ -60,7 +61,7 @@ def table_rows(cells: Sequence[SceneCell]) -> list[dict[str, object]]:
 
 
 def statistics_of(cell: SceneCell) -> dict[str, object]:
-    """Return the statistics of a cell by name, with the checks that failed and the reason for a difference."""
+    """Return the statistics of a cell by name, including failed checks and the reason for an unexpected outcome."""
     found = cell.found
     shares = {
         f"{name}{part}": value
@@ -97,7 +98,7 @@ def _parts(found: object) -> tuple[object, ...]:
 
 
 def write_table(folder: Path, cells: Sequence[SceneCell]) -> None:
-    """Write the table as CSV and as a store; if writing fails, no incomplete file or store remains."""
+    """Write the threat table as CSV and as a store; if writing fails, no incomplete file or store remains."""
     rows = table_rows(cells)
     with replacement(folder / TABLE) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]) if rows else ["threat"])
@@ -108,9 +109,9 @@ def write_table(folder: Path, cells: Sequence[SceneCell]) -> None:
 
 
 def read_threat_dataset(folder: Path) -> xarray.Dataset:
-    """Return the table from a folder that `vestige threats` wrote.
+    """Return the threat table from a folder that `vestige threats` wrote.
 
-    Raises `InputFileError` if the folder has no table, or a damaged table.
+    Raises `InputFileError` if the folder has no threat table, or a damaged threat table.
     """
     from vestige.campaign.store.results import load_small  # noqa: PLC0415  (zarr loads slowly, and no worker needs it)
 
@@ -118,7 +119,7 @@ def read_threat_dataset(folder: Path) -> xarray.Dataset:
 
 
 def threat_dataset(cells: Sequence[SceneCell]) -> xarray.Dataset:
-    """Return the table as a dataset over scene and level."""
+    """Return the threat table as a dataset over scene and level."""
     scenes = list(dict.fromkeys((cell.case.threat, cell.case.scene) for cell in cells))
     shape = (len(scenes), len(LEVEL_NUMBERS))
     place = {scene: number for number, scene in enumerate(scenes)}

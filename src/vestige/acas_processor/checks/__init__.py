@@ -1,1 +1,1 @@
-"""Checks of the processor: a check compares a statistic with a threshold that follows from a false-alarm budget."""
+"""Compare statistics of the measurements with thresholds that follow from a false-alarm budget."""

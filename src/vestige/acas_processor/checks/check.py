@@ -46,12 +46,12 @@ class Check(Protocol):
 class CheckWithMemory(Check, Protocol):
     """Protocol of a check that remembers numbers from one block of epochs to the next.
 
-    The division of the epochs into blocks must not change any bit of the results. So the memory contains all data that
-    `series` needs from the epochs before a block.
+    The division of the epochs into blocks must not change any bit of the results. So the memory of a check contains all
+    data that `series` needs from the epochs before a block.
     """
 
     def remember(self, evidence: Evidence) -> CheckMemory:
-        """Return the memory after a block. With the next block the check gets this memory as `evidence.memory`."""
+        """Return the memory after a block, which the check gets as `evidence.memory` with the next block."""
 
 
 def check_budget(p_fa: float) -> None:
@@ -95,14 +95,14 @@ class _Level(Check, Protocol):
 
 
 class LevelMonitor(Monitor):
-    """A two-sided monitor of a level in dB: |ΔL| ≤ K σ, where `sigma_db` is the σ without interference."""
+    """Two-sided monitor of a level L in dB: it passes if |ΔL| ≤ K σ. `sigma_db` is σ without interference."""
 
     __slots__ = ()
     unit: ClassVar = "dB"
 
     @property
     def threshold_db(self: _Level) -> float:
-        """Largest |ΔL| that passes, in dB."""
+        """Largest |ΔL| with which the monitor passes, in dB."""
         return two_sided_factor(self.p_fa) * self.sigma_db
 
     def probability_of_detection(self: _Level, change_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -133,9 +133,9 @@ def count_threshold(trials: int, probability: float, p_fa: float) -> int:
 def confirmed(
     failed: Bool[np.ndarray, "*n"], run: Bool[np.ndarray, "*n"], confirm: int, before: Int64[np.ndarray, "*k"]
 ) -> Bool[np.ndarray, "*n"]:
-    """Return whether a check failed `confirm` times in a row, at each epoch; epochs without a test do not count.
+    """Return at each epoch whether a check has failed in `confirm` tests in a row; epochs without a test are skipped.
 
-    `before` is, for each satellite, the number of failures in a row just before the block, at most `confirm`.
+    `before` is the number of failures in a row just before the block for each satellite, at most `confirm`.
     """
     out = np.zeros(failed.shape, np.bool_)
     flat_failed, flat_run, flat_out = (array.reshape(array.shape[0], -1) for array in (failed, run, out))

@@ -2,21 +2,22 @@
 
 Theory of operation
 -------------------
-A position fix gives bias b and drift d of the receiver's clock (both times c). The codes give b with σ_b, and the
-carriers give d with σ_d, independently. The oscillator has white (Sf) and random-walk (Sg) frequency noise
-[GALLEANI08]. Over a step Δt the three statistics of the check have the variances
+A position fix gives bias b and drift d of the receiver's clock, both multiplied by the speed of light c. The codes give
+b with the standard deviation σ_b, and the carriers give d with the standard deviation σ_d. The errors of b and d are
+independent. The oscillator has white (Sf) and random-walk (Sg) frequency noise [GALLEANI08]. Over a step Δt the three
+statistics of the check have the variances
 
     innovation     d_k − d_{k−1}                            c² Sg Δt + 2 σ_d²
     consistency    b_k − b_{k−1} − ½(d_k + d_{k−1}) Δt      c² (Sf Δt + Sg Δt³/12) + 2 σ_b² + ½ σ_d² Δt²
     slope          least-squares slope of the last drifts   wᵀ C w,  C_ij = c² Sg min(t_i, t_j) + σ_d² δ_ij
 
-w are the weights of the least-squares slope, and C is the covariance of the drifts. A test fails if its statistic is
-more than K standard deviations from 0. The three tests share the budget P_fa equally.
+w is the vector of the weights of the least-squares slope, and C is the covariance of the drifts. A test fails if its
+statistic is more than K standard deviations from 0. The three tests share the budget P_fa equally.
 
 The innovation test detects a step of the drift. The consistency test detects a delay of the codes that the carriers do
 not follow. The slope test detects a slow, steady change of the drift. An attack that changes code and carrier alike,
 and more slowly than the random walk of the oscillator, is not detected. A receiver that steps its clock by whole
-milliseconds must remove the steps first.
+milliseconds must remove these steps from its measurements before the check.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class ClockHistory(NamedTuple):
 
 
 class ClockStatistics(NamedTuple):
-    """Statistics and thresholds of n epochs; NaN where there are too few earlier epochs."""
+    """Statistics and thresholds of the three tests at n epochs; NaN after a gap, and with too few earlier epochs."""
 
     innovation: Float[np.ndarray, " n"]
     innovation_threshold: Float[np.ndarray, " n"]
@@ -66,7 +67,7 @@ class ClockDriftMonitor:
     white_s: float = 7.115e-24 / 2  # Sf = h0/2, white frequency noise of the oscillator [WFO, Sec. V]
     # Sg = 2π² h−2, random-walk frequency noise of the oscillator [WFO, Sec. V]
     walk_hz: float = 2 * math.pi**2 * 4.311e-21
-    window: int = 10  # number of epochs for the slope, 3 or more
+    window: int = 10  # number of epochs over which the slope is computed, 3 or more
     max_gap_s: float = 120.0  # longest step between epochs in s; the monitor begins anew after a longer gap
     p_fa: float = 1e-5  # false-alarm probability of one epoch, all three tests together
 
@@ -81,7 +82,7 @@ class ClockDriftMonitor:
         return two_sided_factor(self.p_fa / 3)
 
     def statistics(self, clock: ClockHistory) -> ClockStatistics:
-        """Return the three statistics of the epochs of a history; NaN after gaps and where there are too few epochs."""
+        """Return statistics and thresholds of the three tests at each epoch; NaN after a gap or with too few epochs."""
         step = np.diff(clock.time_s, prepend=np.nan)
         step = np.where((step > 0) & (step <= self.max_gap_s), step, np.nan)
         before = np.roll(clock.drift_mps, 1)
@@ -110,7 +111,7 @@ class ClockDriftMonitor:
             )
             centred = t - t.mean(axis=1, keepdims=True)
             weight = centred / np.sum(centred**2, axis=1, keepdims=True)
-            # wᵀ min(t_i, t_j) w: a random walk is the sum of its steps, and each step changes all later drifts
+            # Variance wᵀ min(t_i, t_j) w: a random walk is the sum of its steps, and each step changes all later drifts
             later = np.ascontiguousarray(np.cumsum(weight[:, ::-1], axis=1)[:, ::-1][:, 1:])
             steps = np.diff(t, axis=1)
             walk = SPEED_OF_LIGHT_MPS**2 * self.walk_hz * np.sum(later**2 * steps, axis=1)

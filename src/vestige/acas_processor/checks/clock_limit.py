@@ -1,17 +1,18 @@
-"""Check whether the signals are later than the error limit of the receiver's clock allows.
+"""Check whether the clock error that the E1 ranges show is within the limit that the receiver states.
 
 Theory of operation
 -------------------
 The receiver has a clock that GNSS does not set. The receiver states an upper limit U of the error of its clock against
-Galileo System Time (`time_uncertainty_s`). The E1 ranges also measure this error: a position fix gives b, the clock
-error multiplied by c. A replay that arrives later by τ increases b by c τ, even if the attacker suppresses other
+Galileo System Time (`time_uncertainty_s`). The E1 ranges also measure the clock error: a position fix gives b, the
+clock error multiplied by c. A replay with the delay τ increases b by c τ, even if the attacker suppresses other
 signals. The check passes if
 
     with a fix       |b|/c ≤ U + (`MARGIN_M` + K σ_b)/c
     without a fix    |median(P)/c − 85 ms| ≤ U + 20 ms
 
-where P are the pseudoranges. The travel times of Galileo signals are 65 to 105 ms (`position/possible_range.py`).
-`MARGIN_M` covers ionosphere, troposphere and orbit errors, which the fix does not correct. K follows from `p_fa`.
+P is the set of pseudoranges of the epoch. The travel times of Galileo signals are 65 to 105 ms
+(`position/possible_range.py`). `MARGIN_M` covers ionosphere, troposphere and orbit errors, which the fix does not
+correct. The standard deviation of b is σ_b, and K follows from `p_fa`.
 
 The check depends on U. A replay passes if it is no later than U allows, or if the error of the clock cancels the delay
 of the replay. U is the limit that the receiver states. The smaller limit from the receiver's last authentic fix does
@@ -32,7 +33,7 @@ from vestige.acas_processor.position.possible_range import MARGIN_M
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.records.checks import CheckName, CheckSeries
 
-CLOCK_LIMIT_P_FA = 1e-9  # false-alarm probability of one test; K is 6, and K σ_b is about 10 m
+CLOCK_LIMIT_P_FA = 1e-9  # false-alarm probability of one test; K is about 6, and K σ_b is about 10 m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Check whether the E6 range agrees with E1 within κσ: step 2 of a level [WFO, Sec. IV-A; TAES2023, Eq. 21-24]."""
+"""Check whether the E6 range agrees with the E1 range within κσ [WFO, Sec. IV-A, step 2; TAES2023, Eq. 21-24]."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class RangeCheck:
 
     @property
     def p_fa(self) -> float:
-        """False-alarm probability of one test if σ is the standard deviation of the errors; smaller with a larger σ."""
+        """False-alarm probability of one test; an upper limit if σ is larger than the 1σ error of the range offset."""
         return math.erfc(self.kappa / math.sqrt(2))
 
     @property

@@ -3,30 +3,31 @@
 Theory of operation
 -------------------
 One oscillator drives both front ends. Geometry, troposphere and clocks change the ranges of both carriers by the same
-amount. φ is the phase of the detecting correlator minus the phase that the E1 carrier predicts
+amount. The phase φ is the phase of the detecting correlator minus the phase that the E1 carrier predicts
 (`searches/handover.py`). Without a second signal only the ionosphere changes φ. A second E6 signal of relative
-amplitude a adds the variance a²/2 while its range changes. The phase between the two signals turns once for each 23.4
-cm of their range difference. The statistic is √(T/(N − 2)). T is the scatter of φ about a straight line over the last N
-RECS, relative to the noise (`monitoring/recs_windows.py`). The variance of each RECS is
+amplitude a adds a²/2 to the variance of φ while the range between the signals changes. The phase between the two
+signals turns once for each 23.4 cm of their range difference. The statistic is √(T/(N − 2)). T is the scatter of φ
+about a straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). The variance of φ at
+each RECS is
 
     σ² = 1/m² + (f6/f1)² (σ_PLL² + (2π σ_FLL Δt)²)
 
-m is the magnitude of the correlator in standard deviations of the noise per dimension. σ_PLL and σ_FLL are the noise of
-the E1 loops at the C/N0 of E1. Δt is the time over which the E1 Doppler extrapolates the E1 phase to the middle of the
-RECS.
+The magnitude m of the correlator is in standard deviations of the noise per dimension. The noise of the E1 loops at the
+C/N0 of E1 has the standard deviations σ_PLL and σ_FLL. The E1 Doppler extrapolates the E1 phase over the time Δt to the
+middle of the RECS.
 
 Between two RECS the phase is known up to whole turns. The check takes the smallest of the possible phase steps. This
 choice is right if
 
     (2π/λ6) v |t_k − t_{k−1}| + 4 √(σ_k² + σ_{k−1}² + P) < π
 
-with v the fastest change of E6 − E1 by the ionosphere, and P the power of the reflections. If this condition fails for
-any of the N RECS, the check is not run. The check is not run either if the N RECS take more than 120 s, because the
-ionosphere may then not change linearly. `p_fa` assumes noise and multipath about a straight line. An ionosphere that
-does not change linearly raises the false-alarm rate. False alarms were measured for `p_fa` = 10⁻⁶ and reflections that
-change with each RECS. Without a spoofer, 73 of 59,677 overlapping windows of 100 RECS failed, and no window of 30 RECS
-failed (docs/checks). At 35 dBHz and v = 3 mm/s the phase can be continued over 27 s. The check therefore does not run
-with one RECS each 30 s.
+v is the fastest change of the range difference E6 − E1 by the ionosphere, P is the power of the reflections, and λ6 is
+the wavelength of E6. If this condition is false for any of the N RECS, the check is not run. The check is not run
+either if the N RECS take more than 120 s, because the ionosphere changes linearly only over a shorter time. `p_fa`
+assumes that φ has only noise and multipath about a straight line. An ionosphere that does not change linearly raises
+the false-alarm rate. False alarms were measured for `p_fa` = 10⁻⁶ and reflections that change with each RECS. Without a
+spoofer, 73 of 59,677 overlapping windows of 100 RECS failed, and no window of 30 RECS failed (docs/checks). At 35 dBHz
+and v = 3 mm/s the condition is true up to 27 s between two RECS. So the check does not run with a RECS each 30 s.
 """
 
 from __future__ import annotations
@@ -54,14 +55,14 @@ from vestige.navigation.elevation_model import relative_ray_amplitude
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.theory.thermal_noise import fll_variance_hz2, pll_variance_rad2
 
-STRAIGHT_S = 120.0  # longest time over which a straight line describes the ionosphere
+STRAIGHT_S = 120.0  # longest time over which a straight line describes the ionosphere, in s
 _SURE = 4.0  # largest change of a phase step by noise and reflections, in standard deviations
 
 
 class _Tested(NamedTuple):
-    """Windows of RECS that were tested."""
+    """Properties of windows of N RECS, one for each test."""
 
-    scatter: Float[np.ndarray, " tests"]  # T
+    scatter: Float[np.ndarray, " tests"]  # T, the scatter of φ about a straight line relative to the noise
     limit: Float[np.ndarray, " tests"]  # threshold of T
     whole: Bool[np.ndarray, " tests"]  # whether each RECS has a phase, and E1 was tracked without a gap
     continued: Bool[np.ndarray, " tests"]  # whether the number of whole turns is known from each RECS to the next
@@ -70,7 +71,7 @@ class _Tested(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6PhaseMonitor(Monitor):
-    """Monitor of the E6 phase: it fails if the phase scatters more about the E1 phase than noise and multipath allow.
+    """Monitor of φ, the E6 phase minus its prediction: it fails if φ scatters more than noise and multipath allow.
 
     Attributes
     ----------
@@ -79,9 +80,10 @@ class E6PhaseMonitor(Monitor):
     ray_power_db
         P, mean power of all reflections over the direct signal in dB, at 16° of elevation.
     ray_life_s
-        L, duration of a reflection in s: 0 if each RECS has other reflections, infinite if the duration is unknown.
+        L, duration of a reflection in s: 0 if the reflections change with each RECS, infinite if the duration is
+        unknown.
     change_mps
-        v, fastest change of E6 − E1 by the ionosphere, in m/s.
+        v, fastest change of the range difference E6 − E1 by the ionosphere, in m/s.
     pll_bandwidth_hz, fll_bandwidth_hz, loop_integration_s
         One-sided bandwidths of the phase and the frequency loop of E1 in Hz, and the integration time of both loops in
         s.
@@ -106,7 +108,7 @@ class E6PhaseMonitor(Monitor):
         cn0_e1_dbhz: Float[np.ndarray, "*n"],
         extrapolated_s: Float[np.ndarray, "*n"],
     ) -> Float[np.ndarray, "*n"]:
-        """Return σ², the variance of the phase of each RECS by noise."""
+        """Return σ², the variance of φ at each RECS that noise causes, in rad²."""
         cn0_hz = 10 ** (cn0_e1_dbhz / 10)
         loops = {"integration_s": self.loop_integration_s}
         of_phase = pll_variance_rad2(cn0_hz, bandwidth_hz=self.pll_bandwidth_hz, **loops)
@@ -151,7 +153,7 @@ class E6PhaseMonitor(Monitor):
         return remembered_recs(evidence, self.window - 1)
 
     def _tested(self, recs: Recs, ends_here: Bool[np.ndarray, " k"], power: Float[np.ndarray, " tests"]) -> _Tested:
-        """Return the properties of each window; `ends_here` marks the windows that end in the block."""
+        """Return the properties of each window that ends in the block; `ends_here` marks these windows."""
         n = self.window
         variance = self.variance_rad2(recs.magnitude_sigma, recs.cn0_e1_dbhz, recs.extrapolated_s)
         time_s, phase_rad, variance, stretch = (

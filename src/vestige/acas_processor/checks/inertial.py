@@ -9,17 +9,17 @@ that does not accelerate:
     ρ̇₁ − ρ̇₀ = Δ_satellite − Δ(e·v) + Δdrift        e: unit vector to the satellite, v: velocity against the Earth
     Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means of the values at both ends, a: acceleration
 
-The difference of the two sides of the first equation has the variance of the remaining errors:
+The statistic of the test is ρ̇₁ − ρ̇₀ − Δ_satellite + Δ(e·v). Without an attack the statistic has the variance
 
     variance = σ_ρ̇,0² + σ_ρ̇,1² + (σ_bias T)² + N² T + c² Sg T
 
-T is the time between the epochs, σ_bias the bias of the accelerometers, N their velocity random walk, and Sg the
-frequency random walk of the receiver's oscillator. The test fails if the difference exceeds K standard deviations. The
-test does not detect a pull-off that stays below the drift of oscillator and accelerometers. The test also does not
-detect a pull-off that ends before the next epoch, if the rate then has its earlier value.
+σ_ρ̇,0 and σ_ρ̇,1 are the standard deviations of the two range rates, and T is the time between the epochs. The bias of
+the accelerometers is σ_bias, their velocity random walk is N, and the frequency random walk of the receiver's
+oscillator is Sg. The test fails if the magnitude of the statistic exceeds K standard deviations. The test does not
+detect a pull-off that stays below the drift of oscillator and accelerometers. The test also does not detect a pull-off
+after which the range rate has its earlier value at the next epoch.
 
-Accelerations are kinematic: an acceleration is the second derivative of the position relative to the Earth, without
-gravity.
+In this check an acceleration is the second derivative of the position relative to the Earth, without gravity.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ class InertialMonitor(Monitor):
 
     name: ClassVar = CheckName.INERTIAL_RANGE_RATE
     unit: ClassVar = "m/s"
-    # bias of the accelerometers along the line of sight, 1σ
-    sigma_bias_mps2: float = 0.01  # 1 mg, the bias of a consumer sensor
+    # standard deviation of the bias of the accelerometers along the line of sight
+    sigma_bias_mps2: float = 0.01  # 1 mg, which is usual for a consumer sensor
     walk_mps_per_sqrt_s: float = 0.002  # N, velocity random walk of the accelerometers
-    # Sg = 2π² h−2 of the receiver's oscillator; 0 for differences between satellites, which have no clock error
+    # Sg = 2π² h−2, random walk of the receiver's oscillator; 0 for differences of satellites, without clock error
     clock_walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
     p_fa: float = 1e-6
 
@@ -69,7 +69,8 @@ class InertialMonitor(Monitor):
     ) -> Float[np.ndarray, "*n"]:
         """Return the measured minus the expected change of the range rate.
 
-        `satellite_change_mps` is the change without acceleration of the receiver, and `delta_velocity_mps` is Δ(e·v).
+        `satellite_change_mps` is Δ_satellite, the change for a receiver that does not accelerate. `delta_velocity_mps`
+        is Δ(e·v).
         """
         return rate_change_mps - satellite_change_mps + delta_velocity_mps
 
@@ -81,7 +82,7 @@ class InertialMonitor(Monitor):
         return two_sided_detection(pull_mps / sigma, self.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the results for a block; an epoch with RECS and position is compared with the previous such epoch."""
+        """Return the results for a block; a result compares two consecutive epochs that have RECS and a position."""
         statistic, threshold = np.full((2, *evidence.shape), np.nan)
         steps = rate_steps(evidence)
         changes = steps.rate_change_mps, steps.static_change_mps, steps.delta_velocity_mps

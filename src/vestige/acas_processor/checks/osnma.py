@@ -1,16 +1,16 @@
 """Check whether OSNMA keys still arrive, and whether demodulated fields agree with the fields that were sent.
 
 An attacker who cannot forge OSNMA can prevent its reception. Noise that is just strong enough for bit errors does not
-disturb ranging, but prevents the reception of keys and tags. Two checks detect such an attack.
+disturb ranging, but prevents the reception of keys and tags. Two methods detect an attack on the reception.
 
-**Availability.** The statistic counts the subframes without a validated key among the last n. Without an attack a
-subframe is lost with a known probability p, so the count is binomial. The threshold is the smallest count that is
-exceeded with a probability of at most P_fa.
+**Availability.** The statistic counts the subframes without a validated key among the last n subframes. Without an
+attack a subframe is lost with a known probability p, so the count is binomial. The threshold is the smallest count that
+is exceeded with a probability of at most P_fa.
 
-**Assisted comparison** [WFO, Sec. IV-C]. Keys and tags also come from a second channel (the network). Missing or
-damaged fields are counted field by field, so the check needs only seconds. A reception error passes the checksum of a
-page with a probability of only 2⁻²⁴. A single field that differs although its page passed the checksum therefore shows
-that another sender is active.
+**Assisted comparison** [WFO, Sec. IV-C]. Keys and tags also come from a second channel (the network). Missing and
+different fields are counted one by one, so a single subframe is enough for a test. A reception error passes the
+checksum of a page with a probability of only 2⁻²⁴. A single field that differs although its page passed the checksum
+therefore shows that another transmitter is active.
 
 The checks do not detect an attack that leaves the data unchanged. The comparison proves nothing if the attacker
 controls the second channel.
@@ -39,11 +39,11 @@ class _LossMonitor(Monitor):
     p_fa: float = 1e-5
 
     def threshold(self, trials: int) -> int:
-        """Return the largest number of losses that passes."""
+        """Return the largest number of losses in `trials` trials with which the monitor passes."""
         return count_threshold(trials, self.loss_probability, self.p_fa)
 
     def probability_of_false_alarm(self, trials: int) -> float:
-        """Return the probability of a false alarm, at most `p_fa`."""
+        """Return the probability of a false alarm with `trials` trials, at most `p_fa`."""
         return float(bdtrc(self.threshold(trials), trials, self.loss_probability))
 
     def probability_of_detection(
@@ -81,7 +81,7 @@ class OsnmaAgreementMonitor:
     name: ClassVar = CheckName.OSNMA_AGREEMENT
     unit: ClassVar = "fields"
 
-    p_fa: float = 2.0**-24  # probability that a damaged page passes CRC-24, so that its field differs
+    p_fa: float = 2.0**-24  # probability that a page with reception errors passes its checksum CRC-24
 
     def series(self, evidence: Evidence) -> CheckSeries:
         """Return the results of the check for a block, with a test at the end of each subframe."""
@@ -124,7 +124,7 @@ def _series(
 ) -> CheckSeries:
     """Return the results of a check at the ends of subframes; NaN at other epochs, and where `enough` is false.
 
-    If several subframes end before an epoch, the subframe with the largest excess over its limit counts.
+    If several subframes end between two epochs, the subframe with the largest excess over its limit counts.
     """
     ends = evidence.subframes.epoch
     statistic, threshold = np.full((2, evidence.shape[0]), np.nan)

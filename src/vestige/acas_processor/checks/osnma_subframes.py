@@ -17,9 +17,9 @@ from vestige.acas_processor.monitoring.memory import OsnmaMemory, Subframe
 from vestige.constants import PAGES_A_SUBFRAME
 from vestige.records.snapshot_block import OsnmaBlock
 
-KEY_WINDOW = 20  # number of subframes in which missing keys are counted, 10 minutes
-KEY_BIT = 1 << PAGES_A_SUBFRAME  # bit of a key that is compared as a whole, after the bits of the pages
-_KEY_PAGES = sum(1 << page for page in range(10, 15))  # pages with the bits of a key of 128 bits [OSNMA-ICD]
+KEY_WINDOW = 20  # number of subframes in which missing keys are counted (10 minutes)
+KEY_BIT = 1 << PAGES_A_SUBFRAME  # bit for a key that is compared as a whole; the lower bits are for the pages
+_KEY_PAGES = sum(1 << page for page in range(10, 15))  # bits of the pages that carry a key of 128 bits [OSNMA-ICD]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,10 +61,10 @@ def subframes(block: OsnmaBlock | None, svids: tuple[int, ...], memory: OsnmaMem
 class _Pieces(NamedTuple):
     """Consecutive pieces of one subframe, with the bits of all pieces."""
 
-    start: int  # start of the subframe
-    epoch: int  # row of the last piece
+    start: int  # start of the subframe in s since the GST epoch
+    epoch: int  # row of the epoch of the last piece
     last: bool  # whether the last piece ends the subframe
-    # The next attributes have the bits of pages and key, an integer for each satellite.
+    # The next attributes have an integer for each satellite, with a bit for each page and a bit for the key.
     due: list[int]
     received: list[int]
     differs: list[int]
@@ -83,7 +83,7 @@ def _together(block: OsnmaBlock | None) -> Iterator[_Pieces]:
 
 
 def _joined(known: Subframe, pieces: _Pieces, svids: tuple[int, ...]) -> Subframe:
-    """Return a subframe with more pieces."""
+    """Return a subframe to which the bits of further pieces are added."""
 
     def with_bits(bits: Mapping[int, int], more: list[int]) -> dict[int, int]:
         return {svid: bits.get(svid, 0) | new for svid, new in zip(svids, more, strict=True)}
@@ -97,7 +97,7 @@ def _joined(known: Subframe, pieces: _Pieces, svids: tuple[int, ...]) -> Subfram
 
 
 def _counts(known: Subframe) -> tuple[bool, int, int, int, int]:
-    """Return whether the key was received, and how many pages were due, lost, received and different."""
+    """Return whether the key was received, and how many pages and keys were due, lost, received and different."""
     keyed, due, lost, received, differs = False, 0, 0, 0, 0
     for svid, bits in known.due.items():
         came, wrong = known.received.get(svid, 0), known.differs.get(svid, 0)

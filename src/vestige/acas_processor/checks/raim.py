@@ -1,7 +1,7 @@
 """Check whether the pseudoranges of an epoch agree: RAIM by residuals.
 
-See `navigation/raim.py` for the theory. The check does not detect a pull of all satellites together, in time or in
-position.
+See `navigation/raim.py` for the theory. The check does not detect an attack that shifts the ranges of all satellites
+consistently, in time or in position.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class RaimMonitor(Monitor):
     p_fa: float = 1e-5
 
     def threshold(self, fix: Fix) -> Float[np.ndarray, " n"]:
-        """Return the threshold of every epoch, NaN without redundancy."""
+        """Return the threshold of every epoch; NaN without redundant ranges."""
         return chi_square_threshold(degrees_of_freedom(fix.weight), self.p_fa)
 
     def probability_of_detection(
@@ -48,7 +48,7 @@ class RaimMonitor(Monitor):
         return 1 - missed_detection(bias_m**2 * fix.weight[0, column] * share, freedom, self.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the results for a block; a failure names the satellite without which the other satellites agree."""
+        """Return the results for a block; the reason of a failure names the satellite to exclude, if there is one."""
         fix, snapshots = evidence.measured.fix, evidence.measured.snapshots
         nothing = np.full(evidence.shape[0], np.nan)
         used = np.zeros(evidence.shape[0], np.int64) if fix is None else fix.satellites
@@ -71,6 +71,6 @@ class RaimMonitor(Monitor):
 
 
 def raim_statistic(fix: Fix) -> Float[np.ndarray, " n"]:
-    """Return the weighted sum of squared residuals of every epoch, NaN without redundancy."""
+    """Return the weighted sum of squared residuals of every epoch; NaN without redundant ranges."""
     enough = fix.valid & (degrees_of_freedom(fix.weight) > 0)
     return np.where(enough, chi_square_statistic(fix.residual_m, fix.weight), np.nan)

@@ -2,28 +2,27 @@
 
 Theory of operation
 -------------------
-The correlation function of one signal is a triangle r(τ) of unknown amplitude and position. C is the correlation of the
-noise in the taps, and ⟨a, b⟩ = aᴴC⁻¹b. The taps c are in standard deviations of the noise per dimension. τ₁ is the
-position at which |⟨r, c⟩|²/⟨r, r⟩ is largest. The statistic √G with
+The correlation function of one signal is a triangle r(τ) of unknown amplitude and position. C is the correlation matrix
+of the noise in the taps, and ⟨a, b⟩ = aᴴC⁻¹b. The taps c are in standard deviations of the noise per dimension. τ₁ is
+the position at which |⟨r, c⟩|²/⟨r, r⟩ is largest. The statistic is √G with
 
     r₂⊥ = r(τ) − r(τ₁) ⟨r(τ₁), r(τ)⟩/⟨r(τ₁), r(τ₁)⟩        G = max over |τ − τ₁| ≥ ½ chip of |⟨r₂⊥, c⟩|²/⟨r₂⊥, r₂⊥⟩
 
-measures how much better two signals explain the taps than one signal. With noise alone, every |·|²/2 has an exponential
-distribution. Let a reflection have a Rayleigh amplitude and the mean power P over a direct signal of amplitude s. The
-reflection adds at most s²P/2 to the variance in each dimension. In a single RECS such a reflection looks like a
-spoofing signal. The check therefore fails where
+√G measures how much better two signals explain the taps than one signal. With noise alone, half of each quotient in G
+has an exponential distribution. Let a reflection have a Rayleigh amplitude and the mean power P over a direct signal of
+amplitude s. The reflection adds at most s²P/2 to the variance in each dimension. In a single RECS such a reflection
+looks like a spoofing signal. The check therefore fails where
 
     √G > √(−2 (1 + k s²P/2) ln(p_fa/N))        N = number of positions tried
 
-with k = 1 where the weaker signal is the later signal. The false-alarm probability is an upper limit, because
-neighbouring positions share noise and a reflection rarely lies at the worst position. In harsh conditions P is −15.8
-dB. A later signal with a power below −4 dB relative to the direct signal is then not detected at p_fa = 10⁻⁶, however
-large C/N0 is.
+If the weaker signal is the later signal, k is 1. The false-alarm probability is an upper limit, because neighbouring
+positions share noise and a reflection rarely lies at the worst position. In harsh conditions P is −15.8 dB. With this P
+and p_fa = 10⁻⁶, a later signal that is more than 4 dB weaker than the direct signal is not detected at any C/N0.
 
-A reflection never arrives before its direct signal. If the weaker signal is the earlier signal, it is no reflection of
-the stronger signal. Then only noise determines the threshold. A small k = 0.06 allows for two effects: a near
-reflection distorts the triangle, and τ₁ is found only to 0.05 chip. With this k, the measured rate of false alarms
-stays below p_fa up to 45 dBHz with an integration of 16 ms.
+A reflection never arrives before its direct signal. If the weaker signal is the earlier signal, this signal is no
+reflection of the stronger signal, and k could be 0. Instead k is 0.06, which allows for two effects: a near reflection
+distorts the triangle, and τ₁ is found only to 0.05 chip. With k = 0.06, the measured rate of false alarms stays below
+p_fa up to 45 dBHz with an integration of 16 ms.
 
 The check uses the correlators within `reach_m` of the prediction. Farther from the prediction only the early detector
 separates two signals.
@@ -57,11 +56,11 @@ _BLOCK = 20_000  # number of epochs that are processed at once, which limits the
 class TwoSignals(NamedTuple):
     """Best fit of two signals to the correlators of a RECS."""
 
-    statistic: Float[np.ndarray, "*n"]  # √G
+    statistic: Float[np.ndarray, "*n"]  # √G, how much better two signals explain the taps than one signal
     # amplitude s of the stronger signal in standard deviations of the noise per dimension
     amplitude: Float[np.ndarray, "*n"]
-    stronger_m: Float[np.ndarray, "*n"]  # offset of the stronger signal in m
-    weaker_m: Float[np.ndarray, "*n"]  # offset of the weaker signal in m
+    stronger_m: Float[np.ndarray, "*n"]  # offset of the stronger signal from the prediction in m
+    weaker_m: Float[np.ndarray, "*n"]  # offset of the weaker signal from the prediction in m
 
     @property
     def earlier_m(self) -> Float[np.ndarray, "*n"]:
@@ -70,10 +69,11 @@ class TwoSignals(NamedTuple):
 
 
 class _Places(NamedTuple):
-    """Positions, r(τ)/√⟨r, r⟩, and r₂⊥/√⟨r₂⊥, r₂⊥⟩ of each pair (0 for near positions), which do not depend on taps."""
+    """Positions of signals that are tried, with weights of the taps for each position and each pair of positions."""
 
-    at_m: Float[np.ndarray, " places"]
-    whitened: Float[np.ndarray, "places n_taps"]
+    at_m: Float[np.ndarray, " places"]  # positions τ in m from the prediction
+    whitened: Float[np.ndarray, "places n_taps"]  # C⁻¹ r(τ)/√⟨r, r⟩ of each position
+    # C⁻¹ r₂⊥/√⟨r₂⊥, r₂⊥⟩ of each pair of positions; 0 for positions less than ½ chip apart
     beside: Float[np.ndarray, "places places n_taps"]
 
 
@@ -87,10 +87,10 @@ class SecondSignalMonitor(Monitor):
     # VI-A]
     ray_power_db: float = -15.8
     p_fa: float = 1e-6  # false-alarm probability of one test of one satellite, an upper limit
-    reach_m: float = np.inf  # the check leaves out correlators that are farther from the prediction, in m
+    reach_m: float = np.inf  # largest distance of a used correlator from the prediction, in m
 
     def near(self, offsets_m: Float[np.ndarray, " n_taps"]) -> Bool[np.ndarray, " n_taps"]:
-        """Return which correlators the check uses."""
+        """Return for each correlator whether the check uses the correlator."""
         return np.abs(offsets_m) <= self.reach_m * (1 + 1e-9)
 
     def statistic(
@@ -99,9 +99,9 @@ class SecondSignalMonitor(Monitor):
         noise_power: Float[np.ndarray, " n"],
         offsets_m: Float[np.ndarray, " n_taps"],
     ) -> TwoSignals:
-        """Return the fit of two signals to the correlators.
+        """Return the best fit of two signals to the correlators of each RECS.
 
-        `noise_power` is the mean squared magnitude of noise in one correlator.
+        `noise_power` is the mean squared magnitude of the noise in one correlator.
         """
         places = _places(tuple(np.round(offsets_m, 6).tolist()))
         scaled = taps / np.sqrt(noise_power / 2)[:, None]
@@ -110,7 +110,7 @@ class SecondSignalMonitor(Monitor):
             part = slice(low, low + _BLOCK)
             alone = np.abs(
                 np.einsum("nt,pt->np", scaled[part], places.whitened)
-            )  # `einsum` uses no BLAS here, so any number of rows gives the same bits
+            )  # `einsum` uses no BLAS here, so the number of rows does not change a bit of the result
             first = np.argmax(alone, axis=1)
             further = np.abs(np.einsum("npt,nt->np", places.beside[first], scaled[part]))
             second, row = np.argmax(further, axis=1), np.arange(first.size)
@@ -120,7 +120,7 @@ class SecondSignalMonitor(Monitor):
     def threshold(
         self, found: TwoSignals, offsets_m: Float[np.ndarray, " n_taps"], *, relative: float | np.ndarray = 1.0
     ) -> Float[np.ndarray, "*n"]:
-        """Return the largest √G that passes; `relative` scales the amplitude of the reflections (1 at 16°)."""
+        """Return the largest √G that passes; `relative` scales the amplitude of reflections (1 at 16° of elevation)."""
         tried = _places(tuple(np.round(offsets_m, 6).tolist())).whitened.shape[0]
         share = np.where(found.weaker_m < found.stronger_m, _EARLY_SHARE, 1.0)
         ray_amplitude = found.amplitude * relative
@@ -144,7 +144,7 @@ class SecondSignalMonitor(Monitor):
 
 
 def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> TwoSignals:
-    """Return the fit of two signals in every bank of a block; NaN where nothing was correlated."""
+    """Return the best fit of two signals to every bank of a block; NaN where nothing was correlated."""
     correlated = measured.availability == Availability.CORRELATED
     banks = measured.banks
     near = monitor.near(banks.offsets_m)
@@ -157,7 +157,7 @@ def two_signals(monitor: SecondSignalMonitor, measured: MeasurementBlock) -> Two
 
 @cache
 def _places(offsets_m: tuple[float, ...]) -> _Places:
-    """Return the tried positions and their weights for a bank of taps, from the first to the last tap."""
+    """Return positions from the first to the last tap of a bank, and the weights of the taps for these positions."""
     chips = np.array(offsets_m) * _CHIPS_A_METRE
     at = np.arange(chips[0], chips[-1] + _STEP_CHIPS / 2, _STEP_CHIPS)
     shape = autocorrelation(BPSK, np.subtract.outer(at, chips).ravel()).reshape(at.size, chips.size)

@@ -1,4 +1,4 @@
-"""Check solution separation: whether the position without each satellite agrees with the position from all satellites.
+"""Check by solution separation whether the positions with and without each satellite agree.
 
 See `navigation/raim.py` for the theory. The check does not detect an attack that shifts the ranges of all satellites
 consistently, in time or in position.
@@ -22,11 +22,11 @@ _AXES = ("east", "north", "up")
 
 
 def separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3 m"], Int[np.ndarray, " n"]]:
-    """Return |Δx_q|/σ_ss,q for each axis and satellite (NaN if undefined), and the number of satellites left out."""
+    """Return |Δx_q|/σ_ss,q by axis and satellite (NaN if undefined), and the number of satellites left out in turn."""
     parts = redundancy(local_geometry(fix), fix.weight)
     separation = solution_separation(parts, fix.residual_m, fix.weight)
     sigma = separation.sigma_m[:, :3]
-    # if a satellite hardly affects an axis, the computed σ consists of rounding errors only
+    # If a satellite hardly affects an axis, the computed σ consists of rounding errors only.
     touched = sigma > 1e-9
     modes = np.count_nonzero(np.isfinite(sigma[:, 2]), axis=1)
     return np.abs(separation.difference_m[:, :3]) / np.where(touched, sigma, np.nan), modes
@@ -59,7 +59,7 @@ class SolutionSeparationMonitor(Monitor):
 
     @property
     def p_fa(self) -> float:
-        """False-alarm probability of one epoch; an upper limit, because the modes are not independent."""
+        """False-alarm probability of one epoch; an upper limit, because the separations are not independent."""
         return self.p_fa_horizontal + self.p_fa_vertical
 
     @classmethod
@@ -86,7 +86,7 @@ class SolutionSeparationMonitor(Monitor):
     def over_threshold(
         self, largest: Float[np.ndarray, "n 3"], modes: Int[np.ndarray, " n"]
     ) -> Float[np.ndarray, " n"]:
-        """Return the statistic from the result of `largest_separations`, where the fix itself is not available."""
+        """Return the statistic of each epoch from the result of `largest_separations`, without the fix itself."""
         return _largest(largest / self.factors(modes))
 
     def probability_of_detection(

@@ -1,1 +1,1 @@
-"""Receiver state between epochs, and the budget of false alarms."""
+"""Keep the receiver's state between blocks of epochs, and divide the budget of false alarms among the checks."""

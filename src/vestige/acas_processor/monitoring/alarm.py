@@ -1,10 +1,10 @@
 """Keep the state of each satellite, so that a receiver raises a single alarm for a single attack.
 
-Each RECS gives a verdict, and the monitors may raise a suspicion between two RECS. The state of a satellite is
-therefore the gravest status of the last `HOLD_S` seconds. A graver status raises the state at once. The state falls
-only after `HOLD_S` seconds without a status as grave as the state. So an attack that a check detects only in some RECS
-raises a single alarm. AUTHENTIC is a statement about a range, and a satellite whose signal on E1 is lost has no range.
-So the loss of the signal on E1 ends the state AUTHENTIC, but not a state of alarm.
+The verdict of a satellite may change at each RECS, and also between two RECS. The state of a satellite is therefore the
+gravest status of the last `HOLD_S` seconds. A graver status raises the state at once. The state falls only after
+`HOLD_S` seconds without a status as grave as the state. So an attack that a check detects only in some RECS raises a
+single alarm. AUTHENTIC is a statement about a range, and a satellite whose signal on E1 is lost has no range. So the
+loss of the signal on E1 ends the state AUTHENTIC, but not a state of alarm.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _NOT_AVAILABLE = POSITION[Status.NOT_AVAILABLE]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateChange:
-    """A change of the state of a satellite."""
+    """Change of the state of a satellite."""
 
     time: GalileoTime  # time of the snapshot that changed the state
     svid: int
@@ -43,9 +43,9 @@ class StateChange:
 class AlarmState:
     """State of all satellites after a block of epochs."""
 
-    # last time of each status of each satellite, in s after the receiver's origin
+    # last time of each status of each satellite, in s after the first epoch that the receiver ever processed
     seen: Mapping[int, Mapping[Status, float]] = field(default_factory=dict)
-    shown: Mapping[int, Status] = field(default_factory=dict)
+    shown: Mapping[int, Status] = field(default_factory=dict)  # state of each satellite
 
     def over(
         self,
@@ -55,10 +55,10 @@ class AlarmState:
         due: Bool[np.ndarray, "n m"],
         lost: Bool[np.ndarray, "n m"],
     ) -> tuple[Int8[np.ndarray, "n m"], AlarmState]:
-        """Return the state of every epoch and satellite, as positions in `Status`, and the state after the block.
+        """Return the state of each satellite at each epoch (position in `Status`), and the state after the block.
 
-        `time_s` ascends and counts from the receiver's origin. The state stays unchanged where `due` is False. `lost`
-        is True where the signal of a satellite on E1 is lost.
+        `time_s` ascends and counts from the first epoch that the receiver ever processed. The state of a satellite
+        stays unchanged where `due` is False. `lost` is True where the signal of a satellite on E1 is lost.
         """
         n = time_s.size
         shown = np.array([POSITION[self.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids], np.int8)
@@ -92,7 +92,7 @@ class AlarmState:
 def _last_time(
     where: Bool[np.ndarray, "n m"], time_s: Float[np.ndarray, " n"], before_s: Float[np.ndarray, " m"]
 ) -> Float[np.ndarray, "n m"]:
-    """Return the time of the last true value at or before each epoch; −∞ if there is none."""
+    """Return the time of the last true value at or before each epoch; −∞ without a true value."""
     times = np.where(where, time_s[:, None], -np.inf)
     return np.maximum(np.maximum.accumulate(times, axis=0), before_s)
 
@@ -100,7 +100,7 @@ def _last_time(
 def state_changes(
     svids: tuple[int, ...], state: Int8[np.ndarray, "n m"], before: AlarmState
 ) -> list[tuple[int, int, Status, Status]]:
-    """Return the changes of state: row, column, state before the change, and state after the change."""
+    """Return each change of a state: row, column, state before the change, and state after the change."""
     statuses = tuple(POSITION)
     first = np.array([[POSITION[before.shown.get(svid, Status.NOT_AVAILABLE)] for svid in svids]], np.int8)
     earlier = np.concatenate([first, state[:-1]])

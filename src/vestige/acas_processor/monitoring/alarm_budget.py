@@ -1,4 +1,4 @@
-"""Budget of false alarms: the number of false alarms that a level may raise in a day, and the share of each check.
+"""Compute how many false alarms a level may raise in a day, and the share of each check.
 
 Theory of operation
 -------------------
@@ -6,9 +6,10 @@ Theory of operation
 `ALARMS_PER_DAY` false alarms in a day. These checks get equal shares. A check divides its share equally among its tests
 of a day:
 
-    P_fa = alarms a day / (number of such checks · tests a day)
+    P_fa = alarms a day / (number of these checks · tests a day)
 
-Some checks have their own false-alarm probability, in addition to this budget. The following values are upper limits:
+Some checks have their own false-alarm probability, in addition to this budget. The probabilities in this list are upper
+limits:
 
 * The probability of the range check is erfc(κ/√2) if its σ is the standard deviation of the errors. The assumed σ is
   larger by intention, so the true probability is smaller. Noise above the detection threshold in one of the N
@@ -21,10 +22,10 @@ Some checks have their own false-alarm probability, in addition to this budget. 
 
 The sum of these probabilities is an upper limit too, because several failures during one alarm (`alarm.py`) count once.
 
-**With `alarms_per_day` = a** the whole level may raise at most `a` false alarms in one day. Alarms that do not depend
-on the threshold of a check are subtracted first. Such alarms come from noise in the N correlators, from OSNMA agreement
-and from the clock limit. The other n checks of the level get equal shares of the rest. The following equations are
-valid for a check with T tests a day:
+**With `alarms_per_day` = a** the whole level may raise at most `a` false alarms in one day. Alarms from noise in the N
+correlators, from OSNMA agreement and from the clock limit are subtracted first, because no choice of a threshold
+changes their number. The other n checks of the level get equal shares of the remaining alarms. The following equations
+are valid for a check with T tests a day:
 
     P = (a − Σ fixed) / (n T)        of one test
     range check        κ = √2 erfc⁻¹(P)
@@ -32,13 +33,13 @@ valid for a check with T tests a day:
     power–distortion   ⌈ln P / ln 0.006⌉ failures in a row
     all others         P_fa = P
 
-An example is level 1 with eight satellites, a RECS each 30 s and a = 1. Noise in 46 correlators then raises 0.11 alarms
-a day, P is 1.9·10⁻⁵, and κ is 4.27. Checks that a user wrote keep their own probability, and raise alarms in addition
-to the number a.
+In an example, level 1 has eight satellites, a RECS each 30 s, 46 correlators and a = 1. Noise in the 46 correlators
+raises 0.11 alarms a day, P is 1.9·10⁻⁵, and κ is 4.27. Checks that a user wrote keep their own probability, and raise
+alarms in addition to the number a.
 
-The probability of some checks can be chosen. Among these checks, clock and RAIM are *exact*: their statistics have the
-distribution from which the threshold is computed. The other checks allow for errors that are not always present, such
-as a drifting front end or a fading C/N0. The probabilities of the other checks are upper limits.
+Among the checks whose probability can be chosen, the clock checks and RAIM are *exact*: their statistics have the
+distribution from which the threshold is computed. All other checks allow for errors that are not always present, such
+as a drifting front end or a fading C/N0. The probabilities of all other checks are therefore upper limits.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
     from vestige.acas_processor.verdict_block import VerdictBlock
 
-ALARMS_PER_DAY = 1.0  # false alarms a day of all checks together whose probability can be chosen
+ALARMS_PER_DAY = 1.0  # false alarms a day of all the checks whose probability can be chosen
 _LARGEST_P_FA = 0.5  # upper limit of the false-alarm probability of one test
 
 
@@ -71,9 +72,9 @@ class Cadence:
     """Frequency of a receiver's tests: number of satellites, and times between epochs, RECS and searches."""
 
     satellites: int
-    observation_s: float = 1.0  # time between epochs of E1
-    recs_s: float = 30.0  # time between RECS
-    search_s: float = 3600.0  # time between exhaustive searches
+    observation_s: float = 1.0  # time between epochs of E1 in s
+    recs_s: float = 30.0  # time between RECS in s
+    search_s: float = 3600.0  # time between exhaustive searches in s
 
     def tests_a_day(self, row: CheckSpec) -> float:
         """Return the number of tests of a check in a day."""
@@ -96,7 +97,7 @@ def false_alarm_budget(
     bank_p_fa: float = 0.0,
     added: Sequence[CheckSpec] = (),
 ) -> dict[CheckName | str, AlarmShare]:
-    """Return the share of each check of a level, by name.
+    """Return the share of each check in the false alarms of a level, by name of the check.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ def _set(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmSha
 
 
 def _with_own(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> AlarmShare:
-    """Return the share of a check: its own false-alarm probability if it has one, otherwise `p_fa`."""
+    """Return the share of a check with its own false-alarm probability, or with `p_fa` if the check has none."""
     return AlarmShare(
         p_fa=p_fa if row.own_p_fa is None else row.own_p_fa(assumed),
         confirm=row.confirm,
@@ -185,17 +186,18 @@ def _with_own(row: CheckSpec, p_fa: float, assumed: DetectionAssumptions) -> Ala
 
 
 def set_kappa(share: AlarmShare, bank_p_fa: float) -> float:
-    """Return κ of a range check from its share of a level whose alarms a day are set: √2 erfc⁻¹(P).
+    """Return κ of the range check, √2 erfc⁻¹(P), from the share of this check in the false alarms of a level.
 
-    `bank_p_fa` is the part of the share for noise in the bank of correlators.
+    `bank_p_fa` is the probability that noise exceeds the detection threshold in any correlator of the bank. P is the
+    false-alarm probability of the share without `bank_p_fa`.
     """
     return sqrt(2) * float(erfcinv(share.p_fa - bank_p_fa))
 
 
 def budget_of(processor: AcasProcessor, block: VerdictBlock) -> dict[CheckName | str, AlarmShare]:
-    """Return the share of each check of a processor, for the satellites of a block.
+    """Return the share of each check in the false alarms of a processor's level, by name of the check.
 
-    The miss rate of E6 power follows from the C/N0 on E1, averaged over the configured fading.
+    The miss rate of E6 power follows from the C/N0 on E1 in the block, averaged over the configured fading.
     """
     return false_alarm_budget(
         processor.level,

@@ -1,6 +1,6 @@
-"""Reference levels of power, C/N0 and noise floor, configured or learned [WFO, Sec. IV-B].
+"""Find the reference levels of power, C/N0 and noise floor, configured or learned [WFO, Sec. IV-B].
 
-The checks of step 3 compare measured values with a reference level. The source of this level is as follows:
+The checks of step 3 compare measured values with a reference level. This level has one of two sources:
 
 1. If the receiver's settings state the level (calibrated front end, antenna with known C/N0), this level is the
    reference.
@@ -8,7 +8,7 @@ The checks of step 3 compare measured values with a reference level. The source 
    without an alarm. Before `LEARNED` values are collected, the check is not run.
 
 If an attack is present from the beginning, the receiver learns the level of the attack. The median of k values has
-π/(2k) times the variance of a single value, so thresholds grow by √(1 + π/(2k)).
+π/(2k) times the variance of a single value, so thresholds are multiplied by √(1 + π/(2k)).
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Antenna:
     fall_db: float = 0.0
 
     def expected_dbhz(self, zenith_dbhz: float, elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the expected C/N0; NaN where the elevation matters and is unknown."""
+        """Return the expected C/N0 in dBHz; NaN where C/N0 depends on an elevation that is unknown."""
         if not self.fall_db:
             return np.full(elevation_rad.shape, zenith_dbhz)
         return zenith_dbhz - self.fall_db * (1 - np.sin(elevation_rad))
@@ -68,13 +68,13 @@ class Antenna:
 class ReferenceLevels:
     """Reference levels that the receiver's settings state; None for a level that the receiver learns."""
 
-    # power of each band without interference, relative to the reference of its front end
+    # power of each band without interference, in dB relative to the reference power of the front end
     e1_power_db: float | None = None
     e6_power_db: float | None = None
     antenna: Antenna | None = None
 
     def configured(self, quantity: Quantity, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "*n"] | None:
-        """Return the stated level of every epoch, for C/N0 of every satellite too; None if the receiver learns it."""
+        """Return the stated level by epoch, and for C/N0 also by satellite; None if the receiver learns the level."""
         power_db = {Quantity.E1_POWER_DB: self.e1_power_db, Quantity.E6_POWER_DB: self.e6_power_db}.get(quantity)
         if power_db is not None:
             return np.full(elevation_rad.shape[0], power_db)
@@ -86,7 +86,7 @@ class ReferenceLevels:
 
 
 class Reference(NamedTuple):
-    """Reference level of every epoch; for a quantity of satellites, of every epoch and satellite.
+    """Reference level of a quantity at each epoch, and for C/N0 and noise floor also for each satellite.
 
     `value` is NaN where the level is unknown. `learned` is the number of values from which the level was learned;
     infinite where the settings state the level.
@@ -97,7 +97,7 @@ class Reference(NamedTuple):
 
     @property
     def growth(self) -> Float[np.ndarray, "*n"]:
-        """Factor by which thresholds are larger, because the level is a median of few values."""
+        """Factor that enlarges thresholds, because the level is a median of few values."""
         return np.sqrt(1 + np.pi / 2 / np.maximum(self.learned, 1))
 
     def why_unknown(self, place: tuple[int, ...]) -> str:
@@ -156,7 +156,7 @@ class Observed:
     def _own_share(self, snr: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
         """Return the power that the signal adds to the noise floor of wrong codes, divided by the noise power.
 
-        The result is at most Ec/N0.
+        The result is at most Ec/N0, the energy of a chip over the noise density.
         """
         banks, chips_per_m = self.measured.banks, E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
         between = np.nan_to_num(self.measured.detected.range_offset_m) * chips_per_m % 1.0
@@ -169,7 +169,7 @@ class Observed:
         teaches: Bool[np.ndarray, " n"],
         elevation_rad: Float[np.ndarray, "n m"],
     ) -> Mapping[Quantity, Reference]:
-        """Return the reference level at each epoch, from the values before that epoch.
+        """Return the reference level of each quantity at each epoch, from the values before this epoch.
 
         `teaches` is True at epochs with RECS and without an alarm, whose values give the levels of later epochs.
         """
@@ -189,7 +189,7 @@ class Observed:
         return found
 
     def after(self, baseline: Baseline, teaches: Bool[np.ndarray, " n"]) -> Baseline:
-        """Return the baseline after a block, with the values of the block's epochs without an alarm."""
+        """Return the baseline after a block, to which values of the block's epochs without an alarm are added."""
         known: dict[Quantity, dict[int, Values]] = {}
         for quantity, values in self.values.items():
             known[quantity] = dict(baseline.values.get(quantity, {}))
@@ -206,7 +206,7 @@ def _running(
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return the median of the last values without an alarm before each epoch, and the number of these values.
 
-    The median is NaN where there are too few values.
+    The median is NaN with fewer than `LEARNED` values.
     """
     taught = teaches & np.isfinite(column)
     values = np.concatenate([np.array(before, np.float64), column[taught]])

@@ -1,4 +1,4 @@
-"""Calibration of the receiver's constant delay between E6 and E1 from measurements of the receiver."""
+"""Calibrate the receiver's constant delay between E6 and E1 with measurements of the receiver."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def hardware_bias_correction_s(measured: Iterable[MeasurementBlock]) -> float | 
     """Return the correction of the hardware bias in s that makes the median range offset zero.
 
     The bias is common to all satellites, in contrast to ionosphere, multipath and noise. The median over all detected
-    satellites is robust against a minority of spoofed satellites. Calibrate where the signals are known to be
-    authentic, and use the calibrated bias from then on.
+    satellites is robust against a minority of spoofed satellites. Calibrate with signals that are known to be
+    authentic, and use the calibrated bias afterwards.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Memory of the receiver and of its checks: values from the epochs before a block."""
+"""Define the values from the epochs before a block that the receiver and its checks remember."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Vector = tuple[float, float, float]
 # Numbers that a check remembers from block to block, by SVID; numbers of the receiver have the key 0. The meaning of
 # the numbers depends on the check.
 CheckMemory = Mapping[int, tuple[float, ...]]
-RECEIVER = 0  # key of the receiver's numbers
+RECEIVER = 0  # key of the numbers of the receiver in `CheckMemory`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

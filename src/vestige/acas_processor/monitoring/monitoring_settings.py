@@ -1,4 +1,4 @@
-"""Settings of the checks that levels 2 and 3 add, and the checks that follow from these settings."""
+"""Define the settings of the checks that levels 2 and 3 add, and make the checks from these settings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class MonitoringSettings:
     alarms_per_day
         Number of false alarms a day that the whole level may raise. The thresholds and confirmations of all checks of
         the level follow from this number (`alarm_budget.py`). With None, the checks whose probability can be chosen may
-        together raise one alarm a day. Range check and E6 power then have their own probability.
+        together raise one alarm a day, and range check and E6 power have their own probability.
     test_p_fa
         False-alarm probability of one test of every check, in place of the shares of the budget. The purpose is to
         measure detection curves. The three clock checks have this probability together. With None, the checks have the
@@ -52,20 +52,22 @@ class MonitoringSettings:
     fix
         Orbits, and the assumed errors of the observations.
     e1_power, e6_power, e1_cn0, e6_cn0, noise_floor, second_signal, clock, power_distortion, inertial
-        Settings of the check with the same name; their class describes the settings.
+        Settings of the check that has the name of the attribute. The class of each attribute describes the settings.
     e6_phase, e6_fading
         The optional monitors of the carrier on E6, for every level; None if they are turned off.
     osnma_availability, osnma_reception
-        Settings of the two checks; the level's budget replaces the false-alarm probability in these settings.
+        Settings of the checks OSNMA availability and OSNMA reception. The level's budget replaces the false-alarm
+        probability in these settings.
     second_signal_filtered
-        Whether a filter of the E6 front end distorts the correlation function. The check for a second signal is then
-        not made.
+        Whether a filter of the E6 front end distorts the correlation function. If True, the check for a second signal
+        is not made.
     e1_search, exhaustive_search
-        Settings of the searches, except `search_p_fa` and `exhaustive_period_s`.
+        Settings of the E1 vestigial search and of the E6 exhaustive search, except `search_p_fa` and
+        `exhaustive_period_s`.
     search_p_fa
         False-alarm probability of one search.
     exhaustive_period_s
-        Time between two exhaustive searches while nothing is suspicious, in s.
+        Time in s between two exhaustive searches while no other check fails.
     """
 
     cadence: Cadence = Cadence(satellites=10, observation_s=30.0)  # noqa: RUF009  (frozen)
@@ -104,9 +106,9 @@ def shares_of(processor: AcasProcessor) -> dict[CheckName | str, float]:
 
 
 def set_shares(processor: AcasProcessor) -> dict[CheckName | str, AlarmShare]:
-    """Return the share of each check of a processor's level, without use of measurements.
+    """Return the share of each check in the false alarms of a processor's level, without use of measurements.
 
-    Raises `VestigeError` if the configured false alarms a day are too few.
+    `VestigeError` is raised if the configured false alarms a day are too few.
     """
     return false_alarm_budget(
         processor.level,
@@ -118,7 +120,7 @@ def set_shares(processor: AcasProcessor) -> dict[CheckName | str, AlarmShare]:
 
 
 def checks_of(processor: AcasProcessor, p_fa: Mapping[CheckName | str, float]) -> dict[CheckName | str, Check]:
-    """Return the checks of a processor's level that need only one block; `assess` makes the searches.
+    """Return the checks of a processor's level by name, except the searches, which `assess` makes.
 
     `p_fa` is the false-alarm probability of one test of each check of the level.
     """

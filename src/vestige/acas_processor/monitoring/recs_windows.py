@@ -1,4 +1,4 @@
-"""Windows of the last N RECS of a satellite, for the monitors of its carrier on E6.
+"""Collect the last N RECS of a satellite, and test the scatter of their values about a straight line.
 
 Theory of operation
 -------------------
@@ -16,7 +16,7 @@ because its phase is free and its amplitude is constant:
 
     d = 2 max(1, ⌊(t_N − t_1)/L⌋), at most N − 2        k = 1 + w P N/(2 d)
 
-A new window begins where tracking on E1 loses the satellite, because the constant changes at this time.
+A new window begins when tracking on E1 loses the satellite, because the constant term of y changes at this time.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Recs(NamedTuple):
     """RECS of a satellite in order of time: the RECS before the block, then the RECS of the block."""
 
     row: Int[np.ndarray, " k"]  # row of the RECS in the block; −1 for earlier RECS
-    # number of epochs of the block, before the RECS, at which E1 did not show the satellite
+    # number of epochs of the block, before the RECS, at which E1 did not track the satellite
     stretch: Int[np.ndarray, " k"]
     # the following fields are remembered from block to block
     time_s: Float[np.ndarray, " k"]  # time of the RECS in s after the first epoch that the receiver ever processed
@@ -45,7 +45,7 @@ class Recs(NamedTuple):
     # magnitude of the punctual correlator in standard deviations of the noise per dimension
     magnitude_sigma: Float[np.ndarray, " k"]
     cn0_e1_dbhz: Float[np.ndarray, " k"]
-    # time over which the Doppler of E1 extrapolates the E1 phase to the middle of the RECS
+    # time over which the Doppler of E1 extrapolates the E1 phase to the middle of the RECS, in s
     extrapolated_s: Float[np.ndarray, " k"]
 
 
@@ -53,7 +53,7 @@ _REMEMBERED = Recs._fields[2:]
 
 
 def recs_of_satellites(evidence: Evidence) -> Iterator[Recs]:
-    """Yield the detected RECS of each satellite of a block, in the order of the block's columns."""
+    """Yield the remembered and the new detected RECS of each satellite, in the order of the block's columns."""
     measured, snapshots = evidence.measured, evidence.measured.snapshots
     detected = measured.detected
     phase_rad = detected.phase_rad - measured.predicted_phase_rad

@@ -1,4 +1,4 @@
-"""Receiver state: the memory from one block of epochs to the next."""
+"""Define the state of the receiver: the values that the receiver keeps from block to block."""
 
 from __future__ import annotations
 
@@ -38,4 +38,4 @@ class ReceiverState:
     # number of tests in a row that failed up to the last test, for each check that needs confirmation, by satellite
     streaks: Mapping[CheckName | str, Mapping[int, int]] = field(default_factory=dict)
     alarm: AlarmState = field(default_factory=AlarmState)
-    on_e1: Mapping[int, GalileoTime] = field(default_factory=dict)  # last time at which E1 showed each satellite
+    on_e1: Mapping[int, GalileoTime] = field(default_factory=dict)  # last time at which E1 tracked each satellite

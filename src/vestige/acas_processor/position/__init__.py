@@ -1,1 +1,1 @@
-"""Ranges in use and position, with their errors."""
+"""Choose the ranges in use, and compute the position of the receiver and the errors of the position."""

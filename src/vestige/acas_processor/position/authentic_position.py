@@ -1,4 +1,4 @@
-"""Authenticated position of a snapshot in geodetic coordinates, with standard deviations and latency.
+"""Compute the authenticated position of a snapshot in geodetic coordinates, with standard deviations and latency.
 
 `range_in_use.py` chooses the ranges for this position.
 """
@@ -21,7 +21,7 @@ class AuthenticPosition:
 
     index: int
     time: GalileoTime  # time of the snapshot
-    available_at: GalileoTime  # time of the last key that the position needs
+    available_at: GalileoTime  # time at which the last key that the position needs is complete
     # geodetic coordinates; the height is above the ellipsoid
     latitude_deg: float
     longitude_deg: float
@@ -41,7 +41,7 @@ class AuthenticPosition:
 
 
 def authentic_positions(block: VerdictBlock) -> Iterator[AuthenticPosition]:
-    """Yield the authenticated positions, epoch by epoch."""
+    """Yield the authenticated position of each epoch of a block that has a position."""
     found, snapshots = block.position, block.measured.snapshots
     if found is None:
         return

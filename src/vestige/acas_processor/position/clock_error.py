@@ -1,4 +1,4 @@
-"""Error of the receiver's clock, from the E1 ranges.
+"""Estimate the error of the receiver's clock from the E1 ranges.
 
 All pseudoranges of an epoch contain the same clock error. A position fix solves for this error. Without a fix the
 travel times limit the error. Travel times from Galileo satellites to the Earth lie between `SHORTEST_TRAVEL_S` and

@@ -1,12 +1,12 @@
-"""Error budget of the range check: the possible difference between E6 range and E1 prediction without an attack.
+"""Compute the error budget of the range check: the errors of E6 range and E1 prediction without an attack.
 
-The range offset of a true signal is the sum of independent errors. The check passes if the range offset is at most κ
-times the standard deviation of this sum [TAES2023, Eq. 21-24]:
+The range offset of a true signal is the sum of independent errors. The range check passes if the range offset is at
+most κ times the standard deviation of this sum [TAES2023, Eq. 21-24]:
 
     authentic if  |τ_E6 − τ_E6,predicted| ≤ κ σ_auth
     σ_auth² = σ_HWB² + σ_BGD² + (γ−1)² σ_I,E1² + σ_MP,E1² + σ_MP,E6² + σ_n,E1² + σ_n,E6²,    γ = (f1/f6)²
 
-`thermal_noise` gives the noise terms for other C/N0 and front ends.
+The module `thermal_noise` computes the noise terms for other C/N0 and front ends.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ class ErrorBudget:
     Attributes
     ----------
     hardware_m
-        σ_HWB: receiver delay between E1 and E6 after calibration.
+        σ_HWB: error of the receiver's delay between E1 and E6 after calibration.
     group_delay_m
-        σ_BGD: broadcast group delay after correction.
+        σ_BGD: error of the broadcast group delay after correction.
     ionosphere_e1_m
-        σ_I,E1: ionospheric delay *on E1* after correction. The difference between the delays on E6 and E1 is γ−1 =
-        0.518 times this delay.
+        σ_I,E1: error of the ionospheric delay *on E1* after correction. The error of the difference between the delays
+        on E6 and E1 is γ−1 = 0.518 times σ_I,E1.
     multipath_e1_m, multipath_e6_m
-        σ_MP,E1 and σ_MP,E6: code multipath.
+        σ_MP,E1 and σ_MP,E6: error by code multipath.
     noise_e1_m, noise_e6_m
         σ_n,E1 and σ_n,E6: thermal noise of the E1 pseudorange and of the E6 snapshot.
 

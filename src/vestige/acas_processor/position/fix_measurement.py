@@ -1,7 +1,7 @@
-"""Position fix of every epoch of a block, with the quantities for the checks of step 5 [WFO, Sec. IV-B].
+"""Compute the position fix of every epoch of a block, and the quantities for the checks of step 5 [WFO, Sec. IV-B].
 
-The fix uses all E1 pseudoranges of an epoch and the broadcast orbits. If the standard deviations depend on the
-elevation, a first fix with constant or C/N0-dependent standard deviations gives the elevation.
+The fix uses all E1 pseudoranges of an epoch and the broadcast orbits. If the standard deviations of the pseudoranges
+depend on the elevation, a first fix with constant or C/N0-dependent standard deviations gives the elevation.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class FixSettings:
     ephemerides: tuple[Ephemeris, ...] = ()  # broadcast orbits and clocks of any satellites
     authenticated: frozenset[int] | None = None  # satellites with authenticated ephemerides; None for all satellites
     errors: PseudorangeErrors = field(default_factory=PseudorangeErrors)  # standard deviations of the observations
-    fit_interval_s: float = FIT_INTERVAL_S  # longest time between the reference time of an ephemeris and its use
+    fit_interval_s: float = FIT_INTERVAL_S  # longest time in s between the reference time of an ephemeris and its use
     near: ApproximatePosition | None = None  # known position of the receiver; None if no position is known
 
     def why_no_fix(self, time: GalileoTime) -> str | None:
@@ -69,7 +69,7 @@ class FixSettings:
         return Transmission(position_m=position, velocity_mps=velocity, clock_m=clock_m, clock_mps=clock_mps)
 
     def measure(self, time: GalileoTimes, svids: tuple[int, ...], e1: E1Block) -> FixBlock | None:
-        """Return the fix of every epoch; None without orbits."""
+        """Return the position fix of every epoch; None if no orbits are known."""
         if not self.ephemerides:
             return None
         sent = self.transmission(time, svids, e1.pseudorange_m)
@@ -98,7 +98,7 @@ class FixSettings:
 def fix_quantities(
     sent: Transmission, fix: Fix, *, rate_mps: Float[np.ndarray, "n m"], sigma_rate_mps: Float[np.ndarray, "n m"]
 ) -> dict[str, Any]:
-    """Return the fields of a `FixBlock` from a fix."""
+    """Return the fields of a `FixBlock` that follow from a fix, by name of the field."""
     parts = redundancy(fix.geometry, fix.weight)
     _, drift_mps = velocity_fix(sent, fix, rate_mps)
     separation_sigmas, separation_modes = largest_separations(fix)
@@ -119,7 +119,7 @@ def fix_quantities(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LazyFix:
-    """The fixes of a block, computed at their first use."""
+    """Position fixes of a block, computed at their first use."""
 
     # arguments of `FixSettings.measure`
     settings: FixSettings
@@ -129,14 +129,14 @@ class LazyFix:
 
     @cached_property
     def block(self) -> FixBlock | None:
-        """The fix of each epoch; None without orbits."""
+        """Position fix of each epoch; None if no orbits are known."""
         return self.settings.measure(self.time, self.svids, self.e1)
 
 
 def elevations_from(
     position_m: Float[np.ndarray, "n 3"], satellite_m: Float[np.ndarray, "n m 3"]
 ) -> Float[np.ndarray, "n m"]:
-    """Return the elevation of satellites in rad, seen from ECEF positions; NaN where either position is unknown.
+    """Return the elevation of satellites in rad, seen from ECEF positions; NaN where a position is unknown.
 
     The rotation of the Earth during the travel time, below 10 µrad, is neglected.
     """
@@ -150,11 +150,11 @@ def elevations_from(
 def _chosen(
     own: tuple[Ephemeris, ...], time: GalileoTimes, fit_interval_s: float
 ) -> list[tuple[Ephemeris, np.ndarray]]:
-    """Return each used ephemeris with its rows; a row uses the nearest ephemeris, as in `nearest_ephemerides`."""
+    """Return each used ephemeris with the rows of its epochs; an epoch uses the ephemeris that is nearest in time."""
     if not own:
         return []
     age_s = np.abs(np.stack([time.since(one.toe) for one in own]))
-    # if two ephemerides are equally near, the later ephemeris is used
+    # If two ephemerides are equally near, the later ephemeris is used.
     best = age_s.shape[0] - 1 - np.argmin(age_s[::-1], axis=0)
     usable = np.min(age_s, axis=0) <= fit_interval_s
     rows = [np.flatnonzero(usable & (best == place)) for place in range(len(own))]

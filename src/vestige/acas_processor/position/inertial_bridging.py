@@ -1,14 +1,15 @@
-"""Inertial bridging from one RECS to the next: changes of range rates, and increments of the receiver's velocity.
+"""Compute changes of range rates and of the receiver's velocity between two RECS, for inertial bridging.
 
 At each epoch with RECS and a position, three quantities of the satellites are stored: the measured range rates, the
-range rates for a receiver and a clock at rest, and the directions to the satellites. At the next epoch, new quantities
-are compared with the stored quantities (`checks/inertial.py`). Without a position nothing is stored, and no comparison
-is made at the next epoch.
+range rates for a receiver at rest without clock drift, and the directions to the satellites. At the next epoch with
+RECS, new quantities are compared with the stored quantities (`checks/inertial.py`). Without a position nothing is
+stored, and no comparison is made at the next epoch.
 
-Velocity increments are in local axes, which rotate with the position. An aircraft flies 7.5 km in 30 s, and its local
-axes then rotate by 1.2 mrad. Each increment is rotated into ECEF at its position on the path between the two fixes. The
-path follows from the positions at both ends and the increments. The path is computed twice: first as a straight line,
-then with the increments. The path also gives the velocities at both ends.
+Velocity increments are in local axes, which rotate with the position. If an aircraft flies 7.5 km in 30 s, its local
+axes rotate by 1.2 mrad. Each increment is rotated into ECEF at its position on the path between the two fixes. The path
+follows from the positions at both ends of the step and from the increments. The increments are rotated twice: first
+along a straight line, then along the path that follows from the increments. The path also gives the velocities at both
+ends of the step.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ class RateSteps:
     """Changes of the range rates of m satellites over k steps, each from one RECS to the next."""
 
     epoch: Int64[np.ndarray, " k"]  # row in which each step ends
-    interval_s: Float[np.ndarray, " k"]
-    # arguments of `InertialMonitor.statistic`; NaN for satellites without a range rate at either end
+    interval_s: Float[np.ndarray, " k"]  # duration of each step in s
+    # arguments of `InertialMonitor.statistic`; NaN for satellites without a range rate at one of the ends
     rate_change_mps: Float[np.ndarray, "k m"]
     static_change_mps: Float[np.ndarray, "k m"]
     delta_velocity_mps: Float[np.ndarray, "k m"]
@@ -91,8 +92,8 @@ def remembered_rates(evidence: Evidence) -> CheckMemory:
 
     The first numbers of the receiver are time (GST second and fraction), position (ECEF), and whether the increments
     since the RECS have no gap. The numbers of each increment follow: the time of its end, and velocity (east, north,
-    up). The numbers of a satellite are the range rate, the range rate for a receiver and a clock at rest, the σ of the
-    range rate, and the unit vector to the satellite (ECEF).
+    up). The numbers of a satellite are the range rate, the range rate for a receiver at rest without clock drift, the σ
+    of the range rate, and the unit vector to the satellite (ECEF).
     """
     snapshots = evidence.measured.snapshots
     after = int(np.max(np.flatnonzero(snapshots.recs), initial=-1)) + 1
@@ -100,7 +101,7 @@ def remembered_rates(evidence: Evidence) -> CheckMemory:
     return _with_increments(evidence, last, after, evidence.shape[0])
 
 
-_OF_END, _OF_INCREMENT = 6, 5  # how many numbers the receiver stores for a RECS, and for an increment
+_OF_END, _OF_INCREMENT = 6, 5  # numbers that the memory stores of the receiver for a RECS, and for an increment
 
 
 def _with_increments(evidence: Evidence, left: CheckMemory, first: int, last: int) -> CheckMemory:
@@ -133,12 +134,12 @@ def _left_behind(evidence: Evidence, epoch: int) -> CheckMemory:
 
 
 class _Ends(NamedTuple):
-    """Ends of all steps of a block: the last RECS before the block, from the state, and all RECS of the block."""
+    """Ends of all steps of a block: the last RECS before the block, from the memory, and all RECS of the block."""
 
     time: GalileoTimes
     valid: Bool[np.ndarray, " q"]  # whether there is a position at the end
     position_m: Float[np.ndarray, "q 3"]
-    # the values are NaN for satellites without a range rate
+    # The next values are NaN for satellites without a range rate.
     rate_mps: Float[np.ndarray, "q m"]
     static_mps: Float[np.ndarray, "q m"]
     sigma_mps: Float[np.ndarray, "q m"]
@@ -146,7 +147,7 @@ class _Ends(NamedTuple):
 
 
 def _ends(evidence: Evidence, recs: Int64[np.ndarray, " k"]) -> _Ends:
-    """Return k + 1 ends; without a RECS before the block, the first end has no position."""
+    """Return the k + 1 ends of the k steps; without a RECS before the block, the first end has no position."""
     found, snapshots, left = evidence.measured.fix, evidence.measured.snapshots, evidence.memory
     q, m = recs.size + 1, len(snapshots.svids)
     valid = np.zeros(q, np.bool_)
@@ -256,7 +257,7 @@ def _bent(
     """
     steps_s = np.diff(ends_s, prepend=0.0)[..., None]
     before = np.cumsum(gained, axis=1) - gained
-    moved = steps_s * (before + gained / 2)  # without the displacement by the velocity at the beginning
+    moved = steps_s * (before + gained / 2)  # displacement by the increments, without the velocity at the beginning
     rest_s = interval_s - (ends_s[:, -1] if ends_s.shape[1] else 0.0)
     total = np.sum(gained, axis=1)
     first = (places[:, 1] - places[:, 0] - np.sum(moved, axis=1) - rest_s[:, None] * total) / interval_s[:, None]

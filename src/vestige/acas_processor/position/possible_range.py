@@ -1,16 +1,17 @@
-"""Plausibility of ranges: limits from travel time, receiver clock, the other satellites and the known position.
+"""Test whether ranges are possible, by travel time, receiver clock, other satellites and known position.
 
 A search can mistake noise for a signal anywhere in the searched time. Three tests exclude impossible ranges:
 
 1. **Travel time and clock.** The travel time lies between `SHORTEST_TRAVEL_S` and `LONGEST_TRAVEL_S`, and the clock
    error is below its upper limit.
 2. **The other satellites.** The clock error is common to all ranges of an epoch, so ranges differ by the travel times
-   alone. A range that is farther from the median than `SPREAD_M` is wrong. If only two ranges disagree, either may be
-   wrong.
-3. **The known position.** d is the distance from the satellite to the known position, and Δt_sat is the error of the
-   satellite's clock. P − d + c Δt_sat is then the error of the receiver's clock multiplied by c, to within `reach_m` +
-   `MARGIN_M`. This error must lie within the limit of the clock, and agree with the error from the other satellites.
-   Test 3 is only for signals that a search found, because the checks test the range of E1.
+   alone. A range that is farther from the median than `SPREAD_M` is wrong. With only two ranges, the test cannot tell
+   which of the two ranges is wrong.
+3. **The known position.** P is the pseudorange, d is the distance from the satellite to the known position, and Δt_sat
+   is the error of the satellite's clock. P − d + c Δt_sat is the error of the receiver's clock multiplied by c, to
+   within `reach_m` + `MARGIN_M`. This error must lie within the limit of the clock, and agree with the error from the
+   other satellites. Test 3 is made only for ranges of signals other than the E1 signal, because the checks test the
+   range of E1.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from vestige.acas_processor.monitoring.memory import FixMemory, Vector
 from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.navigation.position_fix import Transmission
 
-# Travel times from Galileo's orbit: 77.5 ms at the zenith, 95 ms at 5° elevation, with a 10 ms margin for the clock.
+# Travel times from a Galileo satellite are 77.5 ms at the zenith and 95 ms at 5° elevation. The limits have a margin of
+# at least 10 ms.
 SHORTEST_TRAVEL_S, LONGEST_TRAVEL_S = 0.065, 0.105
 SPREAD_M = (LONGEST_TRAVEL_S - SHORTEST_TRAVEL_S) * SPEED_OF_LIGHT_MPS
 
@@ -46,7 +48,7 @@ _TRAVEL, _OTHERS, BY_POSITION = 1, 2, 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ApproximatePosition:
-    """A known approximate position of the receiver.
+    """Approximate position of the receiver, known before the recording is processed.
 
     Attributes
     ----------
@@ -106,16 +108,16 @@ def too_far_away(
     clock_limit_s: Float[np.ndarray, " n"],
     known: KnownPositions,
 ) -> Bool[np.ndarray, "n m"]:
-    """Return the found signals that the known position excludes.
+    """Return True for found signals that the known position excludes (test 3).
 
     Parameters
     ----------
     range_m
         Pseudoranges that passed tests 1 and 2; NaN elsewhere.
     sent
-        The satellites at the transmission of the signals with these ranges.
+        Positions and clocks of the satellites when the signals with the ranges `range_m` were sent.
     found
-        True for ranges of found signals.
+        True for ranges that belong to a signal other than the E1 signal.
     clock_limit_s
         Upper limit of the error of the receiver's clock.
     known
@@ -165,7 +167,7 @@ def known_positions(
 
 def row_median(values: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n 1"]:
     """Return the median of the finite values of each row; NaN if no value is finite."""
-    order = np.sort(values, axis=1)  # NaN last
+    order = np.sort(values, axis=1)  # NaN is sorted to the end
     count = np.count_nonzero(np.isfinite(values), axis=1)
     row, middle = np.arange(count.size), np.maximum(count - 1, 0)
     return (0.5 * (order[row, middle // 2] + order[row, (middle + 1) // 2]))[:, None]

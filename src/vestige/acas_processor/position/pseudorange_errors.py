@@ -1,11 +1,11 @@
-"""A receiver's error model of E1 observations: standard deviations from C/N0 and elevation.
+"""Compute standard deviations of a receiver's E1 observations from C/N0 and elevation.
 
-    σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor²        of a pseudorange
-    σ_ρ̇ = λ σ_f(C/N0)                                                                of its rate
+    σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor²        variance of a pseudorange
+    σ_ρ̇ = λ σ_f(C/N0)                                                                standard deviation of a range rate
 
-σ_code and σ_f are the noise of the receiver's loops (`thermal_noise`, [KAPLAN06, 5.6.2]). The obliquity M and the
-relative multipath A come from `elevation_model`. A share of the ionosphere's variance is common to all satellites. This
-share enters the covariance of the fix, not its weights.
+σ_code and σ_f are the standard deviations of the noise of the receiver's loops (`thermal_noise`, [KAPLAN06, 5.6.2]).
+The obliquity M and the relative multipath A come from `elevation_model`. A share of the ionosphere's variance is common
+to all satellites. This share enters the covariance of the fix, not its weights.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class LoopNoise(Protocol):
     """
 
     def __hash__(self) -> int:
-        """Return the same number for equal models."""
+        """Return a hash of the model, which is equal for equal models."""
 
     def code_sigma_m(self, cn0_dbhz: float) -> float:
         """Return the standard deviation of a pseudorange in m."""
@@ -48,7 +48,7 @@ _NEGLIGIBLE_M = 0.01  # largest error that is negligible compared with the noise
 class PseudorangeErrors:
     """Standard deviations of E1 observations."""
 
-    floor_m: float = 5.0  # all errors except the errors of the following fields
+    floor_m: float = 5.0  # all errors that no other field describes
     ionosphere_m: float = 0.0  # residual of the ionosphere on E1 at 17.5° elevation
     ionosphere_common: float = 0.5  # share of the variance of the ionosphere that is common to all satellites
     multipath_m: float = 0.0  # error of multipath at 16° elevation

@@ -12,11 +12,11 @@ A satellite can have a range in use only in epochs with RECS. The range in use i
 4. the range of E1, if both the verdict and the state are AUTHENTIC.
 
 Otherwise no range is in use. If a search found several signals and cannot decide which signal is true, no range is in
-use either. The true signal may then arrive earlier than the correlators of the RECS reach, so the earliest signal in
+use either. In this case the true signal may arrive before the first correlator of the RECS, so the earliest signal in
 the correlators proves nothing. Impossible ranges are not used (`possible_range.py`).
 
-The position is the fix of all satellites with a range in use, at least four satellites. The fix uses uncorrected
-pseudoranges and broadcast orbits. Delays of ionosphere and troposphere therefore remain, mostly in height and clock.
+The position is the fix from all ranges in use, of at least four satellites. The fix uses uncorrected pseudoranges and
+broadcast orbits. Delays of ionosphere and troposphere therefore remain, mostly in height and clock.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def ranges_in_use(
 def ranges_near(
     block: VerdictBlock, processor: AcasProcessor, clock_limit_s: Float[np.ndarray, " n"], known: KnownPositions
 ) -> VerdictBlock:
-    """Remove found signals that the known position excludes from verdicts; see `ranges_in_use` for parameters."""
+    """Return the verdicts after the removal of found signals that `known` excludes; see also `ranges_in_use`."""
     rows = np.flatnonzero(block.earlier.any(axis=1) & np.isfinite(known.reach_m))
     if not rows.size or block.position is None:
         return block
@@ -104,7 +104,7 @@ def ranges_near(
 
 
 def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[np.ndarray, "n m"]:
-    """Return the delay in m, after the E1 prediction, of the earlier of two signals in a RECS; NaN for one signal.
+    """Return the offset of the earlier of two signals in a RECS from the E1 prediction, in m; NaN for one signal.
 
     A signal that only the detector found counts if its range check failed.
     """
@@ -119,7 +119,7 @@ def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[n
 def _earliest_m(
     handed_over_m: Float[np.ndarray, "n m"], exhaustive_m: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n m"]:
-    """Return the delay in m, after the E1 prediction, of the earliest signal of both searches; NaN for one signal.
+    """Return the offset of the earliest signal of both searches from the E1 prediction, in m; NaN for one signal.
 
     Nobody can send before the satellite, so the earlier of two signals counts. Two offsets within a chip belong to the
     same signal. In this case the offset of the exhaustive search counts, because this search covers all offsets.
@@ -131,7 +131,7 @@ def _earliest_m(
 def _positions(
     block: VerdictBlock, processor: AcasProcessor, range_m: Float[np.ndarray, "n m"]
 ) -> PositionBlock | None:
-    """Return the position of each epoch; None without orbits."""
+    """Return the position of each epoch from the ranges in use; None if no orbits are known."""
     measured, settings = block.measured, processor.monitoring.fix
     if measured.fix is None:
         return None
@@ -139,7 +139,7 @@ def _positions(
     if snapshots.data_authenticated is not None:
         range_m = np.where(snapshots.data_authenticated, range_m, np.nan)
     rows = np.flatnonzero(np.count_nonzero(np.isfinite(range_m), axis=1) >= UNKNOWNS)
-    fixes = measured.fix.rows(rows)  # where all ranges of E1 are in use, the fix of step 5 is the position
+    fixes = measured.fix.rows(rows)  # if all E1 ranges are in use, the fix of step 5 is the position
     other = np.flatnonzero(~np.all(_equal(range_m[rows], snapshots.e1.pseudorange_m[rows]), axis=1))
     if other.size:
         sent = settings.transmission(snapshots.time[rows[other]], snapshots.svids, range_m[rows[other]])
@@ -155,5 +155,5 @@ def _positions(
 
 
 def _equal(one: Float[np.ndarray, "n m"], other: Float[np.ndarray, "n m"]) -> Bool[np.ndarray, "n m"]:
-    """Return where two ranges are equal or where both ranges are missing."""
+    """Return True where two ranges are equal or both ranges are missing."""
     return (one == other) | (np.isnan(one) & np.isnan(other))

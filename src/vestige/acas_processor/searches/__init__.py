@@ -1,1 +1,1 @@
-"""The searches for vestigial signals, and the rule that says when a search is due."""
+"""Search for vestigial signals, and decide when a search is due."""

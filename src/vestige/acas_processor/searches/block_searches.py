@@ -1,4 +1,4 @@
-"""Make both vestigial searches for a block of one epoch, in the samples of its snapshot.
+"""Search E1 and E6 for vestigial signals in the samples of the snapshot of one epoch.
 
 The searches use settings of the requesting processor: false-alarm probability, cipher mode, and group delay convention.
 """
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledSearches:
-    """Both searches of a block of one epoch, in the samples of its snapshot."""
+    """E1 vestigial search and E6 exhaustive search of a block of one epoch, in the samples of its snapshot."""
 
     snapshot: Snapshot  # snapshot with E1, and with E6 if available
     svids: tuple[int, ...]
@@ -47,7 +47,7 @@ def _in_samples(request: SearchRequest) -> SampleSearches:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProcessorSearches:
-    """Both searches in samples, with the settings of a processor."""
+    """E1 vestigial search and E6 exhaustive search in samples, with the settings of a processor."""
 
     processor: AcasProcessor
     assistance: Assistance
@@ -76,7 +76,7 @@ class ProcessorSearches:
         return self._block(found, snapshot, svids, request)
 
     def _recs_of(self, snapshot: Snapshot) -> Assistance:
-        """Return the assistance with the RECS of the snapshot alone.
+        """Return the assistance with only the RECS of the snapshot.
 
         Earlier and later RECS have their own snapshots. So the verdicts do not depend on whether later RECS are already
         known.
@@ -108,7 +108,7 @@ class ProcessorSearches:
         return SearchBlock(signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run.astype(np.int8))
 
     def _sent_with(self, svid: int, sent: GalileoTime, snapshot: Snapshot) -> bool:
-        """Return whether a RECS belongs to the snapshot; False if E1 does not show the satellite."""
+        """Return whether the RECS with transmission time `sent` belongs to the snapshot; False without E1 tracking."""
         observation = snapshot.observations.get(svid)
         if observation is None:
             return False

@@ -5,12 +5,13 @@ The E1 pseudorange contains all delays common to both bands (geometry, clocks, t
     P6 − P1 = (γ − 1)(I1 + c·BGD(E1,E6)) + (HW6 − HW1)        γ = (f1/f6)²; positive if E6 is later
     f_d6    = f_d1 · f6/f1                                     f6/f1 = 125/154
 
-The time t_tx of a RECS is a time of transmission on the satellite's clock, so the satellite clock needs no correction.
-The expected time of reception t solves t = t_tx + P6(t)/c. The pseudorange at Δt after the observation is P1(t) = P1 −
-λ1 (f_d1 Δt + ½ ḟ_d1 Δt²).
+P is a pseudorange, f_d is a Doppler, and HW is the delay of a front end. I1 is the ionospheric delay on E1. The time
+t_tx of a RECS is a time of transmission on the satellite's clock, so the satellite clock needs no correction. The
+expected time of reception t solves t = t_tx + P6(t)/c. The pseudorange at Δt after the observation is P1(t) = P1 − λ1
+(f_d1 Δt + ½ ḟ_d1 Δt²).
 
 One oscillator drives both front ends, so the carrier phase of E6 follows the phase of E1 apart from the ionosphere and
-a constant. φ1 is the carrier phase of E1 in cycles, growing with the range. The E6 correlator has the phase
+a constant. The carrier phase φ1 of E1 is in cycles and grows with the range. The E6 correlator has the phase
 
     −2π (f6/f1) (φ1 − f_d1 Δt − ½ ḟ_d1 Δt²) + constant + slow change of the ionosphere
 """
@@ -45,8 +46,8 @@ def predicted_delay_m(
 ) -> float:
     """Return P6 − P1 in m; the result is positive if E6 arrives later.
 
-    The ionosphere is the slant delay on E1. The hardware bias is the receiver's delay of E6 minus its delay of E1.
-    `vestige.crypto.recs.group_delay` explains the conventions.
+    `ionosphere_e1_m` is the slant delay on E1. `hardware_bias_e1_e6_s` is the receiver's delay of E6 minus the
+    receiver's delay of E1. `vestige.crypto.recs.group_delay` explains the conventions.
     """
     group_s = inter_frequency_delay_s(bgd_e1_e6_s, convention)
     return (GAMMA_E1_E6 - 1) * ionosphere_e1_m + SPEED_OF_LIGHT_MPS * (group_s + hardware_bias_e1_e6_s)
@@ -92,7 +93,7 @@ def hand_over(
 
 
 def reception_s(e1: E1Block) -> Float[np.ndarray, "n m"]:
-    """Return when a RECS that is sent at the time of the snapshot arrives, in s after the snapshot."""
+    """Return the reception time of a RECS that is sent at the time of the snapshot, in s after the snapshot."""
     wavelength_m = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
     dt = np.zeros(e1.pseudorange_m.shape)
     for _ in range(_LIGHT_TIME_STEPS):

@@ -1,12 +1,12 @@
 """Search the samples for vestigial signals: count the signals of a satellite, and find the earliest signal.
 
-The searches are step 4 of [WFO, Sec. IV-B] and step 5 of [WFO, Sec. IV-C].
+The searches are step 4 of level 2 [WFO, Sec. IV-B] and step 5 of level 3 [WFO, Sec. IV-C].
 
 `E1VestigialSearch` (level 2) searches all signals on E1, and hands each signal over to E6. `E6ExhaustiveSearch` (level
 3) searches every half chip and Doppler bin of E6. Both searches take a snapshot and its assistance, and return peaks
-and number of signals of each satellite. Both searches cover the `TimeUncertainty`. Before the first authentic fix this
-uncertainty is the stated limit of the clock error. After the fix the uncertainty is the possible drift of the
-oscillator since the fix.
+and number of signals of each satellite. Both searches cover the possible clock error (`TimeUncertainty`). Before the
+first authentic fix the possible clock error is the stated limit. After the fix the possible clock error is the possible
+drift of the oscillator since the fix.
 
 `block_searches.py` uses both searches for a block of one epoch.
 """
@@ -47,7 +47,7 @@ from vestige.time import GalileoTime
 
 _OPEN_CODE = next(why for why in SEARCH_NOT_RUN if "open E6-C" in why)
 
-_SAME_S = 2e-6  # 2 chips of E1: the search on E1 omits this time around a found signal
+_SAME_S = 2e-6  # duration of 2 chips of E1 in s, which the search on E1 omits around a found signal
 
 _Stretch = tuple[list[ChipSequence], GalileoTime, GalileoTime]  # codes, and their first and last time of arrival
 
@@ -59,12 +59,12 @@ class SatelliteSearch:
     svid: int
     signals: tuple[Acquisition, ...]  # signals on E1, the strongest signal first; empty for the exhaustive search
     # Peaks in E6, in order of time. The first peak is the true signal. The tuple is empty if the first peak may have
-    # arrived after the disclosure of its key. E6 then proves nothing, but `count` still counts the found signals.
+    # arrived after the disclosure of its key. In this case E6 proves nothing, but `count` still counts the signals.
     peaks: tuple[Peak, ...]
     count: float  # number of signals; NaN if the search was not run
     carrying: int = 0  # number of signals that carry the encrypted chips
-    # If there are several signals: whether the first peak is known to be the true signal. The value is False if an
-    # earlier signal on E1 was not found in E6, because the true signal may be too weak on E6.
+    # Whether the first peak of several signals is known to be the true signal. The value is False if an earlier signal
+    # on E1 was not found in E6, because the true signal may be too weak on E6.
     true_is_known: bool = False
     not_run: int = 0  # 0 if the search was run, else 1 + the index of the reason in `SEARCH_NOT_RUN`
     sent: GalileoTime | None = None  # time of transmission of the RECS of the peaks; None without peaks
@@ -92,7 +92,7 @@ class E1VestigialSearch:
         """Return the result for every satellite with a RECS; if E6 or a key is missing, E1 alone decides.
 
         Satellites with more than one signal on E1 are handed over. Before the first authentic fix all satellites are
-        handed over, because a single signal may then be a replay.
+        handed over, because without such a fix a single signal may be a replay.
 
         The snapshot has at least 8 ms of E1 (better 100 ms), and E6 if available.
         """
@@ -178,10 +178,10 @@ class E1VestigialSearch:
 class E6ExhaustiveSearch:
     """Search of every half chip and Doppler bin of E6."""
 
-    p_fa: float = 1e-3  # false-alarm probability of one snapshot
+    p_fa: float = 1e-3  # false-alarm probability of the search in one snapshot
     # integration time, Doppler span, engine and number of workers of the search
     how: ExhaustiveSearch = ExhaustiveSearch()  # noqa: RUF009  (frozen)
-    # time to search before and after the time at which E1 predicts the RECS; None for the whole time uncertainty
+    # time in s to search before and after the RECS that E1 predicts; None for the whole time uncertainty
     around_s: float | None = None
     cipher_mode: CipherMode = CipherMode.CBC  # setting with the same meaning as in `AcasProcessor`
 
@@ -200,8 +200,8 @@ class E6ExhaustiveSearch:
         """Return the result for every satellite with a RECS.
 
         `e6` replaces the samples of the snapshot if the file is too long for a snapshot. If `around_s` is set,
-        `expected` gives the time at which E1 predicts the RECS of a satellite; satellites without such a time are not
-        searched.
+        `expected` gives the time at which E1 predicts the RECS of a satellite. Satellites without a predicted time are
+        not searched.
         """
         source = e6 or _samples(snapshot)
         found = {
@@ -328,7 +328,10 @@ def _sent_on_e1(signal: Acquisition, e1: SampleBatch, received: GalileoTime) -> 
 
 
 def _says(decision: VestigialDecision) -> int:
-    """Rank a decision: 2 if several signals were found, 1 if one, 0 if none. Ties go to the RECS of the snapshot."""
+    """Return the rank of a decision: 2 with several signals, 1 with a single signal, 0 without a signal.
+
+    Among decisions of equal rank, the decision on the RECS that is nearest to the snapshot in time is used.
+    """
     return min(len(decision.peaks), 2)
 
 
@@ -344,7 +347,7 @@ def _proven(decision: VestigialDecision) -> tuple[Peak, ...]:
 def _proof(
     code: ChipSequence, snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty
 ) -> ReceptionProof:
-    """Return the `ReceptionProof` of a RECS in a snapshot: which arrivals are before the disclosure of its key.
+    """Return the `ReceptionProof` of a RECS, which says whether a chip arrived before the disclosure of the key.
 
     The time tags of the samples follow E1, and may therefore follow a spoofing signal. `received_at` does not follow
     E1.
@@ -357,7 +360,7 @@ def _proof(
 def _codes(
     snapshot: Snapshot, assistance: Assistance, uncertainty: TimeUncertainty, svid: int, cipher_mode: CipherMode
 ) -> tuple[ChipSequence, ...]:
-    """Return the RECS whose keys were provably secret when the samples began; the RECS nearest in time is first."""
+    """Return the decrypted RECS whose keys were provably secret when the samples began, the nearest in time first."""
     begin = snapshot.received_at if snapshot.e6 is None else snapshot.e6.received_from
     keys = {key.time: key for key in assistance.keys}
     codes = [

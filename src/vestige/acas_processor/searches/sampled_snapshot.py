@@ -21,7 +21,7 @@ from vestige.valid_numbers import require_finite
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledE6:
-    """E6 of one epoch, as samples."""
+    """E6 samples of one epoch, with the method that correlates the samples."""
 
     e6: Correlatable
 
@@ -78,5 +78,5 @@ def block_of(
 
 
 def _row(observations: Sequence[E1Observation | None], name: str) -> Float[np.ndarray, "1 m"]:
-    """Return an observed quantity of each satellite; NaN for satellites that E1 does not show."""
+    """Return an observed quantity of each satellite; NaN for satellites that E1 does not track."""
     return np.array([[np.nan if one is None else getattr(one, name) for one in observations]])

@@ -1,15 +1,15 @@
 """Check with two vestigial searches whether there is more than one signal of a satellite.
 
 Step 4 of [WFO, Sec. IV-B] finds all signals on E1 and hands each signal over to E6. Step 5 of [WFO, Sec. IV-C] searches
-E6 exhaustively. The statistic is the number of signals of a satellite; the threshold is 1. An attacker can evade both
-searches by nulling the true signal or burying it in noise. The checks of E6 power and of received power detect both
-methods.
+E6 exhaustively. The statistic is the number of signals of a satellite, and the threshold is 1. An attacker can evade
+both searches by nulling the true signal or burying it in noise. The checks of E6 power and of received power detect
+nulling and noise.
 
-The search on E1 is made with every RECS. The paper does not state how often the exhaustive search is made, and with
-every RECS the search would take too long. The exhaustive search is therefore made at the start, at a set period, and
-with every RECS while something is suspicious. A search that found a second signal is repeated with the next RECS, even
-if no other check fails. Otherwise an attacker who nulls E1 and adds no noise would be AUTHENTIC again after a single
-RECS. Both searches cover the possible error of the clock (`TimeUncertainty`).
+The search on E1 is made at every RECS. The paper does not state how often the exhaustive search is made, and at every
+RECS the search would take too long. The exhaustive search is therefore made at the start, once in a configured period,
+and at every RECS for which another check failed. A search that found a second signal is repeated at the next RECS, even
+if no other check fails. Otherwise the signals of an attacker who nulls E1 and adds no noise would be AUTHENTIC again
+after a single RECS. Both searches cover the possible error of the clock (`TimeUncertainty`).
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from vestige.records.checks import CheckName, CheckSeries
 from vestige.records.snapshot_block import SEARCH_NOT_RUN, SearchBlock
 
 NOT_DUE = SEARCH_NOT_RUN.index("the next search is not due yet") + 1
-_ROUNDING_S = 1e-6  # rounding error of times that are sums of intervals
+_ROUNDING_S = 1e-6  # rounding error of times that are sums of intervals, in s
 
 
 def search_due(since_s: float | None, period_s: float, *, suspicious: bool, found_twice: bool) -> bool:
-    """Return whether the exhaustive search is due with a RECS.
+    """Return whether the exhaustive search is due at a RECS.
 
     `since_s` is the time since the last search; None if no search was made. `suspicious` is true if another check
-    failed since the previous RECS, or fails with this RECS. `found_twice` is true if the search with the previous RECS
+    failed since the previous RECS, or fails at this RECS. `found_twice` is true if the search at the previous RECS
     found more than one signal of a satellite.
     """
     return since_s is None or suspicious or found_twice or since_s >= period_s - _ROUNDING_S
@@ -55,7 +55,7 @@ class SearchResults:
         return cls(signals=signals, carrying=carrying, earliest_m=earliest_m, not_run=not_run)
 
     def put(self, epoch: Int64[np.ndarray, " k"], found: SearchBlock) -> None:
-        """Insert the results of the given epochs."""
+        """Replace the results of the given epochs by the results of a search that was made."""
         for name in ("signals", "carrying", "earliest_m", "not_run"):
             getattr(self, name)[epoch] = getattr(found, name)
 

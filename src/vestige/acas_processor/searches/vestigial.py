@@ -1,16 +1,16 @@
-"""Search of the processor for vestigial signals: thresholds from the size of the search, and the decision.
+"""Search for vestigial signals, with thresholds from the size of the search, and decide which signal is true.
 
 Theory of operation
 -------------------
-A meaconer must repeat the encrypted signal on E6, where the true signal remains unless the meaconer nulls it. So a
-receiver that finds the chips of one RECS twice is being spoofed. Nobody can send chips before they are broadcast, so
-the earliest signal is the true signal [WFO, Sec. III-D, III-E].
+A meaconer must repeat the encrypted signal on E6, where the true signal remains unless the meaconer nulls this signal.
+So a receiver that finds the chips of one RECS twice is being spoofed. Nobody can send chips before they are broadcast,
+so the earliest signal is the true signal [WFO, Sec. III-D, III-E].
 
 `handover_peaks` hands over all signals of the satellite on E1 to E6. Each signal is measured on E1 and handed over as a
-line of candidate times (`CandidateEpochs`). E1 is measured again every `REMEASURE_S`, because errors of the Doppler
-shift the line. An error of 1 Hz shifts the line by a tap in a minute, and a change of 0.5 Hz/s by a tap in ten seconds.
-After the first authentic position the clock is known. The smaller time uncertainty then shortens both searches in
-proportion.
+line, which is a set of candidate times at equal intervals (`CandidateEpochs`). E1 is measured again every
+`REMEASURE_S`, because errors of the Doppler shift the line. A Doppler error of 1 Hz shifts the line by a tap in a
+minute, and a Doppler rate of 0.5 Hz/s by a tap in ten seconds. After the first authentic position the clock is known,
+and the smaller time uncertainty shortens both searches in proportion.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from vestige.signals.definitions import E6C
 from vestige.theory.search_budget import SearchBudget, search_budget
 from vestige.time import GalileoTime
 
-REMEASURE_S = 2.0  # time between measurements of E1
+REMEASURE_S = 2.0  # time between measurements of E1 in s
 _CHIP_S = 1 / E6C.chip_rate_hz
-TRAVEL_TIME_S = (0.02, 0.16)  # shortest and longest travel time of a signal, with a margin of 50 ms on both sides
+TRAVEL_TIME_S = (0.02, 0.16)  # shortest and longest travel time in s, with a margin of 50 ms on both sides
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +43,7 @@ class VestigialDecision:
     peaks: tuple[Peak, ...]
     true: Peak | None  # earliest peak; None without a peak, or if its chips may have been known at its arrival
     spoofed: bool  # whether there is more than one signal
-    open_code: bool = False  # whether the chips belong to the open code; the peaks then prove nothing
+    open_code: bool = False  # whether the chips belong to the open code, whose peaks prove nothing
 
 
 def decide_vestigial(
@@ -81,7 +81,7 @@ def _without_repetitions(peaks: Iterable[Peak], period_s: float) -> Iterator[Pea
 
 
 def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: float) -> ReceptionProof:
-    """Return the `ReceptionProof` of a RECS: which arrivals are before anybody could know its chips.
+    """Return the `ReceptionProof` of a RECS, which says whether a chip arrived before anybody could know the chip.
 
     The assistance contains the segment of the chips and its key. `uncertainty_s` is the upper limit of the error of the
     clock that measures the arrival, infinite if there is no limit.
@@ -99,7 +99,7 @@ def reception_proof(assistance: Assistance, chips: ChipSequence, uncertainty_s: 
 def arrival_window(
     sent: GalileoTime, uncertainty_s: float, samples: SampleSource
 ) -> tuple[GalileoTime, GalileoTime] | None:
-    """Return the earliest and latest arrival of a chip within the samples; None if it cannot arrive in them.
+    """Return the earliest and latest arrival of a chip within the samples; None if the chip cannot be in the samples.
 
     `uncertainty_s` is the upper limit of the error of the samples' time, infinite if there is no limit.
     """
@@ -112,7 +112,7 @@ def arrival_window(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateInterval:
-    """A line of candidate times, with the first and last start at which the line is valid."""
+    """Line of candidate times, with the first and last start at which the line is valid."""
 
     line: CandidateEpochs
     first_start: GalileoTime
@@ -125,7 +125,7 @@ def handover_line(
     """Return the candidate times at which the chips may arrive in E6, from a signal on E1.
 
     `delay_m` is P6 − P1 from `predicted_delay_m`. With `secondary` the phase of the secondary code is used if its
-    margin is at least `MIN_SECONDARY_MARGIN_DB`. Candidates are then 100 ms apart instead of 4 ms.
+    margin is at least `MIN_SECONDARY_MARGIN_DB`. In this case the candidates are 100 ms apart instead of 4 ms.
     """
     known = secondary and snapshot.secondary_margin_db >= MIN_SECONDARY_MARGIN_DB
     period_s = SECONDARY_PERIOD_S if known else E1_CODE_PERIOD_S
@@ -153,7 +153,7 @@ def line_stretches(
     """Return the lines of candidate times of a signal on E1; () if the signal cannot be measured in its batch.
 
     The lines cover the starts from `first_start` to `last_start`. The signal was found in a batch whose first sample is
-    at `found_at`. The other arguments are those of `handover_line`.
+    at `found_at`. `handover_line` explains the other arguments.
     """
     first = _measured(e1, found, found_at)
     if first is None:
@@ -208,7 +208,7 @@ def handover_peaks(
 
 
 def _measured(e1: SampleSource, found: Acquisition, at: GalileoTime) -> E1Snapshot | None:
-    """Return the measurement of a signal in the window from a time on; None if the samples do not contain a window."""
+    """Return the measurement of a signal in the samples from a time on; None if the samples do not contain the time."""
     head = e1.read(e1.first_sample, 1)
     low = e1.first_sample + round((at - head.start) * head.sample_rate_hz)
     count = min(round(E1_WINDOW_S * head.sample_rate_hz), e1.end_sample - low)
@@ -218,7 +218,7 @@ def _measured(e1: SampleSource, found: Acquisition, at: GalileoTime) -> E1Snapsh
 
 
 def _moved(snapshot: E1Snapshot, time: GalileoTime) -> E1Snapshot:
-    """Return the snapshot extrapolated to another time with its own Doppler."""
+    """Return the measurement of E1 extrapolated to another time with the measured Doppler."""
     elapsed_s = (time - snapshot.time) * (1 + snapshot.doppler_hz / E1_CARRIER_HZ)
     return E1Snapshot(
         svid=snapshot.svid,
@@ -231,7 +231,7 @@ def _moved(snapshot: E1Snapshot, time: GalileoTime) -> E1Snapshot:
 
 
 def _predicted(snapshot: E1Snapshot, time: GalileoTime) -> tuple[Acquisition, GalileoTime]:
-    """Return the signal as predicted for a window that begins at `time`, and `time`."""
+    """Return the predicted signal for a window that begins at `time`, and `time` itself."""
     moved = _moved(snapshot, time)
     ahead_s = -moved.transmit_phase_s % E1_CODE_PERIOD_S
     found = Acquisition(

@@ -1,1 +1,1 @@
-"""Columns of the results of a campaign."""
+"""Define and compute the columns in the results of a campaign."""

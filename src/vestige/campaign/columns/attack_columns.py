@@ -1,4 +1,4 @@
-"""Columns of the results with the truth of the attacks, along the axis `attack`."""
+"""Compute the columns of the results that contain the simulated truth of the attacks."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def attack_coords(simulation: Simulation) -> dict[str, Coord]:
     if not attacks:
         return {}
     names = np.array([f"{number} {attack.kind}" for number, attack in enumerate(attacks)])
-    # the signal is the same for all satellites
+    # an attack invents the chips of all satellites or of no satellite
     made = [attack.spoofing_signal(Band.E6, np.zeros(1)) for attack in attacks]
     forged = np.array([one is not None and one.forged_chips for one in made])
     return {
@@ -51,7 +51,7 @@ def phase_columns(arrived: Arrival) -> dict[str, np.ndarray]:
 
 
 def attack_columns(truth: TruthBlock, e1_multipath_m: Float[np.ndarray, " n"]) -> dict[str, np.ndarray]:
-    """Return the values of `ATTACK_COLUMNS` of one satellite, except those of `phase_columns`."""
+    """Return the values of `ATTACK_COLUMNS` of one satellite, except the column of `phase_columns`."""
     on_air = np.concatenate([truth.e1_attack.power_db, truth.e6.power_db], axis=1) > -np.inf
     return {
         "truth_prediction_error_m": truth.iono_diff_m + truth.bias_m - e1_error_m(truth, e1_multipath_m),

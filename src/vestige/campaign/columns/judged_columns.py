@@ -1,4 +1,4 @@
-"""Verdict columns of the results: verdicts, states, checks, and the ranges in use."""
+"""Compute the columns of the results that contain verdicts, states, checks, and ranges in use."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Measurement columns of the results, from which the same verdicts can be made again.
+"""Convert measurements to columns of the results, and the columns back to measurements for new verdicts.
 
-The workers call `measured_columns`. `measured_block` reads the columns to make verdicts. The campaign calls
-`measured_block` for each chunk; plots and the threat table call it later, at any mitigation level. `measured_block`
-reads no column that begins with `truth_`.
+The workers call `measured_columns`. `measured_block` reads the columns, from which the processor makes verdicts. The
+campaign calls `measured_block` for each chunk. Plots and the threat table call `measured_block` later, at any
+mitigation level. `measured_block` reads no column whose name begins with `truth_`.
 """
 
 from __future__ import annotations
@@ -160,9 +160,9 @@ def osnma_columns(snapshots: SnapshotBlock, pages: PagesReceived) -> dict[str, n
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """A campaign and the processor that judges its columns."""
+    """Campaign, and the processor that makes verdicts from the columns of the campaign."""
 
-    scenario: CampaignScenario | StoredScenario  # scenario of the campaign, or scenario from its results
+    scenario: CampaignScenario | StoredScenario  # scenario of the campaign, or the scenario that the results contain
     processor: AcasProcessor
     svids: tuple[int, ...]
 
@@ -170,8 +170,9 @@ class Judged:
 def measured_block(of: Judged, epoch: Int64[np.ndarray, " n"], columns: Columns) -> MeasurementBlock:
     """Return the receiver's measurements in the given epochs.
 
-    `epoch` has the numbers of these epochs. The columns contain these epochs only, with the axes of the results. The
-    axis of epochs is the first axis, or the second axis after `detector`.
+    `epoch` has the numbers of the given epochs. `columns` contain only the given epochs, with the axes of the results.
+    The axis of epochs is the first axis. In columns with the axis `detector`, `detector` is the first axis and the axis
+    of epochs is the second axis.
     """
     scenario, processor = of.scenario, of.processor
     if scenario.processor.checks:
@@ -276,7 +277,7 @@ def _searches(scenario: CampaignScenario | StoredScenario, columns: Columns, rec
 
 
 def _of_sky(scenario: CampaignScenario | StoredScenario, time: GalileoTimes, columns: Columns) -> dict[str, Any]:
-    """Return the additional fields of a snapshot block of a sky; empty for a single line of sight."""
+    """Return the fields that only a snapshot block of a sky has; empty for a single line of sight."""
     if "osnma_pages" not in columns:
         return {}
     start = scenario.start_time

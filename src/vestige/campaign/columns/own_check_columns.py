@@ -1,7 +1,8 @@
-"""Columns that only a user's checks may need. With these columns, results contain all evidence for such a check.
+"""Compute the columns of the results that only a user's checks may need.
 
-vestige's own checks do not use these quantities. Results contain these columns only if the scenario has user's checks.
-The columns are stored without rounding, so a campaign and `vestige.simulate` give a user's check the same evidence.
+With these columns, results contain all evidence for a user's check. The checks of vestige do not use these columns.
+Results contain these columns only if the scenario has user's checks. The columns are stored without rounding, so a
+campaign and `vestige.simulate` give a user's check the same evidence.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def own_check_columns(start: GalileoTime, measured: MeasurementBlock) -> dict[st
 
 
 def require_own_check_columns(columns: Mapping[str, np.ndarray]) -> None:
-    """Raise `VestigeError` if results of a scenario with user's checks lack a column that such a check may use."""
+    """Raise `VestigeError` if the results of a scenario with user's checks lack a column of `OWN_CHECK_COLUMNS`."""
     missing = [name for name in OWN_CHECK_COLUMNS if name not in columns]
     if missing:
         raise VestigeError(

@@ -1,20 +1,21 @@
-"""Additional result columns of a sky: directions of the satellites, position fixes and their errors.
+"""Compute the additional result columns of a sky: directions of the satellites, position fixes and their errors.
 
 The processor makes two position fixes. The fix `all` uses all E1 pseudoranges at every epoch. At every epoch with RECS,
 the fix `authenticated` uses the ranges in use of satellites with navigation data that OSNMA authenticates. The time
-`available_at_s` of this fix is the time at which its OSNMA key is received. Both fixes assume correct broadcast orbits.
+`available_at_s` of this fix is the time at which the OSNMA key of the RECS is complete. Both fixes assume correct
+broadcast orbits.
 
-E1 pseudoranges contain noise, multipath and a residual of the ionosphere. The residual is e/(γ − 1), where e is the
-residual of the delay difference E6 − E1. The residual is common to both bands, so it does not affect the range check.
+E1 pseudoranges contain noise, multipath and a residual of the ionosphere. The residual on E1 is d/(γ − 1), where d is
+the residual of the delay difference E6 − E1. The range check compares E6 with E1, so only d affects the range check.
 
-The receiver assumes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² for each pseudorange, with
-M and A of `receiver.elevation`. A part of the ionosphere's variance is assumed to be common to all satellites
-(`ionosphere_common` of `[position]`). The covariance P of the fix includes this common part. The weights do not include
-this part, and RAIM and solution separation take σ from the weights.
+The receiver assumes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² for each pseudorange. The
+functions M and A of the elevation e come from `navigation.elevation_model`. A part of the ionosphere's variance is
+assumed to be common to all satellites (`ionosphere_common` of `[position]`). The covariance P of the fix includes this
+common part. The weights do not include this part, and RAIM and solution separation take σ from the weights.
 
-The NEES, xᵀP⁻¹x, combines the errors of the three coordinates and the clock. For a consistent fix, the NEES is χ² with
-4 degrees of freedom. With multipath the NEES is smaller, because σ_multipath is an upper limit that also covers rare
-large errors.
+The NEES, xᵀP⁻¹x, combines the errors x of the three coordinates and of the clock. For a consistent fix, the NEES is χ²
+with 4 degrees of freedom. With multipath the NEES is smaller, because σ_multipath is an upper limit that also covers
+rare large errors.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def view_columns(truth: Sequence[TruthBlock]) -> dict[str, np.ndarray]:
 def fix_columns(
     scenario: CampaignScenario, block: VerdictBlock, columns: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return the columns of the fixes, and the standard deviations that the receiver assumes for its pseudoranges."""
+    """Return the columns of the fixes, and the standard deviations that the receiver assumes for E1 observations."""
     measured, position = block.measured, block.position
     if measured.fix is None or position is None:
         raise ValueError("the position fixes: found none, expected those of a campaign with [constellation]")
@@ -112,7 +113,7 @@ def true_place_m(
 
 
 class _Truth(NamedTuple):
-    """True position of the receiver, error of its clock, and the rate of that error."""
+    """True position of the receiver, and error and drift of the receiver clock."""
 
     place_m: Float[np.ndarray, "n 3"]
     clock_m: Float[np.ndarray, " n"]

@@ -1,1 +1,1 @@
-"""Executors of a campaign: threads, processes or a cluster that compute its epochs."""
+"""Compute the epochs of a campaign with threads, with processes, or on a cluster."""

@@ -1,9 +1,9 @@
-"""Executor of a dask cluster, to run a campaign on several machines: `run(plan, store, executor=connect("tcp://…"))`.
+"""Run a campaign on several machines with a dask cluster: `run(plan, store, executor=connect("tcp://…"))`.
 
 If a worker is lost, the dask scheduler gives its chunks to another worker, including measured chunks whose results were
-not yet fetched. A chunk that is measured twice gives the same bits. All machines need the same source code of vestige,
-and the same kind of CPU if the bits depend on the CPU. Source code and kind of CPU are checked with every chunk. The
-machines need no shared disk and no data.
+not yet fetched. A chunk that is measured twice gives the same bits both times. All machines need the same source code
+of vestige, and the same kind of CPU if the bits depend on the CPU. Source code and kind of CPU are checked with every
+chunk. The machines need no shared disk and no data.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss)://(?P<host>\[[0-9a-fA-F:.%]+\]|[^\s:/\[\]]+):(?P<port>[0-9]{1,5})")
-CONNECT_S = 10.0  # longest time to wait for the scheduler, which answers in milliseconds if it is running
-NO_WORKERS_S = 10.0  # time without workers until a warning; a worker that is started again connects sooner
+CONNECT_S = 10.0  # longest time in s to wait for the scheduler, which answers in milliseconds if it is running
+NO_WORKERS_S = 10.0  # time in s without workers until a warning; a worker that is started again connects sooner
 LOOK_EVERY_S = 2.0
 
 
@@ -83,7 +83,7 @@ class ClusterExecutor(Executor):
             outer.set_exception(error)
 
     def _watch(self) -> None:
-        """Warn when the cluster has had no workers for `NO_WORKERS_S`, and when it has workers again."""
+        """Warn when the cluster has had no workers for `NO_WORKERS_S`, and when the cluster has workers again."""
         without_s, told = 0.0, False
         while not self._closed.wait(LOOK_EVERY_S):
             try:
@@ -135,7 +135,10 @@ def connect(address: str, *, warn: Callable[[str], None] = lambda _line: None) -
 
 
 def _check_answer(address: str) -> None:
-    """Raise if no scheduler answers; a dask client without connection would print a second error when it is deleted."""
+    """Raise `VestigeError` if no scheduler answers at an address.
+
+    A dask client that was made without a connection would print a second error when the client is deleted.
+    """
     match = _ADDRESS.fullmatch(address)
     if match is None or not int(match["port"]) < 1 << 16:
         raise VestigeError(f"--scheduler: found {address!r}, expected an address such as tcp://host:8786")

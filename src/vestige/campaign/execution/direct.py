@@ -1,4 +1,4 @@
-"""Run a plan in memory and without chunks, for short campaigns; a threat table needs thousands of short campaigns."""
+"""Run a short campaign in memory and without chunks. A threat table needs thousands of short campaigns."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from vestige.campaign.plan import Plan, judged
 
 
 def direct_results(plan: Plan, *, judge: bool = True) -> xarray.Dataset:
-    """Return the results of a plan as `run` does, without a store.
+    """Return the results of a plan, equal to the results of `run`, without a store.
 
-    With `judge=False`, the results have no columns of `JudgedPlan.judge`. These results can be judged at several levels
-    later.
+    With `judge=False`, the results have no columns of `JudgedPlan.judge`. Verdicts at several levels can be made from
+    these results later.
     """
     columns = plan.measure(0, plan.prepare().advance(0, plan.n_epochs))
     if judge:
@@ -21,7 +21,7 @@ def direct_results(plan: Plan, *, judge: bool = True) -> xarray.Dataset:
 
 
 def results_of(plan: Plan, columns: Columns) -> xarray.Dataset:
-    """Return the columns of all epochs of a plan as its results."""
+    """Return the results of a plan as a dataset, from the columns of all epochs."""
     return xarray.Dataset(
         {name: (column.dims, columns[name]) for name, column in plan.columns.items() if name in columns},
         coords={name: (coord.dim, coord.values) for name, coord in plan.coords.items()},

@@ -1,4 +1,4 @@
-"""Workers of a campaign: the function that each worker runs, and the start and end of local workers.
+"""Start and end the local workers of a campaign, and define the function that each worker runs.
 
 Every worker process imports this module, so the module imports no large packages.
 """
@@ -34,7 +34,7 @@ def measure_chunk(
 ) -> Mapping[str, np.ndarray]:
     """Return the result of `plan.measure`, if this worker has the `expected` build_id.
 
-    Raises `VestigeError` if the worker has another build_id, because the results may have other bits.
+    `VestigeError` is raised if the worker has another build_id, because its results may differ in some bits.
     """
     found = build_id(plan)
     for name, value in expected.items():
@@ -48,9 +48,9 @@ def local_executor(kind: str, workers: int, preload: Sequence[str] = ()) -> Iter
     """Yield an executor with `workers` threads or processes; the exit of the context waits for running calls.
 
     Processes are started with `spawn`, because a fork of a process with threads may inherit a locked lock. If `preload`
-    names modules, a server process without threads imports these modules while the caller continues. Each worker is
-    then a fork of this server, so all workers together need a single import. Without fork servers, as on Windows, each
-    worker imports the modules that it needs.
+    names modules, a server process without threads imports these modules while the caller continues. Each worker is a
+    fork of this server, so all workers together need a single import. Without fork servers, as on Windows, each worker
+    imports the modules that it needs.
     """
     if workers < 1:
         raise ValueError(f"{workers} workers")

@@ -1,1 +1,1 @@
-"""Results of campaigns on disk."""
+"""Store the results of campaigns on disk, and read stored results."""

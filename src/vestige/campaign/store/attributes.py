@@ -1,4 +1,4 @@
-"""Attributes and columns of results that are already in memory. This module does not load zarr."""
+"""Read attributes and columns of campaign results that are already in memory, without loading zarr."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from vestige.receiver.simulation import Fidelity
 from vestige.scenario.stored import StoredScenario, stored_scenario
 from vestige.scenario.toml.toml_file import LARGEST_NUMBER
 
-NAVIGATION_TEXT = "navigation"  # attribute with the ephemerides of the satellites, for results of a sky
+# name of the attribute with the ephemerides of the satellites, in results of a campaign with a constellation
+NAVIGATION_TEXT = "navigation"
 
 
 class RunAttributes(BaseModel):
@@ -26,19 +27,19 @@ class RunAttributes(BaseModel):
 
     seed: Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
     scenario_digest: str  # SHA-256 of the scenario, in hexadecimal digits
-    p_fa: Annotated[float, Field(gt=0, lt=1)]  # false-alarm probability of one correlator
+    p_fa: Annotated[float, Field(gt=0, lt=1)]  # false-alarm probability of a single correlator
     # threshold of a correlator's magnitude, in standard deviations of the noise in one dimension
     threshold_sigma: Annotated[float, Field(gt=0, le=1000)]
     signal: bool  # whether E6-C was transmitted
     cn0_dbhz: FiniteFloat | None = None  # C/N0 of E6-C; None without a signal
-    integration_s: Annotated[float, Field(gt=0, le=10)]  # duration of a correlation
+    integration_s: Annotated[float, Field(gt=0, le=10)]  # integration time of a correlator
     fidelity: Fidelity
     satellites_expected: Annotated[int, Field(ge=1, le=100)]
     cn0_e1_expected_dbhz: FiniteFloat
     vestige_version: str = ""  # version of vestige that made the results; empty if the results were not stored
-    processor: str | None = None  # kind of CPU; None if the bits do not depend on the CPU
-    navigation: str | None = None  # RINEX text of the ephemerides of a sky; None for a single line of sight
-    own_parts: str = ""  # user's parts, each as `module:Name@digest`, with spaces between the parts
+    processor: str | None = None  # kind of CPU; None if the bits of the results do not depend on the CPU
+    navigation: str | None = None  # RINEX text of the satellites' ephemerides; None for a single line of sight
+    own_parts: str = ""  # classes that the user wrote, each as `module:Name@digest`, with spaces between the classes
 
     @model_validator(mode="after")
     def _strength_of_a_signal(self) -> RunAttributes:
@@ -48,7 +49,7 @@ class RunAttributes(BaseModel):
 
 
 class CheckColumns(NamedTuple):
-    """Results of one check in a campaign."""
+    """Results of a single check in a campaign, for n epochs and m satellites."""
 
     result: Int8[np.ndarray, "n m"]  # result after confirmation: 1 for failed, 0 for passed, −1 for not run
     statistic: Float[np.ndarray, "n m"]  # statistic in the unit of the check; NaN if the check was not run
@@ -56,7 +57,7 @@ class CheckColumns(NamedTuple):
 
 
 def scenario_of(results: xarray.Dataset) -> StoredScenario:
-    """Return the scenario of results.
+    """Return the scenario that the results of a campaign contain.
 
     Raises `VestigeError` if the results have no scenario, or the scenario does not agree with its digest.
     """
@@ -64,7 +65,10 @@ def scenario_of(results: xarray.Dataset) -> StoredScenario:
 
 
 def scenario_text(results: xarray.Dataset) -> str:
-    """Return the JSON text of the scenario of results; the errors are those of `scenario_of`."""
+    """Return the JSON text of the scenario that the results of a campaign contain.
+
+    Raises `VestigeError` if the results have no scenario, or the scenario does not agree with its digest.
+    """
     text = results.attrs.get("scenario")
     if not isinstance(text, str) or hashlib.sha256(text.encode()).hexdigest() != results.attrs.get("scenario_digest"):
         raise VestigeError("results of a campaign: scenario: found no text that agrees with its digest, expected one")
@@ -88,16 +92,16 @@ def attributes_of(results: xarray.Dataset) -> RunAttributes:
 
 
 def values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, "*n"]:
-    """Return a variable as float64 with the axes `dims`; by default, `epoch` is the first axis."""
+    """Return a variable of the results as float64 with the axes `dims`; by default, `epoch` is the first axis."""
     found = results[name]
     order = dims or (EPOCH, *(str(dim) for dim in found.dims if dim != EPOCH))
     return found.transpose(*order).values.astype(np.float64)
 
 
 def check_columns(results: xarray.Dataset, name: str) -> CheckColumns:
-    """Return the stored result of a check for every epoch and satellite.
+    """Return the stored result, statistic and threshold of a check for every epoch and satellite.
 
-    Raises `VestigeError` if the results have no such check.
+    Raises `VestigeError` if the results have no check with this name.
     """
     names = [str(one) for one in results["check"].values] if "check" in results.variables else []
     if name not in names:

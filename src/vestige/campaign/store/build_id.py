@@ -1,6 +1,7 @@
-"""Identity of a build: source code of vestige, user's parts and kind of CPU, which affect the bits of results.
+"""Identify the build that measures a plan: source code of vestige, classes that the user wrote, and kind of CPU.
 
-The kind of CPU affects only sums of samples.
+Builds with equal identities give results of a plan with equal bits. The kind of CPU belongs to the identity only if the
+plan sums samples, because the CPU affects only the bits of these sums.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from vestige.source_version import processor_name, vestige_version
 if TYPE_CHECKING:
     from vestige.campaign.plan import Plan
 
-PROCESSOR = "processor"  # attribute with the kind of CPU; only a plan whose bits depend on the CPU has this attribute
-PARTS = "own_parts"  # attribute of a plan with user's parts, each as `module:Name@digest`
+# attribute with the kind of CPU; a plan has this attribute only if the bits of its results depend on the CPU
+PROCESSOR = "processor"
+PARTS = "own_parts"  # attribute of a plan with the classes that the user wrote, each as `module:Name@digest`
 
 
 def build_id(plan: Plan) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Results of a campaign: columns, the parsed scenario, and the missing or damaged epochs.
+"""Open the stored results of a campaign: columns, parsed scenario, and the numbers of available and damaged epochs.
 
     results = open_results("night.zarr", partial=True)
     results.scenario.processor.level, results.dataset["status"], results.damaged
@@ -39,7 +39,7 @@ _NO_EPOCHS = np.zeros(0, dtype=np.int64)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """Results of a campaign of n epochs and m satellites; `open_results` and `run` return such results.
+    """Results of a campaign of n epochs and m satellites; `open_results` and `run` return objects of this class.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class Results:
 
     @property
     def time_s(self) -> Float[np.ndarray, " n"]:
-        """Time of each epoch after the start, in s."""
+        """Time of each epoch in s after the start of the campaign."""
         return values(self.dataset, "time_s")
 
     @property
@@ -97,21 +97,21 @@ class Results:
 
     @property
     def state(self) -> Int8[np.ndarray, "n m"]:
-        """State of each satellite that the receiver shows its user after each epoch, as index in `Status`."""
+        """State of each satellite after each epoch, which the receiver shows to its user, as index in `Status`."""
         return values(self.dataset, "state", EPOCH, "satellite").astype(np.int8)
 
     @property
     def range_in_use_m(self) -> Float[np.ndarray, "n m"]:
-        """Pseudorange in m that may be used; NaN if no range of the satellite may be used."""
+        """Range in use of each epoch and satellite in m; NaN if no range of the satellite is in use."""
         return values(self.dataset, "range_in_use_m", EPOCH, "satellite")
 
     def check(self, name: str) -> CheckColumns:
-        """Return the result of a check for every epoch and satellite.
+        """Return the result, statistic and threshold of a check for every epoch and satellite.
 
         Raises
         ------
         VestigeError
-            If the level of the scenario has no such check.
+            If the results have no check with this name.
         """
         return check_columns(self.dataset, name)
 
@@ -133,9 +133,10 @@ def open_results(
         Whether a campaign that has not ended is accepted.
     damaged
         Treatment of epochs with values that do not agree with their hash. `refuse` raises an error. `leave out` needs
-        `partial`: the damaged epochs are then missing in the results, and `Results.damaged` lists them.
+        `partial`, and removes the damaged epochs from the results. `Results.damaged` lists the damaged epochs.
     verify
-        Whether all values are read once and compared with their hashes. A million epochs take some seconds.
+        Whether all values are read once and compared with their hashes. The comparison takes some seconds for a million
+        epochs.
 
     Returns
     -------
@@ -145,7 +146,7 @@ def open_results(
     Raises
     ------
     InputFileError
-        If there is no such store, the store is damaged, or the campaign has not ended and `partial` is not set.
+        If the folder is no store, the store is damaged, or the campaign has not ended and `partial` is not set.
 
     Examples
     --------
@@ -193,7 +194,8 @@ def load_small(path: Path, expected: str) -> xarray.Dataset:
 
     `expected` describes the expected store in the message of an error.
 
-    Raises `InputFileError` if the folder is no such store, the store is damaged, or its metadata give a larger size.
+    Raises `InputFileError` if the folder is no store, the store is damaged, or its metadata give a size above the
+    limit.
     """
     check_files(path, expected)
     try:
@@ -211,7 +213,7 @@ def _numbers(store: Store, chunks: Iterable[int]) -> list[np.ndarray]:
 
 
 def _check_attributes(path: Path, dataset: xarray.Dataset) -> None:
-    """Raise if a number among the attributes is not finite or too large for a computation."""
+    """Raise `InputFileError` if a number among the attributes is not finite, or is too large for a computation."""
     for name, value in dataset.attrs.items():
         if isinstance(value, (int, float)) and not abs(value) <= LARGEST_NUMBER:
             raise InputFileError(path, name, value, f"a number between {-LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}")

@@ -1,4 +1,4 @@
-"""The results of a campaign on disk: a zarr store, written chunk by chunk, that stays usable after any interruption.
+"""Write the results of a campaign chunk by chunk into a zarr store, which stays usable after any interruption.
 
 The store is a zarr v3 group with one array for each column. Each array has its full length from the beginning, and is
 divided along `epoch` into the campaign's chunks. Each chunk therefore has its own files. The array `progress/digest`
@@ -7,8 +7,8 @@ written after the values.
 
 A resumed run reads the values again and compares their hash. Chunks that do not agree with their hash are computed
 again. A run may therefore end in any way, such as by `kill -9` between two files or by a power failure that loses
-written data. A store may also be copied only in part. A new store is made in a temporary folder, which is then renamed.
-The path of a store therefore never has an incomplete store.
+written data. A store may also be copied only in part. A new store is made in a temporary folder, and the complete
+folder gets the path of the store. An interruption therefore leaves no incomplete new store at this path.
 """
 
 from __future__ import annotations
@@ -54,19 +54,20 @@ from vestige.errors import InputFileError
 from vestige.scenario.limits import MAX_EPOCHS
 
 MENDS = "the same command repairs it"
-_DIGITS = 10  # upper limit, which no number of a chunk reaches in digits
+_DIGITS = 10  # number of digits that no number of a chunk reaches
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Store:
-    """An open store, as `open_store` returns it."""
+    """An open store of campaign results; `open_store` and `open_existing` return objects of this class."""
 
     path: Path
-    attrs: Mapping[str, Any]  # attributes that identify the work
-    columns: Mapping[str, zarr.Array[Any]]  # the arrays with an axis `epoch`
-    digests: zarr.Array[Any]  # one hash for each chunk
+    attrs: Mapping[str, Any]  # attributes that identify the plan, the build, and the schema of the arrays
+    columns: Mapping[str, zarr.Array[Any]]  # arrays with an axis `epoch`, by name
+    digests: zarr.Array[Any]  # 64-bit hash of each chunk; `UNFINISHED` if the chunk is not finished
     n_epochs: int
-    chunk_epochs: int  # epochs in a chunk (the last chunk may have fewer), fixed when the store was made
+    # number of epochs in a chunk, fixed when the store was made; the last chunk may have fewer epochs
+    chunk_epochs: int
 
     @property
     def n_chunks(self) -> int:
@@ -74,12 +75,12 @@ class Store:
         return -(-self.n_epochs // self.chunk_epochs)
 
     def epochs(self, chunk: int) -> range:
-        """Return the epochs of a chunk."""
+        """Return the numbers of the epochs in a chunk."""
         first = chunk * self.chunk_epochs
         return range(first, min(first + self.chunk_epochs, self.n_epochs))
 
     def write(self, chunk: int, results: Mapping[str, np.ndarray]) -> None:
-        """Write the columns of a chunk, then record it as finished."""
+        """Write the columns of a chunk, and then record the chunk as finished."""
         for name, array in self.columns.items():
             array[self._region(array, chunk)] = results[name]
         self.digests[chunk] = _digest(results)
@@ -89,13 +90,13 @@ class Store:
         return {name: np.asarray(array[self._region(array, chunk)]) for name, array in self.columns.items()}
 
     def finished(self, *, verify: bool) -> frozenset[int]:
-        """Return the chunks that are recorded as finished; with `verify`, only chunks that agree with their hash."""
+        """Return the numbers of the finished chunks; with `verify`, only of chunks that agree with their hash."""
         digests = {chunk: self._recorded(chunk) for chunk in self._touched()}
         recorded = [chunk for chunk, digest in digests.items() if digest != UNFINISHED]
         return frozenset(chunk for chunk in recorded if not verify or self._holds(chunk, digests[chunk]))
 
     def _touched(self) -> list[int]:
-        """Return the chunks that have a file in `progress/digest`; the other chunks need not be read."""
+        """Return the numbers of the chunks with a file in `progress/digest`; chunks without a file are not finished."""
         names = (path.name for path in (self.path / PROGRESS / DIGEST / "c").glob("*"))
         numbers = (int(name) for name in names if name.isascii() and name.isdecimal() and len(name) < _DIGITS)
         return sorted(number for number in numbers if number < self.n_chunks)
@@ -104,7 +105,7 @@ class Store:
         try:
             check_chunk(self.path, f"{PROGRESS}/{DIGEST}", self.digests, (chunk,))
             return int(np.asarray(self.digests[chunk]))
-        except Exception:  # a damaged file may raise any error; the chunk then counts as not recorded
+        except Exception:  # A damaged file may raise any error. The chunk of the file counts as not finished.
             return UNFINISHED
 
     def _holds(self, chunk: int, digest: int) -> bool:
@@ -112,7 +113,7 @@ class Store:
             for name, array in self.columns.items():
                 check_chunk(self.path, name, array, tuple(chunk if dim == EPOCH else 0 for dim in _dims(array)))
             return _digest(self.read(chunk)) == digest
-        except Exception:  # a damaged file may raise any error; the chunk then counts as damaged
+        except Exception:  # A damaged file may raise any error. The chunk of the file counts as damaged.
             return False
 
     def _region(self, array: zarr.Array[Any], chunk: int) -> tuple[slice, ...]:
@@ -130,25 +131,26 @@ def make_store(path: Path, plan: Plan, *, chunk_epochs: int) -> None:
     try:
         private = TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent)
     except OSError as error:
-        error.filename = str(path)  # path that the user has given
+        error.filename = str(path)  # the error names the path that the user has given
         raise
     with private as folder:
         write_skeleton(Path(folder) / "store", plan, min(chunk_epochs, plan.n_epochs))
         try:
             (Path(folder) / "store").rename(path)
         except OSError:
-            if not (path / METADATA).exists():  # otherwise another process has made the same store first
+            if not (path / METADATA).exists():  # the metadata exist if another process has made the store first
                 raise
 
 
 def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
-    """Return the store of a plan: a new store, or an existing store of the same work.
+    """Open the store of a plan, or make the store if it does not exist, and return the store.
 
-    Damaged metadata and coordinates are written again. The caller must be the only process that writes (`only_writer`).
+    Damaged metadata and coordinates are written again. The caller must be the only process that writes into the store
+    (`only_writer`).
 
     Missing parent folders are made. An existing store keeps its own `chunk_epochs`.
 
-    Raises `InputFileError` if `path` is no store, or the store of another scenario, seed or source code of vestige.
+    Raises `InputFileError` if `path` is no store, or is the store of another scenario, seed or source code of vestige.
     """
     path = Path(path)
     make_store(path, plan, chunk_epochs=chunk_epochs)
@@ -176,9 +178,9 @@ def kept_chunk_epochs(path: Path | str, wanted: int) -> int | None:
 
 
 def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
-    """Return an existing store of any work.
+    """Return the existing store in a folder; the store may belong to any plan.
 
-    Raises `InputFileError` if there is no store, or its metadata or coordinates are damaged.
+    Raises `InputFileError` if the folder is no store, or if metadata or coordinates of the store are damaged.
     """
     check_files(path)
     try:
@@ -218,7 +220,7 @@ def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
 
 
 def _check_sizes(store: Store) -> None:
-    """Raise ValueError if the metadata of a store give sizes that a campaign does not write."""
+    """Raise `ValueError` if the metadata of a store give sizes that a campaign does not write."""
     if not 1 <= store.chunk_epochs <= store.n_epochs <= MAX_EPOCHS:
         raise ValueError(f"{store.n_epochs} epochs in chunks of {store.chunk_epochs}, expected at most {MAX_EPOCHS}")
     if store.digests.shape != (store.n_chunks,) or store.digests.chunks != (1,):
@@ -255,7 +257,7 @@ def _dims(array: zarr.Array[Any]) -> tuple[str | None, ...]:
 
 
 def _digest(results: Mapping[str, np.ndarray]) -> int:
-    """Return a 64-bit hash of names and values that is never `UNFINISHED`."""
+    """Return a 64-bit hash of the names and values of columns; the hash is never equal to `UNFINISHED`."""
     digest = hashlib.blake2b(digest_size=8)
     for name in sorted(results):
         digest.update(name.encode())

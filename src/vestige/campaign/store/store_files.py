@@ -1,4 +1,4 @@
-"""Validation of a store's files before any value is read: regular files of the size that a campaign writes.
+"""Check the files of a store before values are read: only regular files, with the sizes that a campaign writes.
 
 A store may come from an unknown source, so its metadata are not trusted. An array is read only if a campaign would
 write the same sizes and codecs. A compressed chunk is read only if its unpacked size is the size of its values.
@@ -21,9 +21,9 @@ from vestige.errors import InputFileError
 EXPECTED_RESULTS = "the results of a campaign (zarr v3, written by vestige)"
 METADATA = "zarr.json"
 ZARR_FORMAT = 3
-MAX_METADATA_BYTES = 1 << 24  # metadata contain scenario and ephemerides, about 100 kB
-MAX_CHUNK_BYTES = 1 << 30  # largest chunk of a column; 2000 epochs of 36 satellites and 63 correlators have 36 MB
-# largest size of a coordinate (satellites, correlators, reflections, detectors) or of a small table
+MAX_METADATA_BYTES = 1 << 24  # upper limit; metadata with scenario and ephemerides have about 100 kB
+MAX_CHUNK_BYTES = 1 << 30  # upper limit; 2000 epochs of 36 satellites and 63 correlators have 36 MB
+# largest size of a coordinate (satellites, correlators, reflections, detectors) or of an array of a small table
 MAX_LABELS_BYTES = 1 << 20
 _CODECS = {"bytes", "vlen-utf8", "zstd"}  # codecs of stores that vestige writes
 _FRAME = b"\x28\xb5\x2f\xfd"  # magic number of zstd [RFC8878]
@@ -33,7 +33,7 @@ _LONGEST_FRAME_HEADER = 18
 def check_files(folder: Path, expected: str = EXPECTED_RESULTS) -> None:
     """Check that a store has only regular files and folders, and that no metadata file is too long.
 
-    A pipe would block the program without end when it is opened. A link may lead to any other file.
+    A pipe would block the program without end when the pipe is opened. A link may lead to any other file.
 
     Raises `InputFileError` with the path of the first wrong file.
     """
@@ -55,10 +55,11 @@ def _unreadable(error: OSError) -> None:
 
 
 def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
-    """Return the arrays in the root of a store by name; this function reads the metadata of each array by itself.
+    """Return the arrays in the root of a store by name; the metadata of each array are read separately.
 
-    `group.arrays()` opens all arrays at once. If one array is damaged, Python prints warnings about the other arrays at
-    its exit. `group[name]` takes three times as long.
+    This function uses neither `group.arrays()` nor `group[name]` of zarr. `group.arrays()` opens all arrays at once. If
+    one array is damaged, Python therefore prints warnings about all arrays except the damaged array at its exit.
+    `group[name]` takes three times as long as this function.
 
     Raises `ValueError` with the name of the array if its metadata are damaged.
     """
@@ -77,7 +78,7 @@ def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
 
 
 def check_array(name: str, array: zarr.Array[Any], *, at_most: int = MAX_CHUNK_BYTES) -> None:
-    """Check that an array has the codecs of a campaign, and that a chunk has at most `at_most` bytes.
+    """Check that an array has only codecs that vestige writes, and that a chunk has at most `at_most` bytes.
 
     Raises `ValueError` if the array has another codec or larger chunks.
     """
@@ -89,7 +90,7 @@ def check_array(name: str, array: zarr.Array[Any], *, at_most: int = MAX_CHUNK_B
 
 
 def check_small_array(folder: Path, name: str, array: zarr.Array[Any]) -> None:
-    """Check that an array of coordinates or of a table is small enough to be read at once; else raise ValueError."""
+    """Raise `ValueError` unless an array of coordinates or of a table is small enough to be read at once."""
     check_array(name, array, at_most=MAX_LABELS_BYTES)
     if (size := _values_bytes(array, array.shape)) > MAX_LABELS_BYTES:
         raise ValueError(f"{name}: found {size} bytes, expected at most {MAX_LABELS_BYTES} bytes")
@@ -107,7 +108,7 @@ def check_chunk(folder: Path, name: str, array: zarr.Array[Any], index: tuple[in
         with path.open("rb") as file:
             head, length = file.read(_LONGEST_FRAME_HEADER), os.fstat(file.fileno()).st_size
     except FileNotFoundError:
-        return  # zarr uses its fill value, and the hash shows whether the file was ever written
+        return  # zarr gives the fill value for a missing file, and the hash shows whether the file was ever written
     text = _is_text(array)
     expected = MAX_LABELS_BYTES if text else _values_bytes(array, array.chunks)
     unpacked = _unpacked_bytes(head)
@@ -125,7 +126,7 @@ def _is_text(array: zarr.Array[Any]) -> bool:
 
 
 def _unpacked_bytes(head: bytes) -> int | None:
-    """Return the unpacked size in bytes that a zstd frame states; None if it states no size or is no frame."""
+    """Return the unpacked size in bytes that a zstd frame states; None if `head` is no frame or states no size."""
     if len(head) < 6 or not head.startswith(_FRAME):
         return None
     flags = head[4]

@@ -1,8 +1,8 @@
-"""A store without values: metadata and coordinates that follow from a plan.
+"""Write a store without values: metadata and coordinates that follow from a plan.
 
 The same plan gives the same bytes. Metadata that were damaged on the disk or lost in a copy can therefore be written
-again, and the values of the store are kept. The metadata are written again only if the rest of the store certainly
-belongs to the plan.
+again, and the values of the store are kept. The metadata are written again only if the attributes of the store, or
+their digest, show that the store belongs to the plan.
 """
 
 from __future__ import annotations
@@ -25,21 +25,22 @@ from vestige.campaign.store.build_id import build_id
 from vestige.campaign.store.store_files import MAX_CHUNK_BYTES, METADATA
 from vestige.errors import VestigeError
 
-PROGRESS = "progress"  # a separate group, which the user does not see, because xarray shows only arrays of the root
+# name of a separate group, which the user does not see, because xarray shows only arrays of the root
+PROGRESS = "progress"
 DIGEST = "digest"
 CHUNK = "chunk_epochs"
-WORK = "work"  # digest of the attributes that identify the work
+WORK = "work"  # digest of the attributes that identify plan and build
 UNFINISHED = 0
 COLUMN, COORD = "column ", "coordinate "
 
 
 def identity(plan: Plan) -> dict[str, Any]:
-    """Return, as JSON types, the attributes that must be equal in two runs with equal results."""
+    """Return the attributes that identify plan and build, as JSON types; equal attributes mean equal results."""
     return {**_json(plan.attrs), **build_id(plan)}
 
 
 def work_digest(attributes: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of the attributes that identify the work of a store."""
+    """Return the SHA-256 of the attributes that identify plan and build of a store, in hexadecimal digits."""
     return hashlib.sha256(json.dumps(dict(attributes), sort_keys=True).encode()).hexdigest()
 
 
@@ -54,7 +55,7 @@ def store_schema(plan: Plan) -> dict[str, Any]:
 
 
 def column_text(dtype: object, dims: tuple[str | None, ...], shape: tuple[int, ...]) -> str:
-    """Return the type and the axes of a column as text."""
+    """Return the type of a column, and its axes with their lengths, as text."""
     return f"{dtype} " + ", ".join(f"{dim} {length}" for dim, length in zip(dims, shape, strict=True))
 
 
@@ -137,7 +138,7 @@ def mended(path: Path, plan: Plan) -> bool:
 
 
 def _chunk_lengths(path: Path, plan: Plan) -> Iterator[Any]:
-    """Yield the number of epochs in a chunk of each column with metadata that can be read."""
+    """Yield the number of epochs in a chunk, as stated by each column whose metadata can be read."""
     for name, column in plan.columns.items():
         try:
             content = json.loads((path / name / METADATA).read_bytes())

@@ -1,1 +1,1 @@
-"""Campaigns over the values of some settings."""
+"""Run one campaign for each combination of values of some settings."""

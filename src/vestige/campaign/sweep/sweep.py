@@ -1,17 +1,17 @@
-"""Sweeps: one campaign for each value of a setting; a campaign ends when its estimate is accurate enough.
+"""Run a sweep, which is one campaign for each value of a setting, and write a table of the results.
 
-A sweep is a folder. Each value has its own store, such as `receiver.cn0_dbhz=28.zarr`. `run` would write the same store
-for a scenario with this value. The store can therefore be resumed, opened and plotted like any other store. The folder
-also has `sweep.csv` with a row for each value. Curves are drawn from this table, which is written again after each
-value. If the scenario has an attack, a level above 1 or user's checks, a row also has the outcome of the run
-(`run_outcome.py`).
+The results of a sweep are in a folder. Each value has its own store, such as `receiver.cn0_dbhz=28.zarr`. `run` would
+write the same store for a scenario with this value. The store can therefore be resumed, opened and plotted like any
+other store. The folder also has `sweep.csv` with a row for each value. Curves are drawn from this table, which is
+written again after each value. If the scenario has an attack, a level above 1 or checks that the user wrote, a row also
+has the outcome of the run (`run_outcome.py`).
 
 The campaign of a value ends when all epochs of its scenario are measured. The campaign ends earlier if the confidence
-interval of the estimated probability is narrow enough. This rule is evaluated after each chunk in the order of the
-chunks. The epochs that count therefore depend neither on the number of workers nor on interruptions.
+interval of the estimated probability is narrow enough. The width of the interval is evaluated after each chunk in the
+order of the chunks. The epochs that count therefore depend neither on the number of workers nor on interruptions.
 
-All values share the scenario's seed. Neighbouring points therefore have the same noise, and similar errors. A sweep of
-`seed` shows the size of these errors.
+All values share the scenario's seed. Neighbouring points of a curve therefore have the same noise, and similar
+estimation errors. A sweep of `seed` shows the size of these errors.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     import xarray
 
 SWEEP_TABLE = "sweep.csv"
-_MAX_FILE_BYTES = 1 << 24  # upper limit; the table of 1000 campaigns has 1 MB
+_MAX_FILE_BYTES = 1 << 24  # upper limit of the table's size; the table of 1000 campaigns has 1 MB
 _FIRST_RESULT = "cn0_dbhz"  # first column of the table after the keys of the sweep
 
 
@@ -60,7 +60,7 @@ class Width:
     relative: bool = False
 
     def reached(self, successes: int, trials: int) -> bool:
-        """Return whether the interval after `successes` in `trials` is narrow enough."""
+        """Return whether the confidence interval after `successes` in `trials` is narrow enough."""
         rarer = min(successes, trials - successes)
         if self.relative and not rarer:
             return False
@@ -84,8 +84,8 @@ class Row:
     p_d_theory: float  # P_d in theory (Marcum Q) for a signal exactly on a correlator; NaN without signal
     false_alarms: Proportion  # proportion of single correlators with noise only that exceed the threshold
     level: int
-    # outcome at `level` from the first start of an attack to the last stop; None for a campaign that ended early,
-    # and at level 1 without an attack and without user's checks
+    # outcome at `level`, from the first start to the last stop of the attacks. The outcome is None for a campaign that
+    # ended early, and for a campaign at level 1 without attacks and without checks that the user wrote.
     outcome: RunOutcome | None
 
 
@@ -102,12 +102,11 @@ def run_sweep(
     """Yield the row of each campaign as soon as the campaign ends, and write the rows so far to `sweep.csv`.
 
     `campaigns` has the settings of each campaign, and the scenario with these settings. Stored epochs are not measured
-    again. A campaign stops when its confidence interval is as narrow as `width`; without `width`, all epochs are
-    measured.
-    `progress` is called with the name of a campaign's store and the progress of the campaign.
+    again. A campaign stops when its confidence interval is as narrow as `width`. Without `width`, all epochs are
+    measured. `progress` is called with the name of a campaign's store and the progress of the campaign.
 
-    Raises `InputFileError` if `folder` is the store of one campaign, or has a sweep of other keys, whose table would be
-    lost.
+    Raises `InputFileError` if `folder` is the store of one campaign, or if the table in `folder` belongs to a sweep of
+    other keys. The new sweep would overwrite this table.
     """
     _check_folder(folder, {key for settings, _ in campaigns for key in settings})
     rows: list[Row] = []
@@ -173,7 +172,7 @@ class _Counter:
 
 
 def _check_folder(folder: Path, keys: set[str]) -> None:
-    """Raise if a sweep of these keys would overwrite another table or write into the store of a campaign."""
+    """Raise `InputFileError` if `folder` is the store of a campaign, or has the table of a sweep of other keys."""
     if (folder / "zarr.json").exists():
         raise InputFileError(folder, "sweep", "the store of one campaign", "a folder of its own for the sweep")
     if not (folder / SWEEP_TABLE).exists():
@@ -192,7 +191,7 @@ def _check_folder(folder: Path, keys: set[str]) -> None:
 
 
 def _write_table(path: Path, rows: Sequence[Row]) -> None:
-    """Write all rows; an interruption leaves the old file or the complete new file."""
+    """Write all rows to the table of a sweep; an interruption leaves the old file or the complete new file."""
     table = [_cells(row) for row in rows]
     with replacement(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(dict.fromkeys(name for cells in table for name in cells)))
@@ -201,7 +200,7 @@ def _write_table(path: Path, rows: Sequence[Row]) -> None:
 
 
 def _cells(row: Row) -> dict[str, object]:
-    """Return the cells of a row by column; without a signal there are no columns of detections."""
+    """Return the cells of a row by column name; a row without a signal has no columns of detections."""
     detected: dict[str, object] = {"trials": next(iter(row.detections.values())).trials}
     for detector, counted in row.detections.items():
         detected |= {f"detections_{detector}": counted.successes}
@@ -224,7 +223,7 @@ def _cells(row: Row) -> dict[str, object]:
 
 
 def _outcome_cells(row: Row) -> dict[str, object]:
-    """Return the cells of the outcome with the column names of `threats.csv`; empty without an outcome."""
+    """Return the cells of a row's outcome, with the column names of `threats.csv`; empty without an outcome."""
     found = row.outcome
     if found is None:
         return {}

@@ -1,4 +1,4 @@
-"""Axes of a sweep: keys of a scenario, the values of each key, and all combinations."""
+"""Read the axes of a sweep, which are keys of a scenario with their values, and form all combinations."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ Value = bool | int | float | str
 MAX_CAMPAIGNS = 1000
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*:\s*({_NUMBER})\s*:\s*({_NUMBER})\s*")
-_LARGEST_INTEGER = 2**63  # upper limit of the magnitude, from TOML v1.0.0
-_MAX_NAME = 200  # largest number of characters; file systems allow up to 255 characters
+_LARGEST_INTEGER = 2**63  # largest magnitude of an integer in TOML v1.0.0
+_MAX_NAME = 200  # largest number of characters in the name of a store; file systems allow up to 255 characters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,7 @@ def parse_axis(text: str) -> Axis:
 
 
 def grid(axes: Sequence[Axis]) -> tuple[dict[str, Value], ...]:
-    """Return the settings of every campaign: all combinations of the values; the last axis changes fastest.
+    """Return the settings of every campaign, for all combinations of values; the last axis changes fastest.
 
     Raises `VestigeError` if two axes have the same key, or there are more than `MAX_CAMPAIGNS` campaigns.
     """
@@ -61,7 +61,9 @@ def grid(axes: Sequence[Axis]) -> tuple[dict[str, Value], ...]:
 
 
 def store_name(settings: Mapping[str, Value]) -> str:
-    """Return the name of a campaign's store: the settings, with characters that a file name cannot have as `%XX`.
+    """Return the file name of a campaign's store, which consists of the settings of the campaign.
+
+    Characters that a file name cannot have are written as `%XX`.
 
     Raises `VestigeError` if the name is too long for a file.
     """
@@ -72,7 +74,7 @@ def store_name(settings: Mapping[str, Value]) -> str:
 
 
 def as_settings(settings: Mapping[str, Value]) -> tuple[str, ...]:
-    """Return settings in the form that `load_scenario` takes."""
+    """Return settings as texts `key=value`, the form that `load_scenario` takes."""
     return tuple(f"{key}={_toml(value)}" for key, value in settings.items())
 
 

@@ -1,1 +1,1 @@
-"""Commands for campaigns."""
+"""Define the commands for campaigns."""

@@ -1,4 +1,4 @@
-"""Attack section of `vestige run`'s output: effect on each satellite, and outcome of each detector."""
+"""Write the attack section of `vestige run`'s output: effect on each satellite, and outcome of each detector."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NAMES = {
 
 
 def attack_values(results: xarray.Dataset) -> list[dict[str, Any]]:
-    """Return the reports of all attacked satellites, for programs; empty without an attack."""
+    """Return the attack reports of the satellites as values for JSON; the list is empty without an attack."""
     return [
         {"svid": svid}
         | {
@@ -33,9 +33,9 @@ def attack_values(results: xarray.Dataset) -> list[dict[str, Any]]:
 
 
 def attack_lines(results: xarray.Dataset) -> list[str]:
-    """Return three lines of text for each satellite with a spoofing signal.
+    """Return lines of text for each satellite with a spoofing signal: about the attack, and about each detector.
 
-    If the attack is noise alone, all satellites have these lines.
+    If no satellite has a spoofing signal, because the attack is only noise, the lines are about all satellites.
     """
     aimed = results["svid"].values[results["truth_spoofed"].any("epoch").values] if "truth_spoofed" in results else ()
     return [
@@ -55,7 +55,7 @@ def _reports(results: xarray.Dataset) -> Iterator[tuple[int, dict[str, AttackRep
 
 
 def _attack_line(svid: int, reports: dict[str, AttackReport]) -> str:
-    one = next(iter(reports.values()))  # verdicts and E1 are the same for both detectors
+    one = next(iter(reports.values()))  # the reports of all detectors have the same verdicts and the same E1 results
     alarm = "no alarm" if math.isnan(one.time_to_detect_s) else f"first alarm after {one.time_to_detect_s:g} s"
     return (
         f"attack on E{svid:02d}: {one.epochs} epochs from {one.first_s:g} s on, {alarm}; "

@@ -1,4 +1,4 @@
-"""Output of `vestige run` for a campaign or a sweep of campaigns: text for people, JSON for programs."""
+"""Write the output of `vestige run` for a campaign or a sweep of campaigns: text for people, JSON for programs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from vestige.theory.thresholds import probability_of_detection
 
 
 def campaign_json(results: xarray.Dataset) -> str:
-    """Return the findings of a campaign as JSON values."""
+    """Return the rates of detections and false alarms, and the verdicts of a campaign, as the text of a JSON object."""
     attributes = attributes_of(results)
     judged, level = verdicts_of_run(results)
     return as_json(
@@ -47,7 +47,7 @@ def campaign_json(results: xarray.Dataset) -> str:
 
 
 def campaign_text(results: xarray.Dataset, store: Path) -> str:
-    """Return the findings of a campaign as a few lines of text."""
+    """Return the rates of detections and false alarms, and the verdicts of a campaign, as a few lines of text."""
     attributes = attributes_of(results)
     strength = f"C/N0 {attributes.cn0_dbhz:g} dBHz" if attributes.signal else "no signal"
     lines = [
@@ -79,10 +79,11 @@ def sweep_json(rows: Sequence[Row]) -> str:
 
 
 def sweep_table(rows: Sequence[Row], file: Path) -> str:
-    """Return a line for each campaign: the counts, and the theory for a signal exactly on a correlator.
+    """Return a table of a sweep, with a line for each campaign, and a last line that names the file of the table.
 
-    If there is an attack, or a level above 1, the outcome of the run is given in place of the theory. `file` is the
-    CSV file with the same table.
+    A line has the counts of the campaign, and the theoretical P_d of a signal exactly on a correlator. If any row has
+    an outcome (`Row.outcome`), a line has the outcome of the run in place of the theoretical P_d. `file` is the CSV
+    file with the same rows.
     """
     if any(row.outcome is not None for row in rows):
         return "\n".join([*_columns(_outcome_cells(rows)), f"table: {file}"])
@@ -115,7 +116,7 @@ def _detectors(rows: Sequence[Row]) -> list[str]:
 
 
 def _outcome_cells(rows: Sequence[Row]) -> list[list[str]]:
-    """Return the cells of a sweep with an attack, or with a level above 1: the outcome of each run."""
+    """Return the table of a sweep whose rows have outcomes, as lists of cells; the first list is the heading."""
     keys = list(rows[0].settings)
     names = [
         "level",

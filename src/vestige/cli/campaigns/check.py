@@ -30,8 +30,8 @@ _EQUALS = "\u00a0=\u00a0"  # non-breaking spaces, so that a key and its value st
 def command(files: tuple[Path, ...], settings: tuple[str, ...], as_json: bool, as_schema: bool) -> None:
     """Parse scenario FILES, fill in the defaults, and print the content of each scenario.
 
-    Every file is checked. If some files are bad, the exit code is 1, and the errors are printed after the content of
-    the good files.
+    Every file is checked. If some files are invalid, the exit code is 1, and the errors are printed after the content
+    of the valid files.
     """
     import json
 
@@ -123,7 +123,7 @@ def _table_lines(name: str, table: Any) -> list[str]:
 
 
 def _text_of(value: Any) -> str:
-    """Return a value as text; the text of a table begins with its kind, and the keys that are set follow."""
+    """Return a value of a scenario as text; the text of a table has its kind, and then the keys that are set."""
     if isinstance(value, dict):
         keys = [f"{key} = {_inner(one)}" for key, one in value.items() if key != "kind" and one not in _UNSET]
         return ": ".join(filter(None, (value.get("kind"), ", ".join(keys))))
@@ -135,6 +135,6 @@ def _text_of(value: Any) -> str:
 
 
 def _inner(value: Any) -> str:
-    """Return a value inside a table: tables in braces, lists in brackets."""
+    """Return a value inside a table as text, with braces around a table and brackets around a list."""
     text = _text_of(value)
     return f"{{{text}}}" if isinstance(value, dict) else f"[{text}]" if isinstance(value, list) else text

@@ -1,4 +1,7 @@
-"""Output of `vestige run` at level 2 or 3, or with own checks: failed checks, their times, and ranges in use."""
+"""Write the part of `vestige run`'s output about failed checks, alarms, states and ranges in use.
+
+The output has this part at level 2 or 3, or if the scenario has checks that the user wrote.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from vestige.records import Status
 
 
 def level_values(results: xarray.Dataset, found: LevelVerdicts) -> dict[str, Any]:
-    """Return the outcome of a campaign at the level of the scenario."""
+    """Return the outcome of a campaign at the level of the scenario, as values for JSON by name."""
     time_s = results["time_s"].values
     due = found.recs[:, None] & found.seen
     return {

@@ -23,12 +23,12 @@ FORMATS = ("png", "pdf", "svg")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureKind:
-    """A kind of figure: its content, and the options that apply to it."""
+    """Kind of a figure, with the results that the figure needs, and the options that apply to the figure."""
 
     help: str
     of_sweep: bool = False  # whether the figure shows several campaigns, or a table of counts
     of_attack: bool = False  # whether the figure needs a campaign with an attack
-    of_threats: bool = False  # whether the figure shows the folder that `vestige threats` writes
+    of_threats: bool = False  # whether the figure shows a threat table from the folder that `vestige threats` writes
     of_sky: bool = False  # whether the figure shows all satellites of a campaign with a constellation
     with_detector: bool = True
     compared: bool = False  # whether the figure is drawn for each detector if there is an attack
@@ -134,7 +134,7 @@ def command(
 
 
 def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
-    """Draw the map of a threat table and print the name of the file."""
+    """Draw the map of a threat table into a file, and print the name of the file."""
     from vestige import plots
     from vestige.threats.table import read_threat_dataset
 
@@ -148,7 +148,7 @@ def _draw_threats(folders: tuple[Path, ...], output: Path) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Choice:
-    """Values of the options for a figure."""
+    """Options of `vestige plot` that choose the content and the size of a figure."""
 
     detector: str
     svid: int | None
@@ -190,7 +190,7 @@ def _folder_of(file: Path) -> Iterator[None]:
 
 
 def _all_of(attacked: bool, folder: Path, choice: _Choice) -> list[tuple[str, Path, _Choice]]:
-    """Return kind, file and options of every figure of a campaign, for each detector if the figures differ."""
+    """Return kind, file and options of every figure of a campaign; some kinds have a figure for each detector."""
     other = replace(choice, detector=next(name for name in DETECTOR_NAMES if name != choice.detector))
     figures = []
     for name, kind in KINDS.items():
@@ -240,7 +240,7 @@ def _axes(name: str, results: xarray.Dataset, of: _Choice) -> Axes:
 
 
 def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
-    """Return the axes of a figure of a sky."""
+    """Return the axes of a figure that shows all satellites of a campaign with a constellation."""
     import numpy as np
 
     from vestige import plots
@@ -265,7 +265,7 @@ def _sky_axes(name: str, results: xarray.Dataset, svid: int | None) -> Axes:
 
 
 def _decision_map(results: xarray.Dataset, svid: int | None) -> Axes:
-    """Return the axes of the decision map that applies to most epochs, with these epochs as dots."""
+    """Return the axes of the decision map for the most frequent C/N0, with the measurements at this C/N0 as dots."""
     import numpy as np
 
     from vestige import plots
@@ -308,7 +308,7 @@ def _read_sweep(
 
 
 def _table_of(path: Path) -> Path | None:
-    """Return the path of the table of a sweep; None if the given path is no sweep."""
+    """Return the path of a CSV table of counts; None if `path` is neither a folder of a sweep nor a CSV file."""
     from vestige.campaign.sweep.sweep import SWEEP_TABLE
 
     if path.is_dir() and (path / SWEEP_TABLE).is_file():

@@ -67,5 +67,5 @@ def _page(path: Path, question: str) -> Page:
 
 
 def _what(path: Path) -> str:
-    """Return the kind of the results at a path, in words."""
+    """Return words that say what was found at a path without results, for an error message."""
     return "a folder without results" if path.is_dir() else "another file" if path.exists() else "nothing"

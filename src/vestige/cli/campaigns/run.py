@@ -68,7 +68,8 @@ def command(
 ) -> None:
     """Run the campaign SCENARIO and print the results of both detectors.
 
-    The same command continues a run that was stopped in any way, and gives the same bits.
+    The same command continues a run that was stopped in any way. The results have the same bits as the results of a run
+    without interruption.
     """
     from vestige.campaign.execution.executors import ONE_THREAD
 
@@ -141,7 +142,10 @@ def _caution_chunks(stores: list[Path], chunk_epochs: int | None) -> None:
 
 
 def _campaigns(path: Path, settings: tuple[str, ...], sweeps: tuple[str, ...]) -> list[tuple[Any, CampaignScenario]]:
-    """Return settings and scenario of every campaign of a sweep, so that errors appear before the first run."""
+    """Return settings and scenario of every campaign of a sweep; errors of scenarios are raised before the first run.
+
+    Raises `VestigeError` if an axis has a key of `settings`.
+    """
     from vestige.campaign.sweep.sweep_axes import as_settings, grid, parse_axis
 
     axes = [parse_axis(text) for text in sweeps]

@@ -34,9 +34,10 @@ _PRELOAD = ("vestige.threats.matrix", "dask.array", "numba.typed", "scipy.interp
 
 
 def _begun_ids(_context: click.Context, _parameter: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Return the attacks of the table for completion with Tab; completion also works after a comma.
+    """Return the attacks of the threat table whose IDs begin with the typed text, for completion with Tab.
 
-    The table is read as TOML only, because the modules that validate it load too slowly for a press of Tab.
+    In a list with commas, the ID after the last comma is completed. The table is read as TOML only, because the modules
+    that validate the table load too slowly for a completion.
     """
     before, comma, last = begun.rpartition(",")
     table = tomllib.loads((files("vestige") / "threats" / "threats.toml").read_text("utf-8"))
@@ -99,8 +100,8 @@ def command(
 ) -> None:
     """Measure the outcome of each attack of the threat table at each mitigation level, beside the expected outcome.
 
-    All levels are judged on the same runs. Many seeds give the share of each outcome with its exact interval. With -o
-    the same command continues a table that was stopped.
+    The same runs are judged at all levels. Runs with many seeds give the share of each outcome, and its exact
+    confidence interval. With -o the same command continues a measurement that was stopped.
     """
     if quick and n_seeds is not None:
         raise click.UsageError("--quick and --seeds both set the number of runs; leave one of the two out")

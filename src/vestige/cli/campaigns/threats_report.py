@@ -1,4 +1,4 @@
-"""Output of `vestige threats`: a table for people, JSON for programs."""
+"""Write the output of `vestige threats`: a table for people, JSON for programs."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from vestige.threats.scenes import LEVEL_NUMBERS, Threat
 from vestige.threats.table import statistics_of
 
 _LONG = 1e6
-WIDTH = 196  # least width of the table; on a narrower terminal lines wrap, and nothing is cut off
+WIDTH = 196  # least width of the table in characters; on a narrower terminal lines wrap, and nothing is cut off
 _STYLES = {Agreement.DIFFERS: "bold red", Agreement.UNDECIDED: "yellow", Agreement.AGREES: "green"}
 
 
 def threats_json(cells: Sequence[SceneCell], threats: Sequence[Threat], levels: Sequence[int] = LEVEL_NUMBERS) -> str:
-    """Return every cell and the expectations of all levels as JSON values."""
+    """Return the measured cells at `levels`, and the expected outcomes at all levels, as the text of a JSON object."""
     expected = [
         {
             "threat": threat.id,
@@ -174,7 +174,7 @@ def _false_alarms(cells: Sequence[SceneCell]) -> Table:
 
 
 def _by_check(cells: Sequence[SceneCell]) -> Table:
-    """Return the number of failures of each check without an attack, against the budget of that check."""
+    """Return the number of failures of each check without an attack, and the number that its budget allows."""
     title = "Failures of each check without an attack, and the number that its budget allows; * budget exceeded"
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for name in ("scene", "level", "days", "failures of budget"):
@@ -198,7 +198,7 @@ def _bounds(found: SceneOutcome) -> str:
 
 
 def expectations_text(threats: Sequence[Threat], level: int) -> str:
-    """Return the expected outcomes at a level, with reasons."""
+    """Return the expected outcomes of the attacks at a level, with reasons, as the text of a table."""
     table = Table(title=f"Mitigation level {level}: expected", box=SIMPLE_HEAD)
     for name in ("", "attack", "expected", "by", "source"):
         table.add_column(name, overflow="fold")

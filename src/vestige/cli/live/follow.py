@@ -1,4 +1,4 @@
-"""Implementation of `vestige live`: verdicts while the recording is being written."""
+"""Run `vestige live`: print verdicts while the recording is being written."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from vestige.recording.live.live_tracking import LiveTracking
 
 STDIN_ONLY = (*STDIN_OPTIONS, "real_time")
-# Options that affect no verdict
+# names of the options that do not affect verdicts
 _HOW = {
     "workers",
     *OUTPUT_NAMES,
@@ -57,7 +57,7 @@ _MOST_WARNINGS = 1000
 
 
 def check_usage(recording: Path, options: dict[str, Any]) -> None:
-    """Raise a usage error for options that do not go together."""
+    """Raise a usage error for options that exclude each other, or that do not apply to this recording."""
     check_processor_usage(options)
     given = ", ".join(f"--{name.replace('_', '-')}" for name in STDIN_ONLY if options[name])
     if recording != STDIN and given:
@@ -163,7 +163,7 @@ def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited:
 
     n_dropped = following.live.n_dropped
     _print_end(tally, n_dropped, as_json=options["as_json"])
-    if tally.nothing and waited and not tally.too_early:  # RECS that came too early have their own warning
+    if tally.nothing and waited and not tally.too_early:  # RECS before E1 was tracked have their own warning
         warn(f"{tally.nothing}: {following.live.extent}")
     elif tally.counts and tally.advice:
         warn(in_one_line(tally.advice))
@@ -173,7 +173,10 @@ def _end(tally: Tally, following: Following, options: dict[str, Any], *, waited:
 
 
 def _with_orbits(processor: AcasProcessor, following: Following, options: dict[str, Any]) -> AcasProcessor:
-    """Return the processor with the orbits known so far; OSNMA tags authenticate the orbits of the message."""
+    """Return the processor with the orbits that the message has given so far, if no navigation file is given.
+
+    The processor also gets the satellites whose orbits OSNMA tags have verified.
+    """
     tracking, monitoring = following.live.tracking, processor.monitoring
     if tracking is None or options["navigation"] is not None:
         return processor
@@ -215,7 +218,7 @@ def _print_end(tally: Tally, n_dropped: int, *, as_json: bool) -> None:
 
 
 class _Warnings:
-    """Printer of warnings: each warning once, and at most `_MOST_WARNINGS` warnings."""
+    """Printer that prints each warning once, and at most `_MOST_WARNINGS` warnings in total."""
 
     def __init__(self) -> None:
         self._told: set[str] = set()
@@ -230,13 +233,13 @@ class _Warnings:
 
 
 class _SignalClock:
-    """Function that corrects the times of output, and warns when the error of the time tag becomes known."""
+    """Function that corrects the times in the output, and warns when the error of the time tag becomes known."""
 
     def __init__(self, warn: Callable[[object], None]) -> None:
         self._warn, self._said_s = warn, 0.0
 
     def __call__(self, step: Step, late_s: float) -> Step:
-        """Return a step with times on the clock of the signal; the arguments are those of `on_signal_clock`."""
+        """Return a processor step with times on the clock of the signal; `late_s` is the error of the time tag in s."""
         if line := time_tag_warning(late_s, self._said_s):
             self._warn(line)
             self._said_s = late_s
@@ -246,7 +249,7 @@ class _SignalClock:
 class _EarlyRecs:
     """Printer of a single warning about RECS that were sent before E1 was tracked.
 
-    The warning is printed with the first later RECS, or at the end.
+    The warning is printed at the first RECS that is sent while E1 is tracked, or at the end of the recording.
     """
 
     def __init__(self, tracking: LiveTracking | None, tally: Tally, warn: Callable[[object], None]) -> None:
@@ -267,7 +270,7 @@ class _EarlyRecs:
         self._late_s = epoch.time_tag_error_s
 
     def say(self) -> None:
-        """Print the warning about the RECS that were counted."""
+        """Print the warning about the RECS that `take` has counted, if there are any."""
         from vestige.recording.tracked.track_recording import early_recs_warning
 
         if self._count and self._tracking is not None and self._tracking.first_observed is not None:
@@ -276,7 +279,7 @@ class _EarlyRecs:
         self._count = 0
 
     def end(self, why_no_ranges: str) -> None:
-        """Print the warning at the end; `why_no_ranges` says why later RECS had no E1 ranges."""
+        """Print the warning at the end of the recording; `why_no_ranges` says why later RECS had no E1 ranges."""
         self.say()
         if self._tally.missed:
             self._tally.too_early = self._tally.too_early or why_no_ranges
@@ -311,7 +314,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
         )
     tracking = live_tracking(description, options, warn)
     observations = None if tracking else options["observations"] or description.observations
-    told = around_s <= TIME_TAG_TOLERANCE_S  # whether the time is known from E1 samples alone
+    told = around_s <= TIME_TAG_TOLERANCE_S  # whether the clock is good enough to get the time from 100 ms of E1
     if observations is None and tracking is None and not told:
         for wrong in unread_observations(description):
             raise wrong
@@ -354,7 +357,7 @@ def _following(recording: Path, options: dict[str, Any], warn: Callable[[object]
 
 
 def _settings(recording: Path, options: dict[str, Any], live: LiveRecording) -> dict[str, str]:
-    """Return the settings on which the verdicts depend, in words."""
+    """Return the settings on which the verdicts depend, as texts by name."""
     from vestige import __version__
     from vestige.recording.exact_time import exact_gst
 

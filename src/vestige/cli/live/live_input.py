@@ -1,4 +1,4 @@
-"""Input of `vestige live` that is still being written: descriptions, files, pipes, standard input, and E1 tracking."""
+"""Open the input of `vestige live`: description, files, pipes or standard input, and the tracking of E1."""
 
 from __future__ import annotations
 
@@ -40,9 +40,10 @@ def opened_live(
     told: bool,
     around_s: float,
 ) -> LiveRecording:
-    """Return the recording with its pipes open.
+    """Return a recording that is still being written, with its pipes open.
 
-    The parameters are those of `LiveRecording`; `around_s` is its `uncertainty_s`.
+    `options` has the values of the command's options by parameter name. `around_s` is the parameter `uncertainty_s` of
+    `LiveRecording`. The other parameters are parameters of `LiveRecording` with the same names.
 
     Raises `VestigeError` if the buffer of a pipe is too small, or a pipe cannot be opened.
     """
@@ -65,7 +66,7 @@ def live_tracking(
 ) -> LiveTracking | None:
     """Return the tracking of E1, or None if the options or the recording make tracking unnecessary.
 
-    Raises `VestigeError` if tracking is requested, and there is no E1.
+    Raises `InputFileError` if `--track` is given, and the recording has no E1 samples.
     """
     from vestige.recording.live.live_tracking import LiveTracking
     from vestige.recording.live.received_message import ReceivedMessage
@@ -83,7 +84,10 @@ def live_tracking(
 
 
 def _streams(description: RecordingDescription, options: dict[str, Any], around_s: float) -> dict[Band, SampleStream]:
-    """Return the stream of each band that comes from standard input or from a named pipe."""
+    """Return the stream of each band that comes from standard input or from a named pipe.
+
+    Raises `VestigeError` if `--buffer-mb` is too small for a clock that may be wrong by `around_s`.
+    """
     from vestige.recording.live.live_recording import buffer_s
 
     piped = {band: file for band, file in description.bands.items() if file.path == STDIN or _is_fifo(file.path)}
@@ -99,7 +103,10 @@ def _streams(description: RecordingDescription, options: dict[str, Any], around_
 
 
 def _split_by_pipe(files: dict[Band, BandFile], *, capacity_bytes: int, can_wait: bool) -> dict[Band, SampleStream]:
-    """Return the stream of each band. If bands share a pipe, each frame of the pipe has samples of all these bands."""
+    """Return the stream of samples of each band.
+
+    If several bands share a pipe, each frame of the pipe has samples of all these bands.
+    """
     by_path: dict[Path, dict[Band, BandFile]] = {}
     for band, file in files.items():
         by_path.setdefault(file.path, {})[band] = file
@@ -161,7 +168,7 @@ def stdin_description(options: dict[str, Any], default_band: str = "e6") -> Reco
     options
         Values of the options `stdin_options` and of `start`, by parameter name.
     default_band
-        Value of `--band` if it was left out.
+        Band of the samples if `--band` is not given: `e1` or `e6`.
     """
     from dataclasses import replace
 
@@ -236,7 +243,7 @@ def stdin_stream(file: BandFile, *, capacity_bytes: int) -> SampleStream:
 
 
 def _split(files: dict[Band, BandFile], *, capacity_bytes: int, can_wait: bool) -> dict[Band, SampleStream]:
-    """Return the streams of the channels of one pipe."""
+    """Return the stream of each band in `files`; all these bands come from the same pipe or from standard input."""
     from dataclasses import replace
 
     from vestige.recording.live.frame_splitter import FrameSplitter

@@ -1,1 +1,1 @@
-"""Outputs of `vestige process` and `vestige live` for other programs."""
+"""Write the outputs of `vestige process` and `vestige live` for other programs."""

@@ -1,4 +1,4 @@
-"""The options `--positions` and `--mavlink` of `vestige process` and `vestige live`, and their outputs."""
+"""Define the options `--positions` and `--mavlink` of `vestige process` and `vestige live`, and write their outputs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ OUTPUT_NAMES = ("positions", "mavlink")
 def check_outputs(options: dict[str, Any], inputs: Iterable[Path | None]) -> None:
     """Refuse files of `--positions` and `--mavlink` that would destroy an input; see `check_output`.
 
-    Raises `click.UsageError` if standard output already has JSON.
+    Raises `click.UsageError` if positions and JSON are both to be written to standard output.
     """
     positions, target = options["positions"], options["mavlink"]
     read = tuple(inputs)
@@ -68,14 +68,16 @@ def check_outputs(options: dict[str, Any], inputs: Iterable[Path | None]) -> Non
 
 @contextmanager
 def outputs_for_others(options: dict[str, Any], *, replace: bool) -> Iterator[Callable[[Step], None]]:
-    """Yield a function that writes the output for a snapshot, with times on the clock of the signal.
+    """Yield a function that writes the result of a snapshot to the outputs of `--positions` and `--mavlink`.
+
+    The function gets a step of the processor with times on the clock of the signal, and writes these times.
 
     Parameters
     ----------
     options
-        Values of `output_options`.
+        Values of the options of the command, by parameter name.
     replace
-        Whether position files replace older files at the end; otherwise older files are continued.
+        Whether the new files replace older files at the end. If false, older files are continued.
 
     Raises
     ------
@@ -118,7 +120,7 @@ def _file(path: Path, stack: ExitStack, *, replace: bool) -> Callable[[GalileoTi
 
 
 def _nmea_on_stdout(stack: ExitStack) -> Callable[[GalileoTime, AuthenticPosition | None], None]:
-    """Return a function that writes NMEA to standard output; all other output then goes to standard error."""
+    """Return a function that writes NMEA to standard output, and send all other output to standard error."""
     from vestige.recording.outputs.position_file import POSITION_FORMATS
 
     stream = sys.stdout

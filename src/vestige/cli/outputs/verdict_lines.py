@@ -1,4 +1,4 @@
-"""The objects that `--json` prints, and the JSON schemas that are generated from these objects.
+"""Define the objects that `--json` prints, and generate the JSON schemas of these objects.
 
 Times are text as in the table of verdicts, and a number that was not measured is null.
 """
@@ -102,7 +102,7 @@ class StateLine(TypedDict):
 
 
 class EndLine(TypedDict):
-    """The last line of `vestige live --json`: counts of snapshots, and the satellites that E1 never showed."""
+    """The last line of `vestige live --json`: counts of snapshots, and the satellites that were never found on E1."""
 
     kind: Literal["end"]
     snapshots: _Count
@@ -136,7 +136,7 @@ def verdict_schema() -> dict[str, Any]:
 
 
 def verdict_line_schema() -> dict[str, Any]:
-    """Return the JSON schema of a line of `vestige live --json` and of its file `verdicts.jsonl`.
+    """Return the JSON schema of a line that `vestige live --json` prints, and of a line of the file `verdicts.jsonl`.
 
     Examples
     --------

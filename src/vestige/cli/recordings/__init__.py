@@ -1,1 +1,1 @@
-"""Commands for recordings."""
+"""Define the commands for recordings."""

@@ -1,4 +1,4 @@
-"""Advice for a recording from which no satellite was authenticated: the likely causes, and the options to try."""
+"""Name the likely causes and the options to try if no satellite of a recording was authenticated."""
 
 from __future__ import annotations
 

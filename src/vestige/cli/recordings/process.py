@@ -41,13 +41,14 @@ if TYPE_CHECKING:
     from vestige.records import Assistance
     from vestige.time import GalileoTime
 
-# Behind a narrow filter the peak is round, and linear interpolation gives up to twice the offset. Therefore whole steps
-# would oscillate, but half steps after the first step converge.
+# Share of the estimated correction that each step of the calibration applies. Behind a narrow filter the correlation
+# peak is round, so linear interpolation estimates up to twice the true offset. Steps with the whole estimate would
+# oscillate, but steps with half the estimate converge after the first step.
 _CALIBRATION_STEPS = (1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 
 
 class _Process(GroupedCommand):
-    """Command `vestige process`. Standard input and the former option `--follow` are passed on to `vestige live`."""
+    """Command `vestige process`, which passes standard input and the former option `--follow` on to `vestige live`."""
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
@@ -149,7 +150,7 @@ def prepared(
     recording
         The opened recording.
     options
-        Values of the options of `vestige process`, by the names of its parameters.
+        Values of the options of `vestige process`, by parameter name.
     tracked
         Result of tracking E1; None if E1 was not tracked.
     channels
@@ -241,7 +242,7 @@ def _missing_bands(recording: Recording) -> list[str]:
 
 
 def _satellites(tracked: TrackedRecording | None) -> frozenset[int]:
-    """Return the satellites that were tracked at any time."""
+    """Return the satellites that were tracked on E1 at any time; none if E1 was not tracked."""
     return frozenset(svid for epoch in (() if tracked is None else tracked.epochs) for svid in epoch.observations)
 
 
@@ -306,7 +307,7 @@ def _tracked(recording: Recording, options: dict[str, Any], folder: Path) -> Tra
 
 
 def _message(recording: Recording, tracked: TrackedRecording | None) -> Message | None:
-    """Return the navigation message that tracking decoded; None without such a message."""
+    """Return the navigation message that tracking decoded; None if tracking decoded no pages."""
     from functools import partial
 
     from vestige.recording.assistance.assistance_files import contents_of_pages
@@ -330,7 +331,7 @@ def _channels(options: dict[str, Any]) -> OtherChannels:
 
 
 def _second_channel(options: dict[str, Any]) -> Assistance | None:
-    """Return the OSNMA data of the second channel, and warn of faults in the data; None without such a channel."""
+    """Return the OSNMA data of the second channel, and warn of faults in the data; None without `--second-channel`."""
     from vestige.recording.assistance.folder import read_assistance
 
     folder = options["second_channel"]
@@ -348,7 +349,10 @@ def _second_channel(options: dict[str, Any]) -> Assistance | None:
 
 
 def _steps(processor: AcasProcessor, source: RecordingSource, *, calibrate: bool) -> tuple[Iterator[Step], float]:
-    """Return an iterator over the results of the snapshots, and the hardware bias in s that the processor uses."""
+    """Return an iterator over the processor's results for the snapshots, and the hardware bias in use in s.
+
+    With `calibrate`, the hardware bias is estimated from all snapshots first.
+    """
     from dataclasses import replace
 
     from vestige.acas_processor.monitoring.calibration import MIN_SATELLITES, hardware_bias_correction_s

@@ -1,4 +1,4 @@
-"""Options that `vestige process` and `vestige live` share: the processor of a recording and its settings."""
+"""Define the options that `vestige process` and `vestige live` share: inputs and settings of the processor."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ _e6_options = options_together(
         "[default: value of the assistance folder, or 0]",
     ),
 )
-# RECORDING and the options of the processor
+# the argument RECORDING, and the options of the processor
 processor_options = options_together(
     recording_argument,
     assistance_option,
@@ -234,7 +234,7 @@ processor_options = options_together(
 
 
 def check_processor_usage(options: dict[str, Any]) -> None:
-    """Raise a usage error for options of the processor that do not go together."""
+    """Raise a usage error for options of the processor that exclude each other or have invalid values."""
     if options["accelerations"] and options["level"] != "3":
         raise click.UsageError("--accelerations: only at --level 3")
     stated = click.get_current_context().get_parameter_source("kappa") is ParameterSource.COMMANDLINE
@@ -250,7 +250,7 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
 
 
 def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
-    """Read the named keys, tree and certificates, and list folders, to find a wrong name before E1 is tracked.
+    """Read the named keys, tree and certificates, and list the folders, to find errors before E1 is tracked.
 
     Raises `InputFileError` or `AuthenticationError`, as `read_assistance` does.
     """
@@ -269,9 +269,10 @@ def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
 
 
 def cn0_estimator(options: dict[str, Any], *, measured: bool) -> str:
-    """Return the estimator of the C/N0 of E1.
+    """Return the name of the C/N0 estimator for E1.
 
-    Raises a usage error if the option is given, but E1 is not `measured` in samples.
+    `measured` says whether E1 is measured in the samples around each RECS. Raises a usage error if `--cn0-estimator` is
+    given, but `measured` is false.
     """
     if options["cn0_estimator"] is not None and not measured:
         raise click.UsageError("--cn0-estimator is for E1 measured in samples; here observations give the C/N0")

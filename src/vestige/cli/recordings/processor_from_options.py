@@ -1,4 +1,4 @@
-"""The processor that the options of `vestige process` and `vestige live` describe."""
+"""Make the processor that the options of `vestige process` and `vestige live` describe."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def processor_from_options(
     Raises
     ------
     click.UsageError
-        If options do not go together.
+        If options exclude each other.
     """
     from vestige.acas_processor.own_check import OwnCheck
     from vestige.acas_processor.position.error_budget import ErrorBudget
@@ -79,7 +79,7 @@ def _detector(name: str, spacing: int) -> Detector:
 def _monitoring(
     options: dict[str, Any], tracked: TrackedRecording | None, proven: tuple[AuthenticatedData, ...]
 ) -> MonitoringSettings:
-    """Return the settings of levels 2 and 3, with the orbits of a file or of the message."""
+    """Return the settings of levels 2 and 3, with orbits from a navigation file or from the message."""
     from dataclasses import replace
 
     from vestige.acas_processor.monitoring.monitoring_settings import MonitoringSettings
@@ -96,7 +96,7 @@ def _monitoring(
     else:
         orbits, authenticated = authenticated_orbits(() if tracked is None else ephemerides_in(tracked.pages), proven)
     half = settings.power_distortion.hypotheses.half_spacing_chips
-    if tracked is not None and tracked.tap_chips:  # take the spacing of the loop that is nearest to the default spacing
+    if tracked is not None and tracked.tap_chips:  # take the correlators of the loop with the spacing nearest to `half`
         half = min((chips for chips in tracked.tap_chips if chips > 0), key=lambda chips: abs(chips - half))
     hypotheses = replace(settings.power_distortion.hypotheses, half_spacing_chips=half, pulse=BOC11)
     how = ExhaustiveSearch(integration_s=int(options["search_ms"]) / 1e3)

@@ -54,10 +54,10 @@ def command(scenario: Path, **options: Any) -> None:
 
     If SCENARIO is a campaign, the command writes a test case: encrypted E6-C, E1 observations, RECS, group delays,
     OSNMA keys and truth. `vestige process` authenticates this test case. If SCENARIO is a recording, the command
-    writes samples with open E6-C and an OSNMA key chain. `vestige recs make` makes RECS for such samples.
+    writes samples with open E6-C and an OSNMA key chain. `vestige recs make` makes RECS for samples with open E6-C.
 
-    With `-o -` the I,Q samples go to standard output, and no file is written. The samples belong to one band, or to
-    both bands in turn.
+    With `-o -` the I,Q samples go to standard output, and no file is written. With `--band both`, samples of E1 and E6
+    alternate.
     """
     from vestige.cli.progress import progress
     from vestige.scenario.load import load_scenario
@@ -115,7 +115,7 @@ def command(scenario: Path, **options: Any) -> None:
 
 
 def _check_band(path: Path, scenario: CampaignScenario) -> None:
-    """Raise `InputFileError` if the samples of a sky cannot represent the signals of the sky."""
+    """Raise `InputFileError` if the sampling rate or the filter is too narrow for the signals of a constellation."""
     from vestige.scenario.limits import check_recorded_band
     from vestige.scenario.toml.toml_file import InconsistentSettingsError
 

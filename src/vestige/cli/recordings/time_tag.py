@@ -1,4 +1,4 @@
-"""Error of the time tag of samples: its report and its correction in `vestige track`, `process` and `live`."""
+"""Report and correct the error of the samples' time tag in `vestige track`, `vestige process` and `vestige live`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MAX_LABEL_S = 1e5  # largest uncertainty in s that is searched, also if the erro
 
 
 def ahead_or_behind(error_s: float) -> str:
-    """Return the error of a time tag as text, to be continued with the time to which the error refers.
+    """Return the error of a time tag as text; the caller appends the time to which the error refers.
 
     Examples
     --------
@@ -38,9 +38,9 @@ def by_the_message(error_s: float) -> str:
 
 
 def time_tag_warning(error_s: float, said_s: float = 0.0) -> str:
-    """Return the warning that the message and the time tag differ; "" if within `TIME_TAG_TOLERANCE_S`.
+    """Return a warning about the error of the time tag; "" if the error minus `said_s` is within the tolerance.
 
-    `said_s` is the error of which the user was already warned.
+    `said_s` is the error in s of which the user was already warned. The tolerance is `TIME_TAG_TOLERANCE_S`.
     """
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
 
@@ -91,7 +91,8 @@ def label_error_s(
 ) -> float:
     """Search the samples for RECS, give the result to `say`, and return the error of the time tag in s.
 
-    The error is positive if the time tag is ahead of the time of the RECS.
+    The error is positive if the time tag is ahead of the time of the RECS. The result is 0 if no RECS is found, or if
+    the error is at most `TIME_TAG_TOLERANCE_S`.
     """
     from vestige.recording.observations.e1_observation import TIME_TAG_TOLERANCE_S
     from vestige.recording.observations.time_tag_search import search_label

@@ -93,7 +93,7 @@ def _tracked(recording_path: Path, options: dict[str, Any]) -> tuple[TrackedReco
 
 
 def _tracked_stdin(options: dict[str, Any]) -> tuple[TrackedRecording, int, float]:
-    """Return the result of tracking samples on standard input, the number of samples of E1, and the rate in Hz."""
+    """Return the result of tracking samples on standard input, the number of E1 samples, and the sample rate in Hz."""
     from vestige.recording.tracked.track_recording import streamed_batches, track_batches
     from vestige.records import Band
 
@@ -120,7 +120,7 @@ def _without_e1(path: Path) -> InputFileError:
 
 
 def _print(tracked: TrackedRecording, rate_hz: int) -> None:
-    """Print a line for each satellite, and the clock error that the message shows."""
+    """Print a line for each satellite, and the error of the time tag relative to the navigation message."""
     import math
     import statistics
 

@@ -1,4 +1,4 @@
-"""Output of verdicts snapshot by snapshot, so that no verdict has to be kept in memory."""
+"""Write verdicts snapshot by snapshot as text, JSON or CSV, so that no verdict has to be kept in memory."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ FAILED = 3  # exit status if the verdicts match the value of --fail-on
 
 @dataclass(slots=True)
 class Tally:
-    """Counts of a recording: snapshots, verdicts by status, and the satellites with RECS that E1 never showed."""
+    """Counts of snapshots, positions and verdicts in a recording, and the satellites that were found on E1."""
 
     tracked: Set[int] = frozenset()  # satellites that tracking found on E1, at a RECS or at another time
-    too_early: str = ""  # warning that RECS came before E1 had ranges; "" if no RECS came so early
+    too_early: str = ""  # warning that RECS were sent before E1 had ranges; "" without such RECS
     no_recs: str = ""  # reason why the assistance folder has no RECS for this recording; "" if unknown
     has_orbits: bool = True  # whether the processor has the orbits of any satellite
     snapshots: int = 0
@@ -100,7 +100,10 @@ class Tally:
 
     @property
     def advice(self) -> tuple[str, ...]:
-        """Lines of advice on causes to check if there is no verdict, or no satellite was found; () otherwise."""
+        """Lines that name likely causes if there is no verdict, or if all verdicts are NOT_DETECTED; () otherwise.
+
+        There are also lines if all verdicts are NOT_AVAILABLE, and a satellite was too weak on E1 for a verdict.
+        """
         if not self.counts:
             if self.too_early:
                 return (self.nothing,)
@@ -152,7 +155,7 @@ def _number(value: float) -> float | None:
 
 
 def entries(step: Step) -> list[VerdictEntry]:
-    """Return the verdicts of a snapshot with their checks for programs; numbers have full precision."""
+    """Return the verdicts of a snapshot with their checks as values for JSON; numbers have full precision."""
     return [
         {
             **_row(verdict, step),
@@ -174,7 +177,7 @@ def entries(step: Step) -> list[VerdictEntry]:
 
 
 def positions(step: Step) -> list[PositionEntry]:
-    """Return the positions from authentic ranges of a step for programs, if there are any."""
+    """Return the positions from authentic ranges in a step as values for JSON; the list may be empty."""
     return [
         {
             "snapshot": found.index,
@@ -195,7 +198,7 @@ def positions(step: Step) -> list[PositionEntry]:
 
 
 def lines(step: Step) -> list[str]:
-    """Return verdicts, position and changes of state of a snapshot as JSON: an object in each line, with its kind."""
+    """Return verdicts, position and changes of state of a snapshot as JSON texts; each object has a key `kind`."""
     objects: list[VerdictLine | PositionLine | StateLine] = [{"kind": "verdict", **entry} for entry in entries(step)]
     objects += [{"kind": "position", **entry} for entry in positions(step)]
     objects += [_change(change, int(step.block.measured.snapshots.index[-1])) for change in step.changes]
@@ -217,7 +220,7 @@ def _change(change: StateChange, snapshot: int) -> StateLine:
 
 
 def print_snapshot(step: Step) -> None:
-    """Print the verdicts of a snapshot as text."""
+    """Print the verdicts and the position of a snapshot, and the checks that were not run, as text."""
     for verdict in step.verdicts[:1]:
         known_at = next((one.available_at for one in step.verdicts if one.available_at), None)
         known = f", known from {known_at}" if known_at else ""
@@ -259,7 +262,10 @@ def print_changes(step: Step) -> None:
 
 
 def _print_not_run(verdicts: Iterable[Verdict]) -> None:
-    """Print the checks that were not run for some satellite, without the first two checks; a line for each reason."""
+    """Print the checks that were not run for some satellite, in a line for each reason.
+
+    The first two checks of a verdict are left out.
+    """
     why = defaultdict(list)
     for name, reason in dict.fromkeys(
         (check.name, check.reason) for one in verdicts for check in one.checks[2:] if check.outcome is Outcome.NOT_RUN
@@ -270,7 +276,7 @@ def _print_not_run(verdicts: Iterable[Verdict]) -> None:
 
 
 def print_table(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float) -> None:
-    """Print each verdict as text when the verdict comes, and count the verdict in `tally`. Then print the counts."""
+    """Print each verdict as text as soon as it is known, count the verdicts in `tally`, and print the counts."""
     for step in steps:
         print_snapshot(step)
         tally.add(step)
@@ -313,10 +319,10 @@ def exit_status(tally: Tally, limit: str | None) -> None:
 
 @contextmanager
 def csv_writer(path: Path) -> Iterator[Callable[[Step], None]]:
-    """Yield a function that writes the verdicts of a snapshot to a table.
+    """Yield a function that writes the verdicts of a snapshot to a CSV file.
 
-    After Ctrl-C or damaged input the table contains the verdicts so far, and the exception has a note that names the
-    table.
+    After Ctrl-C or damaged input the file contains the verdicts so far, and the exception has a note that names the
+    file.
     """
     stop: BaseException | None = None
     with replacement(path) as part, part.open("w", newline="", encoding="utf-8") as stream:

@@ -1,1 +1,1 @@
-"""Commands for files of the services, and for theory."""
+"""Define the commands for OSNMA, RECS and RINEX files, and for theory."""

@@ -88,7 +88,7 @@ def verify_command(
 
 
 def _lines(report: OsnmaReport, counts: SbfCounts) -> list[str]:
-    """Return the report as lines of text."""
+    """Return the report about the OSNMA messages as lines of text."""
     from collections import Counter
 
     from vestige.crypto.osnma.messages.subframe import Content
@@ -166,7 +166,7 @@ def _problem_lines(report: OsnmaReport) -> list[str]:
 
 
 def _describe(report: OsnmaReport, counts: SbfCounts) -> dict[str, Any]:
-    """Return the report as JSON values, without the keys."""
+    """Return the report about the OSNMA messages as values for JSON, without the keys."""
     from dataclasses import asdict
 
     tags = report.tags

@@ -45,7 +45,8 @@ def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: Gal
     """Print header, times of transmission, required keys and signature of each file in FILES.
 
     The signature of a file is expected in the same folder, and is verified with the given certificates. Every file is
-    read. If some files are bad, the exit code is 1, and the errors are printed after the content of the good files.
+    read. If some files are invalid, the exit code is 1, and the errors are printed after the content of the valid
+    files.
     """
     import json
 
@@ -90,8 +91,9 @@ def decrypt_command(
 ) -> None:  # fmt: skip
     """Decrypt the RECS in FILE with validated OSNMA keys.
 
-    The output contains the useful chips of every RECS that has a key, in sequence. The chips of each RECS are padded to
-    a whole byte. The report lists these RECS. Without an output only the report is printed.
+    The output contains the transmitted chips of every RECS that has a key, one RECS after another. The chips of each
+    RECS are padded to a whole byte. The report lists every RECS, and the place of the RECS in the output. Without -o
+    only the report is printed.
     """
     import json
 
@@ -124,7 +126,7 @@ def decrypt_command(
 
 
 def _describe(file: RecsFile) -> dict[str, Any]:
-    """Return the content of a RECS file as JSON."""
+    """Return the content of a RECS file as values for JSON."""
     from vestige.crypto.recs.recs_segment import LENGTHS
 
     length = LENGTHS[file.n_chip_code]

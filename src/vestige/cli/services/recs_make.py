@@ -43,9 +43,10 @@ def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, *
     """Make RECS for a recording with open E6-C: its chips, encrypted again under a validated OSNMA key.
 
     The command writes all files that `vestige process --assistance` needs: RECS, BGD (zero, because the true values are
-    not known), the keys and their trust anchor. Such RECS contain the open code, which repeats each millisecond and is
-    known to everybody. Such RECS test the whole chain, but prove nothing against a spoofer. The exhaustive search does
-    not use such RECS, and the hand-over search counts repetitions of the code once.
+    not known), the keys and their trust anchor. RECS that are made in this way contain the open code, which repeats
+    each millisecond and is known to everybody. RECS with the open code test all steps of the processing, but prove
+    nothing against a spoofer. The exhaustive search does not use RECS with the open code, and the hand-over search
+    counts repetitions of the code once.
     """
     import json
 

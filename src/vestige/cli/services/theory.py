@@ -53,8 +53,8 @@ def command(
 ) -> None:
     """Print detection threshold, probability of detection and required C/N0.
 
-    The C/N0 refers to a single component (such as E6-C alone). Amplitudes are in standard deviations of the noise per
-    dimension.
+    The C/N0 refers to a single component (such as E6-C alone). Amplitudes are in standard deviations of the noise in
+    one dimension (I or Q).
     """
     if paper:
         _print_paper(as_json)

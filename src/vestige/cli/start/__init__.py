@@ -1,1 +1,1 @@
-"""Commands for the first hour with vestige."""
+"""Define the commands for new users, `vestige demo` and `vestige init`."""

@@ -102,7 +102,7 @@ def _run(*arguments: object) -> None:
 
 
 def _set(settings: Iterable[str]) -> list[str]:
-    """Return the options that change values of a scenario."""
+    """Return the options `--set` of a command for settings `table.key=value` of a scenario."""
     return [part for setting in settings for part in ("--set", setting)]
 
 
@@ -125,7 +125,7 @@ def _delay_e6(recording: Path, output: Path, *, samples: int) -> None:
 
 
 def _encrypt_under_the_next_key(assistance: Path, output: Path) -> None:
-    """Write a copy of an assistance folder whose RECS are encrypted under the next key."""
+    """Write a copy of an assistance folder whose RECS are encrypted under the key of the next subframe."""
     from vestige.crypto.recs.recs_segment import decrypt, encrypt
     from vestige.recording.assistance.assistance_writer import write_assistance
     from vestige.recording.assistance.folder import read_assistance

@@ -1,1 +1,1 @@
-"""Public keys, their Merkle tree, and files of validated keys."""
+"""Read, write and verify public keys, their Merkle tree, and files of validated keys."""

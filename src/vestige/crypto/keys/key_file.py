@@ -1,7 +1,7 @@
 """Read and write files with TESLA keys.
 
 The key file of an assistance folder is a CSV file that contains the proof of its keys. In addition to the keys, the
-file has the signed DSM-KROOTs to which the keys chain, so a reader needs only the public key::
+file has the signed DSM-KROOTs to which the keys lead, so a reader needs only the public key::
 
     # vestige OSNMA keys 2
     # public key,<DSM-PKR, hex>
@@ -14,13 +14,13 @@ A key's time is the start of the subframe in which the key is sent. A key is dis
 last column is for human readers. The reader verifies the signatures of the root keys, and the chain and the disclosure
 time of every key.
 
-If a root key is signed with a broadcast public key, the file has the DSM-PKR of this public key. Reading such a file
-needs the Merkle tree.
+If a root key is signed with a broadcast public key, the file has the DSM-PKR of this public key. To read a file with a
+DSM-PKR, the reader needs the Merkle tree.
 
 For each root key and alert message the file states the subframe of reception. The file also has root keys with the
-status "don't use" or with a revocation. Keys that such root keys withdraw are refused (`chain_register`). The writer of
-a file can leave out such root keys. So the file proves that the keys are genuine. The file does not prove that no key
-was withdrawn.
+status "don't use" or with a revocation. The reader refuses keys that a root key of the file withdraws
+(`chain_register`). The writer of a file can leave out root keys that withdraw other keys. So the file proves that the
+keys are genuine. The file does not prove that no key was withdrawn.
 
 Files of version 1 lack the time of reception and the status of root keys. Files of version 1 are readable if none of
 their root keys withdraws a chain.
@@ -49,7 +49,7 @@ from vestige.validated_key import ValidatedKey
 KEY_FILE_FIRST_LINE = "# vestige OSNMA keys 2"
 FIRST_LINE_1 = "# vestige OSNMA keys 1"
 KEY_COLUMNS = ("gst_week", "gst_second", "chain_id", "key_hex", "disclosed_week", "disclosed_second", "gst")
-_MAX_FILE_BYTES = 100_000_000  # enough for the keys of a year
+_MAX_FILE_BYTES = 100_000_000  # upper limit of the file size, which is enough for the keys of a year
 
 _KEY_PREFIX, _ROOT_PREFIX, _ALERT_PREFIX = "# public key,", "# root,", "# alert,"
 _ROOT_FIELDS = "week,second,status,NMA header,DSM-KROOT"
@@ -69,7 +69,7 @@ class KeyFile:
 def write_key_file(
     path: Path, keys: Sequence[ValidatedKey], roots: Sequence[RootKey], alerts: Sequence[GalileoTime] = ()
 ) -> None:
-    """Write keys with the signed root keys to which the keys chain.
+    """Write validated keys, and the signed root keys to which the keys lead, into a key file.
 
     An existing file is replaced only when the new file is complete.
 
@@ -98,12 +98,12 @@ def write_key_file(
 def read_key_file(
     path: Path, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None
 ) -> tuple[ValidatedKey, ...]:
-    """Return the keys of a key file in time order. See `load_key_file` for the errors."""
+    """Validate the keys of a key file, and return the keys in time order; see `load_key_file` for the errors."""
     return load_key_file(path, public_keys, tree).keys
 
 
 def load_key_file(path: Path, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> KeyFile:
-    """Return the content of a key file, after validation of each key down to a signed root key.
+    """Validate each key of a key file down to a signed root key, and return the content of the file.
 
     Public keys that were broadcast are verified against the root of `tree`.
 
@@ -242,7 +242,7 @@ def _time(path: Path, number: int, week: str, second: str, name: str = "") -> Ga
 
 
 def _read_row(path: Path, number: int, line: str) -> tuple[Key, int, GalileoTime]:
-    """Return key, chain and disclosure time of a line."""
+    """Return the key of a line before its validation, the number of its chain, and its stated disclosure time."""
     fields = line.split(",")
     if len(fields) != len(KEY_COLUMNS):
         raise InputFileError(

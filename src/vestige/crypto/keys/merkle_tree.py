@@ -1,8 +1,9 @@
-"""The Merkle tree of OSNMA: 16 leaves, one for each public key, and a root that every receiver trusts.
+"""Verify the public keys of OSNMA with the Merkle tree, which has 16 leaves and a root that every receiver trusts.
 
-A leaf is SHA-256 of `type 4 | PKID 4 | point`, with lengths in bits. A parent is SHA-256 of its two children. Anybody
-can compute the root from a leaf and the siblings on the way up. Only the true key at its true leaf gives the true root
-[OSNMA-ICD, 6.2]. The user provides the root, and all trust in OSNMA keys is based on this root.
+A leaf belongs to a public key, and is SHA-256 of `type 4 | PKID 4 | point`, with lengths in bits. A parent is SHA-256
+of its two children. Anybody can compute the root from a leaf and the siblings on the way up. Only the true key at its
+true leaf gives the true root [OSNMA-ICD, 6.2]. The user provides the root, and all trust in OSNMA keys is based on this
+root.
 
 A new public key is also broadcast in a DSM-PKR. The DSM-PKR contains the four siblings on the way from the leaf of the
 key to the root. The DSM-PKR is `NB 4 | leaf 4 | siblings 4 x 256 | type 4 | PKID 4 | point | padding`. The point has
@@ -23,7 +24,7 @@ from vestige.errors import AuthenticationError
 HEIGHT = 4  # [OSNMA-ICD, 6.2]
 LEAVES = 1 << HEIGHT
 NODE_BYTES = 32
-LEAF_AT = 1 + NODE_BYTES * HEIGHT  # byte of a DSM-PKR at which the content of the leaf begins
+LEAF_AT = 1 + NODE_BYTES * HEIGHT  # index of the byte of a DSM-PKR at which the content of the leaf begins
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +42,7 @@ class MerkleTree:
 
 
 def leaf_hash(pkid: int, point: bytes) -> bytes:
-    """Return the leaf of a public key, 32 bytes.
+    """Return the hash of a public key that is its leaf in the Merkle tree, 32 bytes.
 
     Raises `AuthenticationError` if `point` does not have the length of a compressed point.
     """
@@ -90,12 +91,13 @@ def nodes_over(leaves: Sequence[bytes]) -> dict[tuple[int, int], bytes]:
 
 
 def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
-    """Return the key for use after verification against the tree's root.
+    """Verify a claimed public key against the root of the Merkle tree, and return the verified key.
 
-    If the claim has no leaf, the leaf comes from the tree's entry with the same number. If the claim has no number,
-    number and leaf come from the tree's entry with the same point.
+    If the claim has no leaf, the leaf comes from the tree's entry with the number of the claim. If the claim has no
+    number, number and leaf come from the tree's entry with the point of the claim.
 
-    Raises `AuthenticationError` if the tree does not have the key, or the key leads to another root.
+    Raises `AuthenticationError` if the tree lacks the key, or a sibling on the way from its leaf to the root, or if the
+    key leads to another root.
     """
     pkid, leaf = _placed(claim, tree)
     siblings = []
@@ -149,8 +151,8 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree, known: Sequence[Publi
     """Verify the public key of a DSM-PKR against the tree's root, and return the key.
 
     Public keys come into force in the order of their numbers. So an unknown key is refused if its number is not above
-    the numbers of all known keys. Such a key may have been revoked, and an attacker who has the key can send its old
-    DSM-PKR again [OSNMA-RG, 4.2].
+    the numbers of all known keys. An older public key may have been revoked, and an attacker who has its private key
+    can send the old DSM-PKR again [OSNMA-RG, 4.2].
 
     Raises `AuthenticationError` if the message is malformed or leads to another root, or if the key is older than a
     known key. Raises `UnsupportedError` if the message contains no key (an alert message or a reserved type).

@@ -1,4 +1,4 @@
-"""Public keys that verify OSNMA's root keys, and the basis of the trust in these public keys.
+"""Define the public keys that verify OSNMA's root keys, and the basis of the trust in each public key.
 
 A key from a file or a signal is a `ClaimedPublicKey`, which has a number and a point but cannot verify signatures. A
 claimed key becomes a `PublicKey` in either of two ways. `merkle_tree.verify_public_key` shows that the key is a leaf of
@@ -45,7 +45,7 @@ class PublicKey:
     message: bytes = field(default=b"", compare=False, repr=False)  # DSM-PKR with the key; empty without a DSM-PKR
 
     def verify(self, message: bytes, signature: bytes) -> None:
-        """Check a signature, given as r and s, in the scheme of this key.
+        """Verify the signature of a message with this key; the signature consists of r and s.
 
         Raises `AuthenticationError` if `signature` is not a signature of `message` with this key.
         """
@@ -88,7 +88,7 @@ def compressed_point(key: ec.EllipticCurvePublicKey) -> bytes:
 
 
 def trusted_by_user(claim: ClaimedPublicKey) -> PublicKey:
-    """Return the key for use, without a Merkle tree, because the user trusts the key.
+    """Accept a claimed public key without a Merkle tree, because the user trusts the key, and return the accepted key.
 
     Raises `AuthenticationError` if the key is not a point on the curve.
     """

@@ -78,7 +78,7 @@ def read_merkle_tree(path: Path) -> MerkleTree:
 
 
 def load_public_keys(public_key: Path | None, merkle_tree: Path | None) -> tuple[PublicKey, ...]:
-    """Return the keys that may be used, from a public key file, a Merkle tree file, or both.
+    """Verify the public keys in a public key file, a Merkle tree file, or both, and return the verified keys.
 
     With a Merkle tree every key is verified against the root of the tree, including the keys in the tree's own file.
     Without a Merkle tree the public key is used because the user trusts it.

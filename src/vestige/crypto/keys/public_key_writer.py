@@ -1,4 +1,4 @@
-"""Write files with OSNMA's public key and Merkle tree: PEM, and the XML of the service.
+"""Write OSNMA's public key and Merkle tree to files, as PEM or as the XML of the service.
 
 The XML has the elements of the files that the European GNSS Service Centre publishes, in the same order. So the written
 files are readable by `public_key_file`, and by other programs that read the published files.

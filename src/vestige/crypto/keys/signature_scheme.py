@@ -1,7 +1,7 @@
-"""The two signature schemes of OSNMA: ECDSA P-256/SHA-256 and ECDSA P-521/SHA-512 [OSNMA-ICD, DSM-KROOT, DSM-PKR].
+"""Define the two signature schemes of OSNMA, ECDSA P-256/SHA-256 and ECDSA P-521/SHA-512.
 
 A public key is broadcast and published as a compressed point. A signature is broadcast as r and s, each as long as a
-coordinate of the curve. So the length of a point or signature determines the scheme.
+coordinate of the curve. So the length of a point or signature determines the scheme [OSNMA-ICD, DSM-KROOT, DSM-PKR].
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _ALERT_TYPE = 4  # NPKT of an OSNMA alert message [OSNMA-ICD, DSM-PKR]
 
 
 def scheme_of_type(key_type: int) -> SignatureScheme:
-    """Return the scheme of a public key's type (NPKT).
+    """Return the signature scheme that belongs to a type of public key (NPKT).
 
     Raises `UnsupportedError` if the type is reserved, or is the type of an alert message.
     """
@@ -63,7 +63,7 @@ def scheme_of_type(key_type: int) -> SignatureScheme:
 
 
 def scheme_of_point(point: bytes) -> SignatureScheme:
-    """Return the scheme of a compressed point.
+    """Return the signature scheme to which a compressed point belongs; the length of the point determines the scheme.
 
     Raises `AuthenticationError` if no curve has compressed points of this length.
     """
@@ -75,5 +75,5 @@ def scheme_of_point(point: bytes) -> SignatureScheme:
 
 
 def scheme_of_curve(curve: ec.EllipticCurve) -> SignatureScheme | None:
-    """Return the scheme of a curve; None if OSNMA does not use the curve."""
+    """Return the signature scheme of OSNMA on a curve; None if OSNMA does not use the curve."""
     return next((scheme for scheme in SCHEMES if scheme.curve.name == curve.name), None)

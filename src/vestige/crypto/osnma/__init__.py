@@ -1,1 +1,1 @@
-"""OSNMA: validate the keys and verify the tags in the pages of the navigation message."""
+"""Validate the keys of OSNMA, and verify the tags of OSNMA, in the pages of the navigation message."""

@@ -1,18 +1,18 @@
-"""Register of the usable TESLA chains, which follow only from the signed status of OSNMA.
+"""Register TESLA chains, and decide only from the signed status of OSNMA which chains are usable.
 
-The NMA header of a subframe says whether OSNMA may be used, but anybody can forge this header. The same header is
+The NMA header of a subframe says whether OSNMA may be used, but anybody can forge this header. The NMA header is also
 signed together with each DSM-KROOT. So the status follows from verified root keys, in the order of their reception:
 
 * A root key with the status "don't use" withdraws all chains.
 * A root key with "chain revoked" or "public key revoked" withdraws all chains except the chain that it names as in
   force. "Public key revoked" also revokes the public keys before the key that signed the root key.
 * A withdrawn chain becomes usable again only with its own root key. This root key must say "test" or "operational",
-  and must certainly be newer than the withdrawal. A root key of a later time is newer, because no key of the chain is
-  public before its time. A root key of the chain that the withdrawal announced as next chain is newer, because the next
-  chain was not in force before.
+  and must certainly be newer than the withdrawal. A root key with a time after the withdrawal is newer, because no key
+  of the chain is public before its time. A root key of the chain that the withdrawal announced as next chain is newer,
+  because the next chain was not in force before.
 * An alert message is final, because no message that could end the alert is trusted any more [OSNMA-RG, 4.2.3].
-* A key of a chain without any accepted root key is refused from the first withdrawal on. The root key of such a chain
-  was signed with a revoked public key.
+* A root key that is signed with a revoked public key is not accepted. The keys of a chain without an accepted root key
+  are refused from the first withdrawal on.
 
 The time of reception of a root key is not signed, so an attacker may choose it. Therefore a withdrawal counts from the
 earliest of its times of reception. A root key that ends a withdrawal must be later than the latest reception of the
@@ -71,7 +71,7 @@ class _Withdrawal:
 
 
 class ChainRegister:
-    """The chains of verified root keys, and their status from the root keys.
+    """Register of the chains of verified root keys, and of the withdrawals of chains.
 
     Attributes
     ----------
@@ -90,10 +90,9 @@ class ChainRegister:
         self._newest: dict[Chain, GalileoTime] = {}
 
     def add(self, root: RootKey) -> bool:
-        """Add a verified root key, and return whether its chain was known.
+        """Add a verified root key, and return whether its chain was already known.
 
-        Root keys are added in the order of reception. The same root key may be added again with another time of
-        reception.
+        Root keys are added in the order of reception. A root key may be added again with another time of reception.
 
         Raises `RevokedKeyError` if an earlier root key revoked the public key that signed this root key.
         """
@@ -131,8 +130,8 @@ class ChainRegister:
         """Return the reason why a key that was validated before may not be used; "" if the key may be used.
 
         The key may come from another run of the program. The key counts as a key of the first chain that contains the
-        key. If no chain contains the key, its root key was refused. The key is then refused from the first withdrawal
-        on.
+        key. If no chain contains the key, the root key of its chain was refused. A key without an accepted root key is
+        refused from the first withdrawal on.
         """
         if not self._withdrawals:
             return ""

@@ -18,8 +18,8 @@ from vestige.crypto.osnma.messages.subframe import SatelliteSubframe
 from vestige.errors import UnsupportedError
 from vestige.time import GalileoTime
 
-# Our choice of the largest time between two blocks of a DSM. A DSM is repeated every few minutes, and its id is reused
-# only after hours.
+# Our choice of the largest time in s between two blocks of a DSM. A DSM is repeated every few minutes, and its number
+# is reused only after hours.
 MAX_AGE_S = 1800
 
 _ALL = 0  # key of the collection from all satellites together
@@ -27,7 +27,7 @@ _ALL = 0  # key of the collection from all satellites together
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsmMessage:
-    """A complete DSM as received."""
+    """A complete DSM as received, before verification."""
 
     header: NmaHeader  # NMA header that was sent with every block
     dsm_id: int  # number of the DSM, 0 to 11 for a DSM-KROOT and 12 to 15 for a DSM-PKR
@@ -72,15 +72,16 @@ class _Collection:
 
 
 class DsmCollector:
-    """Collect blocks to complete messages.
+    """Collector that joins received DSM blocks into complete messages.
 
     `add` returns every different message once, and again with each earlier time of reception.
     """
 
     def __init__(self) -> None:
         self._collections: dict[tuple[int, int, int], _Collection] = {}
-        self._handed_out: dict[DsmMessage, GalileoTime] = {}  # earliest time of each message
-        self._unsure: dict[bytes, GalileoTime] = {}  # first reception of HKROOT messages whose last page is zero
+        self._handed_out: dict[DsmMessage, GalileoTime] = {}  # earliest time of reception of each returned message
+        # time of the first reception of each HKROOT message whose last page is zero
+        self._unsure: dict[bytes, GalileoTime] = {}
 
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
         """Return the messages that this subframe of one satellite completes.

@@ -20,7 +20,7 @@ from vestige.time import GalileoTime
 
 
 class DsmVerifier:
-    """Collect DSM blocks, and enter verified messages in the register of chains.
+    """Verifier that collects DSM blocks, verifies complete messages, and enters the results in the register of chains.
 
     Broadcast public keys and alert messages are verified against `tree`. Without `tree`, the verifier ignores broadcast
     public keys and alert messages. A verified broadcast key is used like the keys in `public_keys`, also for earlier
@@ -36,12 +36,12 @@ class DsmVerifier:
         self._problems = problems
         self._collector = DsmCollector()
         self._place: dict[DsmMessage, int] = {}  # index of each message in `roots`
-        self._verified: dict[tuple[NmaHeader, bytes], RootKey] = {}  # results of verified signatures
+        self._verified: dict[tuple[NmaHeader, bytes], RootKey] = {}  # verified root keys by NMA header and message
         self.roots: list[RootCheck] = []
         self.alerts: list[GalileoTime] = []
 
     def take(self, epoch: Epoch) -> None:
-        """Add the DSM blocks of one subframe of all satellites."""
+        """Add the DSM blocks that all satellites sent in one subframe, and verify the messages that are complete."""
         for subframe in epoch.satellites.values():
             try:
                 for message in self._collector.add(subframe):
@@ -73,7 +73,7 @@ class DsmVerifier:
                 self._problems.report_once(ProblemKind.IGNORED, time, f"{dsm}: {error}")
 
     def _take_key(self, key: PublicKey) -> None:
-        """Use a broadcast key from now on, first for the root keys that were refused without this key."""
+        """Use a verified broadcast key from now on, and for the root keys that were refused without this key."""
         if key.point in {one.point for one in self._public_keys}:
             return
         self._public_keys = (*self._public_keys, key)

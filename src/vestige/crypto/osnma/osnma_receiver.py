@@ -1,7 +1,7 @@
-"""The OSNMA receiver, which gets validated TESLA keys and verified tags from I/NAV pages.
+"""Get validated TESLA keys and verified tags from I/NAV pages, as an OSNMA receiver does.
 
 Pages are collected into subframes (`page_intake`), and subframes into DSM-KROOTs. A public key verifies the signature
-of a DSM-KROOT (`dsm_verifier`), which gives a chain (`tesla`). The key of every subframe is validated along the chain.
+of a DSM-KROOT (`dsm_verifier`). A verified DSM-KROOT gives a chain (`tesla`), along which the keys are validated.
 Keys verify the tags and MACSEQ fields that were sent before them (`tag_verifier`). Only the DSM-KROOT gives the layout
 of the MACK message, so subframes wait until a DSM-KROOT is received.
 
@@ -78,9 +78,9 @@ class _Claim:
 
 
 class OsnmaReceiver:
-    """Verify OSNMA, page by page.
+    """Receiver that verifies OSNMA page by page.
 
-    Broadcast public keys that lead to the root of the tree are used. Without a tree, broadcast public keys are only
+    Broadcast public keys that lead to the root of `tree` are used. Without `tree`, broadcast public keys are only
     reported.
 
     Attributes
@@ -129,7 +129,7 @@ class OsnmaReceiver:
         return tuple(self._follow_up([], n_chains, n_changes))
 
     def finish(self) -> tuple[ValidatedKey, ...]:
-        """Return the keys of the subframes that are still open after the last page."""
+        """Close the subframes that are still open after the last page, and return the keys that become valid."""
         return self._take(self._intake.flush())
 
     def process_all(self, pages: Iterable[InavPage]) -> OsnmaReport:
@@ -160,8 +160,8 @@ class OsnmaReceiver:
     def forget(self, before: GalileoTime) -> None:
         """Drop data that was received before a time, so that the memory use of a long run is limited.
 
-        Signed data is kept. Keys from before this time are not returned again. Subframes from before this time that
-        still wait for a root key are dropped.
+        Signed data is kept. Keys of subframes earlier than `before` are not returned again. Subframes earlier than
+        `before` that still wait for a root key are dropped.
         """
         limit = before.gst_seconds
         self._keys = {time: key for time, key in self._keys.items() if time >= limit}
@@ -177,7 +177,7 @@ class OsnmaReceiver:
         return tuple(self._received[place] for place in sorted(self._received))
 
     def report(self) -> OsnmaReport:
-        """Return the report on all pages so far. After the last page, call `finish` before `report`."""
+        """Return the report on all pages so far; after the last page, call `finish` before `report`."""
         keys = tuple(self._keys[time] for time in sorted(self._keys))
         intake = self._intake
         return OsnmaReport(
@@ -217,7 +217,7 @@ class OsnmaReceiver:
         return tuple(keys)
 
     def _follow_up(self, messages: list[_Message], n_chains: int, n_changes: int) -> list[ValidatedKey]:
-        """Process messages after root keys may have changed the number of chains and the withdrawals."""
+        """Process messages after root keys may have added chains or withdrawals, and return the keys that are valid."""
         keys: list[ValidatedKey] = []
         if self._register.n_changes > n_changes:
             self._withdraw()
@@ -296,7 +296,7 @@ class OsnmaReceiver:
         valid: ValidatedKey | None,
         proven: Mapping[int, int | None] | None = None,
     ) -> list[ValidatedKey]:
-        """Process the tags of a subframe and a new key. If the header is forged, the proven status is used."""
+        """Process the tags and the key of a subframe; `proven` has the status that tags prove for forged headers."""
         for subframe in subframes:
             mack = parse_mack(subframe, chain.parameters)
             if mack is not None and subframe.content is Content.OSNMA:

@@ -1,4 +1,4 @@
-"""Report on a series of OSNMA pages: verified items, unverified items, and reasons."""
+"""Define the report on a series of OSNMA pages: verified items, unverified items, and reasons."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from vestige.validated_key import ValidatedKey
 
 
 class ProblemKind(Enum):
-    """Kind of a problem: the part of OSNMA that it concerns."""
+    """Kind of a problem, which says what part of OSNMA the problem concerns."""
 
     ROOT_KEY = "root key"  # a DSM-KROOT that does not verify
-    KEY = "key"  # a key that does not chain to a verified root key
+    KEY = "key"  # a key that does not lead to a verified root key
     MACSEQ = "MACSEQ"
     TAG = "tag"
-    STATUS = "status"  # the system, or an unsigned header, says "don't use"
+    STATUS = "status"  # a signed status or an unsigned header says that OSNMA must not be used
     DISAGREEMENT = "disagreement"  # satellites send different keys for one subframe
     PAGE = "page"
     TIME = "time"  # the time in a navigation word differs from the time of the recording
@@ -45,28 +45,28 @@ class Problem:
 
 
 class ProblemLog:
-    """Collect problems in the order of their detection."""
+    """Log of problems in the order of their detection."""
 
     def __init__(self) -> None:
         self._problems: list[Problem] = []
         self._once: set[tuple[ProblemKind, str]] = set()
 
     def report(self, kind: ProblemKind, time: GalileoTime, text: str) -> None:
-        """Add a problem."""
+        """Add a problem to the log."""
         self._problems.append(Problem(kind=kind, time=time, text=text))
 
     def report_once(self, kind: ProblemKind, time: GalileoTime, text: str, details: str = "") -> None:
-        """Add a problem, unless the log has a problem of the same kind and text (apart from details)."""
+        """Add a problem, unless a problem with the kind `kind` and the text `text` was reported once before."""
         if (kind, text) not in self._once:
             self._once.add((kind, text))
             self.report(kind, time, text + details)
 
     def problems(self) -> tuple[Problem, ...]:
-        """Return all problems."""
+        """Return all problems of the log in the order of their detection."""
         return tuple(self._problems)
 
     def forget(self, before: GalileoTime) -> None:
-        """Drop the problems from before a time. `report_once` does not report a dropped problem again."""
+        """Drop the problems from before a time; `report_once` does not report a dropped problem again."""
         self._problems = [one for one in self._problems if one.time >= before]
 
 
@@ -78,14 +78,14 @@ class RootCheck:
     header: NmaHeader
     kroot: DsmKroot | None  # fields of the DSM-KROOT; None if a field is invalid or not supported
     received_at: GalileoTime  # subframe that completed the DSM-KROOT
-    root: RootKey | None  # the root key if signature and padding verify, else None
+    root: RootKey | None  # root key if signature and padding verify, otherwise None
     on_known_chain: bool = False  # whether the root key belongs to the chain of an earlier root key
     reason: str = ""  # reason why the verification failed; "" after a success
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WithheldKey:
-    """A key that chains to the root but must not be used, with the reason."""
+    """A key that leads to a verified root key but must not be used, with the reason."""
 
     time: GalileoTime
     chain_id: int
@@ -123,14 +123,14 @@ class TagCounts:
     """Counts of the MACSEQ fields and the tags."""
 
     macseq: Count = field(default_factory=Count)
-    # tags with a cut-off point other than 0, by kind of data
+    # numbers of checked tags with a cut-off point other than 0, by kind of data
     by_adkd: Mapping[int, Count] = field(default_factory=dict)
-    dummy: int = 0  # tags with cut-off point 0
-    # unchecked tags whose navigation data was not received, or may have changed during a gap
+    dummy: int = 0  # number of tags with the cut-off point 0
+    # number of unchecked tags whose navigation data was not received, or may have changed during a gap
     no_data: int = 0
-    no_key: int = 0  # unchecked tags whose key was not received
-    unsupported: int = 0  # unchecked tags with an unknown kind of data
-    # tags of `by_adkd` that verify only with the old data after a change without a new IODnav
+    no_key: int = 0  # number of unchecked tags whose key was not received
+    unsupported: int = 0  # number of unchecked tags with an unknown kind of data
+    # number of tags in `by_adkd` that verify only with the old data after a change without a new IODnav
     data_before: int = 0
 
 
@@ -145,35 +145,35 @@ class AuthenticatedData:
     last: GalileoTime  # last subframe with a verified tag for the data
     n_tags: int  # number of tags that verified the data
     tag_bits: int  # total length of the tags that verified the data, in bits
-    authenticated: bool  # whether `tag_bits` is large enough
+    authenticated: bool  # whether `tag_bits` is at least `MIN_TAG_BITS`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OsnmaReport:
-    """The result of the verification of a series of OSNMA pages."""
+    """Result of the verification of OSNMA in a series of pages."""
 
     first: GalileoTime | None  # start of the first used page; None without pages
     last: GalileoTime | None  # start of the last used page
     n_pages: int  # number of given pages
     n_crc_failures: int  # number of pages with a wrong checksum
     n_alert_pages: int  # number of alert pages, which have no navigation word and no OSNMA
-    pages: Mapping[PageStatus, int]  # number of the other pages by status
+    pages: Mapping[PageStatus, int]  # number of pages with a correct checksum by status, without alert pages
     n_missing_pages: int  # number of lost pages in subframes with at least one received page
     subframes: Mapping[Content, int]  # number of subframes of satellites by content
     satellites: tuple[int, ...]  # satellites with at least one page
     osnma_satellites: tuple[int, ...]  # satellites that send OSNMA
-    time_stamps: Count  # navigation words with a time; a word verifies if its time is the time of the recording
+    time_stamps: Count  # numbers of navigation words with a time; a word verifies if the recording has the same time
     roots: tuple[RootCheck, ...]
     keys: tuple[ValidatedKey, ...]  # validated keys in time order
     withheld: tuple[WithheldKey, ...]  # valid keys that must not be used because of a signed or unsigned status
     alerts: tuple[GalileoTime, ...]  # subframes in which an alert message was verified
-    chain_steps: Count  # keys after the first key; a key verifies if it chains to earlier validated keys
+    chain_steps: Count  # numbers of keys after the first key; a key verifies if it leads to an earlier validated key
     tags: TagCounts
     navigation: tuple[AuthenticatedData, ...]  # navigation data that tags verified
     gaps: tuple[KeyGap, ...]
     problems: tuple[Problem, ...]  # all problems in the order of their detection
-    n_without_root: int  # subframes of satellites with OSNMA whose chain has no verified root key
-    dsm_progress: str  # received part of the DSM-KROOTs
+    n_without_root: int  # number of subframes of single satellites whose chain has no verified root key
+    dsm_progress: str  # text with the received part of each DSM-KROOT
 
     @property
     def broadcast_keys(self) -> tuple[PublicKey, ...]:
@@ -187,7 +187,7 @@ class OsnmaReport:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Reasons why the root key or the chain does not verify; empty if both verify."""
+        """Reasons why the root key or the chain does not verify; empty if root key and chain verify."""
         failures = [str(problem) for problem in self.problems if problem.kind in FAILING]
         if not self.verified_roots:
             ignored = (problem.text for problem in self.problems if problem.kind is ProblemKind.IGNORED)

@@ -13,7 +13,7 @@ from vestige.time import GalileoTime
 
 
 class PageIntake:
-    """Assemble pages into subframes, and count the pages."""
+    """Assembler of subframes from pages, which also counts received and lost pages."""
 
     def __init__(self, problems: ProblemLog) -> None:
         self._problems = problems

@@ -1,8 +1,9 @@
-"""Decide from the tags of the same subframe whether a satellite's unsigned "don't use" is true.
+"""Decide whether an unsigned "don't use" in a satellite's header is true, from the tags of the subframe.
 
 Without this decision, the receiver would lose a key with each forged header. But every tag also covers the status in
 the header [OSNMA-ICD, 6.7], and the key of the next subframe verifies the tags. If a tag verifies with
-"test" or "operational", the satellite sent this status, and the header is forged. The key is then only 30 s late.
+"test" or "operational", the satellite sent this status, and the header is forged. The receiver then uses the key of the
+subframe, 30 s late.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ class _Message:
 
 @dataclass(frozen=True, slots=True)
 class _Check:
-    """A check that waits for a key: a tag with its data, or the MACSEQ field (tag None)."""
+    """A check that waits for a key, either of a tag with its data, or of the MACSEQ field (`tag` is None)."""
 
     message: _Message
     tag: Tag | None = None
@@ -50,7 +50,7 @@ class TagVerifier:
         self._unsupported: set[str] = set()
 
     def add(self, mack: Mack, chain: Chain, navigation: Mapping[int, NavigationWords]) -> None:
-        """Add the tags of one satellite and subframe. `navigation` has the words received before the subframe."""
+        """Add the tags of one satellite and subframe; `navigation` has the words received before the subframe."""
         try:
             row = slots(chain.parameters, mack.time)
         except UnsupportedError as error:
@@ -72,7 +72,7 @@ class TagVerifier:
                 self._wait(chain, mack.time.gst_seconds + tag.key_delay_s, _Check(message, tag, data))
 
     def key_arrived(self, chain: Chain, time: GalileoTime) -> None:
-        """Do all checks whose key is now known. Lost keys before `time` follow from the key of `time`."""
+        """Do all checks whose key is now known; lost keys before `time` follow from the key of `time`."""
         pending = self._pending.get(chain, {})
         now = time.gst_seconds
         for due in sorted(key_time for key_time in pending if now - MAX_RECOVERY_S <= key_time <= now):
@@ -81,7 +81,7 @@ class TagVerifier:
                 self._do(check, key, chain)
 
     def counts(self) -> TagCounts:
-        """Return the counts. Tags whose key has not arrived count as `no_key`."""
+        """Return the counts of tags and MACSEQ fields; tags whose key has not arrived count as `no_key`."""
         waiting = [check for times in self._pending.values() for checks in times.values() for check in checks]
         return TagCounts(
             macseq=Count(*self._macseq),

@@ -8,7 +8,7 @@ Neither the signed bytes nor the certificate chain are public. So vestige makes 
 
 * The algorithm is ECDSA over the whole file, with the hash that FIPS 186-5 pairs with the curve (SHA-256, SHA-384,
   SHA-512).
-* The signature is the DER of X9.62, or r || s at the curve's length. vestige reads both forms.
+* The signature has the DER form of X9.62, or is r || s at the curve's length. vestige reads either form.
 * The user has checked the certificates. vestige does not check their chain, purpose and period of validity.
 """
 
@@ -44,7 +44,7 @@ _LONGEST_CERTIFICATE = 1 << 20
 
 
 class SignatureStatus(Enum):
-    """Status of a file's signature. A wrong signature is an `AuthenticationError`, not a status."""
+    """Status of a file's signature; a wrong signature is an `AuthenticationError`, not a status."""
 
     VERIFIED = "verified"
     NOT_SIGNED = "not signed"
@@ -71,7 +71,8 @@ def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
     data = read_bytes(path, at_most=_LONGEST_CERTIFICATE)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", CryptographyDeprecationWarning)  # for fields that are not used here
+            # these warnings are about fields of certificates that vestige does not use
+            warnings.simplefilter("ignore", CryptographyDeprecationWarning)
             if b"-----BEGIN PUBLIC KEY-----" in data:
                 key = load_pem_public_key(data)
             elif b"-----BEGIN" in data:
@@ -90,7 +91,7 @@ def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
 def verify_data(
     data: bytes, path: Path, signatures: Sequence[Path], public_keys: Sequence[ec.EllipticCurvePublicKey]
 ) -> SignatureStatus:
-    """Return whether the signatures of a file prove the origin of its `data`.
+    """Verify the signatures of a file's `data`, and return the status of the signatures.
 
     A single signature that verifies with any key that the user trusts is enough. Error messages name `path`.
 

@@ -1,4 +1,4 @@
-"""Broadcast group delays between E1 and E6: the BGD file, and the effect of a value on the range.
+"""Read and write BGD files, and compute the delay of E6 after E1 that follows from a broadcast group delay.
 
 Each satellite's payload delays its carriers differently. T_R is the group delay of a carrier, and a larger T_R means a
 later carrier. The open service defines [OS-ICD, 5.1.5]::
@@ -12,7 +12,7 @@ as large [SASLIB]. The convention of the service is not public. `GroupDelayConve
 simulator and processor.
 
 The layout of the file is known only from a public program that reads BGD files [SASLIB]. The authors of the program
-derived the layout from examples. Only this module contains this layout::
+derived the layout from examples. This module is the only module that contains the layout::
 
     byte  length  content
     0     4       provider, ASCII
@@ -50,15 +50,15 @@ from vestige.errors import InputFileError, UnsupportedError
 from vestige.records import GroupDelay
 from vestige.time import GalileoTime
 
-LSB_S = 2.0**-32  # [OS-ICD, 5.1.5], and [SASLIB] for the file
-BGD_INTERFACE_VERSION = 1  # the only known version [SASLIB]
+LSB_S = 2.0**-32  # least significant bit of a BGD value in the message [OS-ICD, 5.1.5] and in the file [SASLIB]
+BGD_INTERFACE_VERSION = 1  # only known interface version of a BGD file [SASLIB]
 
 _HEADER = struct.Struct(">4s B H 3s 6s 20s 36s")
 _FILLING = b"\x12" * 36
-_SHORTEST_BYTES = 72 + 2 * 30  # length of the known part of the file
+_SHORTEST_BYTES = 72 + 2 * 30  # length in bytes of the part of the file whose meaning is known
 _TYPICAL_BYTES = 191
 MAX_GROUP_DELAY_FILE_BYTES = 1 << 16  # upper limit, far above the size of any file of this layout
-_RAW = range(-512, 512)  # the field has 10 bits in the navigation message [OS-ICD, 5.1.5]
+_RAW = range(-512, 512)  # a BGD value has 10 bits in the navigation message [OS-ICD, 5.1.5]
 
 
 class GroupDelayScale(Enum):
@@ -73,7 +73,7 @@ _FACTOR = {GroupDelayScale.OS_ICD: GAMMA_E1_E6 - 1, GroupDelayScale.FILE_VALUE: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupDelayConvention:
-    """Convention of a BGD value: its scale and its sign. The default is the definition of [OS-ICD, 5.1.5].
+    """Convention of a BGD value: its scale and its sign; the default is the definition of [OS-ICD, 5.1.5].
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class GroupDelayFile:
 
 
 def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
-    """Return the BGD file whose content is `data`. Error messages name `path`.
+    """Return the fields of the BGD file whose content is `data`; error messages name `path`.
 
     `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without `reference` the week
     is 0 to 4095.
@@ -184,7 +184,7 @@ def serialize_group_delay_file(file: GroupDelayFile) -> bytes:
 
 
 def write_group_delay_file(delays: Sequence[GroupDelay], folder: Path) -> Path:
-    """Write the values of one time as a BGD file into `folder`, and return the path of the file."""
+    """Write values that are valid from the same time as a BGD file into `folder`, and return the path of the file."""
     ordered = tuple(sorted(delays, key=lambda delay: delay.svid))
     if len({delay.valid_from for delay in ordered}) != 1:
         raise ValueError("a BGD file holds one or more values, all valid from one time")

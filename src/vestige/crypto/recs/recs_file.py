@@ -36,10 +36,10 @@ from vestige.errors import InputFileError, UnsupportedError
 from vestige.records import EncryptedSegment
 from vestige.time import GalileoTime
 
-RECS_INTERFACE_VERSION = 1  # the only known version [SASLIB]
+RECS_INTERFACE_VERSION = 1  # only known interface version of a RECS file [SASLIB]
 MAX_PERIOD_DS = (1 << 16) - 1  # RTBA has 16 bits [SASLIB]
 MAX_DURATION_DS = (1 << 24) - 1  # tDur has 24 bits [SASLIB]
-# size of a file with the longest RECS in every second of a day
+# size in bytes of a file with the longest RECS in every second of a day
 MAX_RECS_FILE_BYTES = 25 + 86_400 * max(length.n_bytes for length in LENGTHS)
 
 # The fields are Provider, IntV, reserved, WN, ATOW, tDur, SVID, KDI, RAND, NChip, RTBA and FileVersion [SASLIB].
@@ -160,7 +160,7 @@ def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsF
 
 
 def parse_recs_file(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
-    """Return the RECS file from `data`, the content of `path`. See `read_recs_file`."""
+    """Return the RECS file from `data`, the content of `path`; see `read_recs_file` for `reference` and the errors."""
     name = parse_name(path.name)
     if len(data) < _AGGREGATED.size:
         raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_AGGREGATED.size} bytes")
@@ -242,7 +242,7 @@ def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX
 
 
 def resolve_week(week: int, reference: GalileoTime | None) -> int:
-    """Return the full week of a 12-bit week nearest to `reference`. Without `reference`, return the 12-bit week."""
+    """Return the full week of a 12-bit week, nearest to `reference`; the 12-bit week itself without `reference`."""
     if reference is None:
         return week
     half = WEEK_MODULUS // 2
@@ -318,7 +318,7 @@ def _start(week: int, atow: bytes, path: Path) -> GalileoTime:
 
 
 def _fault(file: RecsFile) -> tuple[str, object, object] | None:
-    """Return the first fault of a file for reader and writer: field, found value, and expected value."""
+    """Return the first fault of a RECS file as field, found value and expected value; None without a fault."""
     unitary = file.kind is RecsFileKind.UNITARY
     fields = (
         ("provider: length", len(file.provider), range(4, 5) if unitary else range(1, 9)),

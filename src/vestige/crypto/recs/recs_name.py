@@ -1,4 +1,4 @@
-"""Names of RECS files, with the fields and the time code in them [SASLIB].
+"""Parse and format the names of RECS files, with their fields and their time code [SASLIB].
 
 | file | pattern | example |
 |---|---|---|
@@ -92,7 +92,7 @@ def format_time_code(time: GalileoTime) -> str:
 
 
 def parse_time_code(text: str) -> GalileoTime:
-    """Return the time of `YYDDDHHMMSSS`. Year 99 is 1999, and years 00 to 98 are 2000 to 2098.
+    """Return the time of `YYDDDHHMMSSS`; year 99 is 1999, and years 00 to 98 are 2000 to 2098.
 
     Raises `ValueError` if the date or the time does not exist.
     """
@@ -122,6 +122,6 @@ def deciseconds_of_week(time: GalileoTime) -> int:
 
 
 def time_of_deciseconds(week: int, deciseconds: int) -> GalileoTime:
-    """Return the time `deciseconds` after the start of `week`, carried into the next week where needed."""
+    """Return the time that is `deciseconds` after the start of `week`; the time may be in a later week."""
     carry, deciseconds = divmod(deciseconds, DECISECONDS_PER_WEEK)
     return GalileoTime(week + carry, deciseconds // 10, deciseconds % 10 / 10)

@@ -1,9 +1,9 @@
-"""Re-encrypted code sequences (RECS): convert a file body and an OSNMA key to E6-C chips, and back.
+"""Convert re-encrypted code sequences (RECS) with an OSNMA key to E6-C chips, and back.
 
-The server takes a part of the encrypted E6-C code that a satellite will transmit: the ECS. The server encrypts the ECS
-again under an OSNMA key that is still secret. The server publishes the result, the RECS, up to a week ahead. The
-receiver records E6-C around the time of the RECS. After the key has been broadcast on E1-B, the receiver decrypts the
-RECS and correlates [WFO, Sec. II-A]::
+The server takes an encrypted code sequence (ECS), a part of the encrypted E6-C code that a satellite will transmit. The
+server encrypts the ECS again under an OSNMA key that is still secret. The server publishes the result, the RECS, up to
+a week ahead. The receiver records E6-C around the time of the RECS. After the key has been broadcast on E1-B, the
+receiver decrypts the RECS and correlates [WFO, Sec. II-A]::
 
     GST_SF = (WN mod 4096) << 20 | TOW            32 bits, start of the 30 s subframe that transmits the key
     P      = GST_SF (4 bytes) || RAND (1 byte) || 11 zero bytes
@@ -12,8 +12,8 @@ RECS and correlates [WFO, Sec. II-A]::
     ECS    = AES-256-CBC-decrypt(K_R, IV, RECS)   no padding scheme: bodies are whole AES blocks
     chips  = ECS bits, most significant first; bit 0 is +1, bit 1 is -1
 
-The service's interface document is not public. These rules are taken from the public reference receiver [SASLIB]. Two
-parts are uncertain: `CipherMode`, and the mapping of the key delay in `key_time`.
+The service's interface document is not public. The rules above come from the public reference receiver [SASLIB]. Two
+rules are uncertain: the mode of AES (`CipherMode`), and the mapping of the key delay indicator to a key (`key_time`).
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey, is_validated
 
-WEEK_MODULUS = 4096  # GST_SF and the unitary header have the week modulo this number [SASLIB]
+WEEK_MODULUS = 4096  # GST_SF and the unitary header contain the week modulo this number [SASLIB]
 AES_BLOCK_BYTES = 16
 
 
 class CipherMode(Enum):
-    """Mode of operation of AES-256.
+    """Mode of operation in which AES-256 encrypts a RECS.
 
-    The assumed mode is CBC. The two public sources disagree: the text names CTR, but the code uses CBC. Two facts
-    support CBC. Bodies are padded to whole AES blocks, which CTR would not need. The code is reported to have worked on
-    the signal in space. CTR would use the IV as its first counter block. The wrong mode gives noise, never a wrong
-    correlation peak [SASLIB].
+    The assumed mode is CBC. The text of the public reference receiver [SASLIB] names CTR, but the code of the receiver
+    uses CBC. Two facts support CBC. First, bodies of RECS are padded to whole AES blocks, which CTR would not need.
+    Second, the code of the receiver is reported to have worked on the signal in space. CTR would use the IV as its
+    first counter block. The wrong mode gives noise, never a wrong correlation peak.
     """
 
     CBC = "cbc"
@@ -61,7 +61,7 @@ class SegmentLength:
 
     @property
     def n_chips(self) -> int:
-        """Number of chips to correlate. The padding is not known to be on air, so it is never used."""
+        """Number of chips that are correlated. The padding may not be on air, and is not correlated."""
         return self.duration_ms * E6C.code_length
 
 
@@ -89,12 +89,12 @@ def key_time(transmit_time: GalileoTime, key_delay: int) -> GalileoTime:
 
 
 def wrapping_key(key_data: bytes) -> bytes:
-    """Return K_R, the AES-256 key of a RECS: SHA-256 of the TESLA key [SASLIB]."""
+    """Return K_R, the AES-256 key of a RECS, which is the SHA-256 hash of the TESLA key [SASLIB]."""
     return hashlib.sha256(key_data).digest()
 
 
 def iv_preimage(gst_sf: GalileoTime, random_offset: int) -> bytes:
-    """Return P, the 16 bytes whose hash gives the IV: GST_SF, RAND and eleven zero bytes [SASLIB].
+    """Return P, the 16 bytes (GST_SF, RAND and eleven zero bytes) whose hash gives the IV [SASLIB].
 
     `gst_sf` is the start of the subframe that transmits the key, not the time of transmission of the RECS.
     """
@@ -112,14 +112,14 @@ def initialization_vector(gst_sf: GalileoTime, random_offset: int) -> bytes:
 def encrypt_body(
     ecs: bytes, key_data: bytes, gst_sf: GalileoTime, random_offset: int = 0, mode: CipherMode = CipherMode.CBC
 ) -> bytes:
-    """Return the RECS body of the packed code sequence `ecs` of whole AES blocks. See `decrypt_body`."""
+    """Encrypt the packed code sequence `ecs`, whole AES blocks, and return the body of the RECS. See `decrypt_body`."""
     return _through(_cipher(key_data, gst_sf, random_offset, mode).encryptor(), ecs)
 
 
 def decrypt_body(
     body: bytes, key_data: bytes, gst_sf: GalileoTime, random_offset: int = 0, mode: CipherMode = CipherMode.CBC
 ) -> bytes:
-    """Return the packed code sequence (ECS) of a RECS body.
+    """Decrypt the body of a RECS, and return the packed code sequence (ECS).
 
     The function cannot detect a wrong key, because AES has no check value and a wrong key gives random chips. A wrong
     IV damages only the first 128 chips in CBC mode.
@@ -137,10 +137,10 @@ def encrypt(
     random_offset: int = 0,
     mode: CipherMode = CipherMode.CBC,
 ) -> EncryptedSegment:
-    """Return the RECS that a server publishes for `chips`: the inverse of `decrypt`, with zero bits as padding.
+    """Encrypt `chips`, padded with zero bits, and return the RECS that a server publishes.
 
-    `chips` are 1, 2, 4, 8 or 16 ms of E6-C. `key_data` is the key of the subframe that `key_time` gives. The server
-    knows the key before its disclosure.
+    The function is the inverse of `decrypt`. `chips` are 1, 2, 4, 8 or 16 ms of E6-C. `key_data` is the key of the
+    subframe that `key_time` gives. The server knows the key before its disclosure.
     """
     length = LENGTH_BY_CHIPS.get(chips.n_chips)
     if length is None:
@@ -163,8 +163,8 @@ def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = 
 
     `key` is the validated key of `segment.key_time`.
 
-    Raises `TypeError` if the key is not a `ValidatedKey`. Raises `ValueError` if the key is of another subframe, or the
-    segment contradicts itself.
+    Raises `TypeError` if the key is not a `ValidatedKey`. Raises `ValueError` if the key belongs to another subframe,
+    or if fields of the segment contradict each other.
     """
     if not is_validated(key):
         raise TypeError(f"a RECS is decrypted with a ValidatedKey, not with a {type(key).__name__}")
@@ -187,7 +187,7 @@ def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = 
 
 @lru_cache(maxsize=16)
 def _cipher(key_data: bytes, gst_sf: GalileoTime, random_offset: int, mode: CipherMode) -> Cipher[CBC | CTR]:
-    """Return the cipher that all RECS of a subframe share."""
+    """Return the AES-256 cipher for a key, the subframe of the key, RAND and a mode."""
     iv = initialization_vector(gst_sf, random_offset)
     return Cipher(AES(wrapping_key(key_data)), CBC(iv) if mode is CipherMode.CBC else CTR(iv))
 

@@ -1,1 +1,1 @@
-"""Encode and decode the Galileo I/NAV message of E1-B with the same table: fields, words, pages, symbols."""
+"""Encode and decode fields, words, pages and symbols of the Galileo I/NAV message on E1-B."""

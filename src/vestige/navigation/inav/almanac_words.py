@@ -1,7 +1,7 @@
-"""Encode and decode the almanac: coarse orbits in words 7 to 10, three satellites in a set [OS-ICD, 5.1.10].
+"""Encode and decode the almanac, a set of coarse orbits of three satellites in words 7 to 10 [OS-ICD, 5.1.10].
 
-The almanac shows a receiver which satellites are in view. The positions of the almanac have errors of some kilometres.
-Satellites whose orbit does not fit into the fields are not in the almanac, such as the two satellites in eccentric
+The almanac shows a receiver which satellites are in view. Positions from the almanac have errors of some kilometres. A
+satellite whose orbit does not fit into the fields is not in the almanac. Examples are the two satellites in eccentric
 orbits.
 """
 
@@ -22,7 +22,7 @@ from vestige.time import GalileoTime
 
 ALMANAC_WORDS = (7, 8, 9, 10)
 SATELLITES_PER_SET = 3
-ALMANAC_STEP_S = 600  # step of t0a [OS-ICD, 4.3.5]
+ALMANAC_STEP_S = 600  # step of t0a in s [OS-ICD, 4.3.5]
 _WEEKS = 1 << WORD_LAYOUTS[7].by_name["almanac_week"].length
 
 
@@ -37,13 +37,13 @@ class AlmanacEntry:
     eccentricity
         Eccentricity e.
     omega_rad, omega0_rad, m0_rad
-        Argument of perigee, longitude of the node at the start of the week of t0a, and mean anomaly at t0a.
+        Argument of perigee, longitude of the ascending node at the start of the week of t0a, and mean anomaly at t0a.
     delta_i_rad
         Inclination minus 56°.
     omega_dot_radps
-        Rate of the longitude of the node.
+        Rate of the longitude of the ascending node.
     af0_s, af1
-        Clock offset and drift at t0a.
+        Offset in s and drift of the satellite clock at t0a.
     e5b_health, e1b_health
         Status of the signals E5b and E1-B; 0 is OK.
     """
@@ -63,7 +63,7 @@ class AlmanacEntry:
 
     @classmethod
     def from_ephemeris(cls, ephemeris: Ephemeris, t0a: GalileoTime) -> AlmanacEntry | None:
-        """Return the almanac of a satellite; None if the orbit does not fit into the fields.
+        """Return the almanac entry of a satellite; None if the orbit does not fit into the fields.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class AlmanacEntry:
         return entry
 
     def ephemeris(self, t0a: GalileoTime) -> Ephemeris:
-        """Return the coarse orbit and clock as an ephemeris.
+        """Return the coarse orbit and clock of the entry as an ephemeris.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class AlmanacSet:
     Attributes
     ----------
     issue
-        IODa, 0 to 15.
+        Issue number of the almanac (IODa), 0 to 15.
     t0a
         Time to which the entries refer, a multiple of 600 s.
     entries
@@ -180,8 +180,8 @@ class AlmanacSet:
         words
             Word type -> word of 128 bits.
         received
-            Time of reception, which resolves the week of t0a. The week is between two weeks before and one week after
-            the week of reception.
+            Time of reception, from which the full week of t0a is found. The full week is between two weeks before and
+            one week after the week of reception.
         """
         if any(kind not in words for kind in ALMANAC_WORDS):
             return None
@@ -204,7 +204,7 @@ class AlmanacSet:
 def almanac_sets(
     ephemerides: Sequence[Ephemeris], t0a: GalileoTime, *, issue: int = 0, gps_time: GpsTimeOffset | None = None
 ) -> tuple[AlmanacSet, ...]:
-    """Return the almanac of a constellation, with three satellites in a set.
+    """Return the almanac sets of a constellation, with up to three satellites in a set.
 
     Satellites whose orbit does not fit into the fields are left out.
 
@@ -215,7 +215,7 @@ def almanac_sets(
     t0a
         Time to which the almanac refers, a multiple of 600 s.
     issue
-        IODa, 0 to 15.
+        Issue number of the almanac (IODa), 0 to 15.
     gps_time
         Offset between Galileo and GPS time; None without an offset.
     """

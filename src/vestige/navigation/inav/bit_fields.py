@@ -1,4 +1,4 @@
-"""Tables of the bit fields of a message, for encoder and decoder.
+"""Define tables of the bit fields of a message, which the encoder and the decoder use.
 
 A `BitLayout` lists the fields of a word or page in the order of transmission, as the tables of the interface document
 do. Bit 0 is the first bit sent, which is the most significant bit of the message as an integer.
@@ -52,7 +52,7 @@ class BitField:
 
     @property
     def cyclic(self) -> bool:
-        """Whether the field is an angle that covers exactly one turn, so that every angle fits."""
+        """Whether the field is an angle whose range is exactly one turn, so that every angle fits."""
         return self.unit == "rad" and math.isclose(self.scale * (1 << self.length), _TURN_RAD, rel_tol=1e-12)
 
     def physical(self, raw: int) -> float:
@@ -90,7 +90,8 @@ class BitField:
         """
         low, high = self.raw_range
         if math.isfinite(value):
-            raw = round(value) if self.scale == 1 else round(value / self.scale)  # a float cannot hold 88 bits
+            # a plain number is not divided, because a float has only 53 bits and a field may have 112 bits
+            raw = round(value) if self.scale == 1 else round(value / self.scale)
             if self.cyclic:
                 raw = (raw - low) % (1 << self.length) + low
             if low <= raw <= high:
@@ -109,7 +110,7 @@ class BitLayout:
     Parameters
     ----------
     total_bits
-        Length of the word or page. The lengths of the fields must add up to this length.
+        Length of the word or page in bits. The lengths of the fields must add up to this length.
     fields
         Fields in the order of transmission.
     """

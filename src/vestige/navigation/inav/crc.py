@@ -28,7 +28,8 @@ def crc_24q(data: bytes) -> int:
     Parameters
     ----------
     data
-        Any number of bytes. If the bits are not whole bytes, zero bits come before the first bit.
+        Any number of bytes. If the number of bits is not a multiple of 8, the caller puts zero bits before the first
+        bit.
 
     Examples
     --------

@@ -1,8 +1,9 @@
 """Encode and decode the ephemeris of a satellite in the I/NAV words 1 to 5 [OS-ICD, 4.3.5].
 
 A toe or toc in the message counts minutes of a week that the message does not name. The decoder uses the week that
-gives the time nearest to reception. Encoding a decoded ephemeris gives the same bits. Other ephemerides are rounded to
-the steps of the message. `as_broadcast` returns the ephemeris that a receiver decodes after this rounding.
+gives the time nearest to reception. A decoded ephemeris is encoded to the same bits again. Values of any other
+ephemeris are rounded to the steps of the message. `as_broadcast` returns the ephemeris that a receiver decodes after
+the rounding.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from vestige.navigation.reissue import referred_to, with_clock_moved
 from vestige.time import GalileoTime
 
 STATUS_WORD = 5
-WEEKS = 1 << WORD_LAYOUTS[STATUS_WORD].by_name["week"].length  # the week is sent modulo this number
-_MINUTE_S = 60  # value of the last bit of toe and toc
+WEEKS = 1 << WORD_LAYOUTS[STATUS_WORD].by_name["week"].length  # word 5 carries the week modulo this number
+_MINUTE_S = 60  # value of the last bit of toe and toc in s
 # first index of each range of the SISA, value at this index in m, and step in m [OS-ICD, SISA]
 _SISA_RANGES = ((0, 0.0, 0.01), (50, 0.5, 0.02), (75, 1.0, 0.04), (100, 2.0, 0.16))
 _SISA_END, _NO_ACCURACY_INDEX = 126, 255
@@ -36,14 +37,14 @@ _SAME: Mapping[str, int] = {
 
 
 def ephemeris_from_words(words: Mapping[int, int], received: GalileoTime) -> Ephemeris | None:
-    """Return the ephemeris in the words 1 to 5 of one satellite; None if a word is missing or of another issue.
+    """Return the ephemeris in the words 1 to 5 of one satellite; None if a word is missing or the IODnav differ.
 
     Parameters
     ----------
     words
         Word type -> word of 128 bits, whose first bit is the most significant bit.
     received
-        Time of reception, which resolves the week of toe and toc.
+        Time of reception, from which the week of toe and toc is found.
     """
     if any(kind not in words for kind in (*EPHEMERIS_WORDS, STATUS_WORD)):
         return None
@@ -103,12 +104,12 @@ def status_word(
     e5b_health: int | None = None,
     e5b_data_valid: bool | None = None,
 ) -> int:
-    """Return word 5: ionosphere, group delays, health, and the time of the page.
+    """Return word 5, which carries ionosphere, group delays, health, and the time of the page.
 
     Parameters
     ----------
     ephemeris
-        Group delays, health and data validity of E1-B.
+        Ephemeris with the group delays, and with health and data validity of E1-B.
     start
         Start of the page that carries the word, in whole seconds.
     ionosphere
@@ -142,7 +143,7 @@ def status_word(
 def as_broadcast(ephemeris: Ephemeris) -> Ephemeris:
     """Return the ephemeris that a receiver decodes from the words of an ephemeris.
 
-    The times of ephemeris and clock are moved to the previous whole minute. Then every field is rounded.
+    The reference times toe and toc are moved to the previous whole minute. Then every field is rounded.
 
     Parameters
     ----------
@@ -164,7 +165,7 @@ def as_broadcast(ephemeris: Ephemeris) -> Ephemeris:
 
 
 def sisa_m(index: int) -> float:
-    """Return the signal-in-space accuracy in m of an index; NaN for "no prediction" and spare values.
+    """Return the signal-in-space accuracy in m of a SISA index; NaN for "no prediction" and spare values.
 
     The steps are 1, 2, 4 and 16 cm up to 0.5, 1, 2 and 6 m [OS-ICD, SISA].
     """
@@ -175,12 +176,12 @@ def sisa_m(index: int) -> float:
 
 
 def sisa_index(accuracy_m: float) -> int:
-    """Return the smallest index whose accuracy value is at least the given value; 255, "no prediction", for NaN.
+    """Return the smallest SISA index whose accuracy is at least `accuracy_m`; 255, "no prediction", for NaN.
 
     Parameters
     ----------
     accuracy_m
-        Signal-in-space accuracy in m. Beyond 6 m there is no index, and the result is 255, "no prediction".
+        Signal-in-space accuracy in m. A value above 6 m has no index, so the result is 255, "no prediction".
     """
     if math.isnan(accuracy_m):
         return _NO_ACCURACY_INDEX
@@ -191,7 +192,7 @@ def sisa_index(accuracy_m: float) -> int:
 
 
 def nearest_time(second: int, received: GalileoTime) -> GalileoTime:
-    """Return the time with a given second of the week that is nearest to the time of reception.
+    """Return the time nearest to reception that has a given second of the week.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The ionosphere model in word 5, which is the input of NeQuick-G [OS-ICD, 5.1.6]."""
+"""Encode and decode the ionosphere model in word 5, which is the input of NeQuick-G [OS-ICD, 5.1.6]."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vestige.navigation.inav.words import InavWord
 
 _WORD = 5
 
-_FIELDS: Mapping[str, str] = {  # attribute -> field of word 5
+_FIELDS: Mapping[str, str] = {  # name of the attribute -> name of the field in word 5
     "ai0_sfu": "ai0_sfu",
     "ai1_sfu_per_deg": "ai1_sfu_per_deg",
     "ai2_sfu_per_deg2": "ai2_sfu_per_deg2",
@@ -20,13 +20,14 @@ _FIELDS: Mapping[str, str] = {  # attribute -> field of word 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BroadcastIonosphere:
-    """Effective ionisation level and disturbance flags.
+    """Ionosphere model of word 5: effective ionisation level and disturbance flags.
 
     Attributes
     ----------
     ai0_sfu, ai1_sfu_per_deg, ai2_sfu_per_deg2
-        Coefficients of the effective ionisation level in solar flux units, over the modified dip latitude in degrees.
-        If all coefficients are zero, no coefficients are available, and NeQuick-G takes its default.
+        Coefficients of the polynomial in the modified dip latitude, in degrees, that gives the effective ionisation
+        level in solar flux units. If all coefficients are zero, no coefficients are available, and NeQuick-G takes its
+        default.
     disturbed_regions
         Five flags as a number, 0 to 31. The most significant bit belongs to region 1, the northernmost region.
 
@@ -74,7 +75,7 @@ class BroadcastIonosphere:
 
     @property
     def fields(self) -> dict[str, float]:
-        """Physical values by field of word 5."""
+        """Physical values of the model by name of the field in word 5."""
         return {field: getattr(self, name) for name, field in _FIELDS.items()}
 
 

@@ -1,4 +1,4 @@
-"""A page of Galileo I/NAV on E1-B: 240 bits in 2 s.
+"""Encode and decode a page of Galileo I/NAV on E1-B, which has 240 bits and takes 2 s.
 
 A page has two halves of 120 bits, one second each [OS-ICD, 4.3.2]::
 
@@ -27,9 +27,9 @@ OSNMA_BYTES = 5  # 8 bits of the HKROOT and 32 bits of the MACK message in a pag
 
 # Secondary synchronisation pattern by the second of the page's start modulo 6 [OS-ICD, 4.3.2]
 SSP_BY_SECOND = {1: 0x04, 3: 0x2B, 5: 0x2F}
-NO_SSP = 0xFD  # value in place of the pattern, from satellites that do not send the pattern
+NO_SSP = 0xFD  # value that a satellite without the pattern sends
 
-_DATA_1_BITS, _DATA_2_BITS = 112, 16  # bits of the word in the even and the odd half
+_DATA_1_BITS, _DATA_2_BITS = 112, 16  # number of bits of the word in the even and the odd half
 
 
 def _page_layout() -> BitLayout:
@@ -57,9 +57,11 @@ def _page_layout() -> BitLayout:
 
 PAGE_LAYOUT = _page_layout()
 _CRC = PAGE_LAYOUT.by_name["crc"]
-_BEHIND_TAIL = PAGE_BITS - PAGE_LAYOUT.by_name["tail_1"].start  # bits from the first tail on
-_ODD_COVERED = _CRC.start - PAGE_LAYOUT.by_name["even_odd_2"].start  # bits of the odd half that the checksum covers
-_CRC_ON = PAGE_BITS - _CRC.start  # bits from the checksum on
+# number of bits from the first tail to the end of the page
+_BEHIND_TAIL = PAGE_BITS - PAGE_LAYOUT.by_name["tail_1"].start
+# number of bits that the checksum covers in the odd half
+_ODD_COVERED = _CRC.start - PAGE_LAYOUT.by_name["even_odd_2"].start
+_CRC_ON = PAGE_BITS - _CRC.start  # number of bits from the checksum to the end of the page
 _CRC_SHIFT = _CRC_ON - _CRC.length
 
 

@@ -1,12 +1,13 @@
-"""Reduced clock and ephemeris data: a satellite's orbit and clock in word 16 [OS-ICD, reduced CED].
+"""Encode and decode reduced clock and ephemeris data, the coarse orbit and clock in word 16 [OS-ICD, reduced CED].
 
-A receiver that has just started computes a first fix from word 16 before words 1 to 4 are complete. The error of this
-fix is tens to hundreds of metres. The word contains six orbital elements relative to a nominal orbit, and a clock::
+A receiver that has just started computes a first fix from word 16 before words 1 to 4 are complete. The error of the
+first fix is tens to hundreds of metres. The word contains six orbital elements relative to a nominal orbit, and a
+clock::
 
     A = 29 600 km + ΔA,   e = √(ex² + ey²),   ω = atan2(ey, ex),   M0 = λ0 − ω,   i0 = 56° + Δi0
 
-The elements refer to the first page of the subframe that carries the word, and are computed anew for each subframe. An
-orbit that is too eccentric for the fields has no word 16.
+The elements refer to the start of the first page of the subframe that carries the word. The elements are computed anew
+for each subframe. An orbit that is too eccentric for the fields has no word 16.
 """
 
 from __future__ import annotations
@@ -31,15 +32,15 @@ REDUCED_CED_WORD = 16
 NOMINAL_AXIS_M = 29_600_000.0  # [OS-ICD, reduced CED]
 NOMINAL_INCLINATION_RAD = math.radians(56.0)  # [OS-ICD, reduced CED]
 
-# times of the fit in s after the reference time; a receiver has the next word long before the last time
+# Times of the fit in s after the reference time. A receiver gets the next word 16 long before the last of these times.
 _FIT_S = np.linspace(0.0, 600.0, 7)
 _STEPS = 4  # number of Gauss–Newton steps; the elements start within 1e-5 of the solution
-# change of an element for the derivatives, in rad or as a plain number; the position changes by 30 m
+# Change of an element for the derivatives, in rad or as a plain number. The change moves the satellite by 30 m.
 _DIFFERENCE = 1e-6
 
 
 def reference_time(time: GalileoTime) -> GalileoTime:
-    """Return the time to which the word 16 of a subframe refers: the start of its first page.
+    """Return the time to which word 16 of a subframe refers, which is the start of the first page of the subframe.
 
     Parameters
     ----------
@@ -64,9 +65,9 @@ class ReducedCed:
     omega0_rad
         Longitude of the ascending node at the start of the week, in rad.
     lambda0_rad
-        M0 + ω, in rad.
+        Mean anomaly plus argument of perigee, M0 + ω, in rad.
     af0_s, af1
-        Clock offset in s and drift, of the pair (E1, E5b).
+        Offset in s and drift of the satellite clock for the signal pair (E1, E5b).
     """
 
     delta_a_m: float
@@ -86,9 +87,10 @@ class ReducedCed:
 
     @classmethod
     def from_ephemeris(cls, ephemeris: Ephemeris, time: GalileoTime) -> Self | None:
-        """Return the elements that follow an ephemeris best in the 10 min after the reference time.
+        """Return the content of word 16 that fits an ephemeris best in the 10 min after the reference time.
 
-        The axis is first rounded to its coarse steps of 256 m. The other elements are then fitted for this axis.
+        The semi-major axis is first rounded to its coarse steps of 256 m. The other elements are then fitted for the
+        rounded axis.
 
         Parameters
         ----------
@@ -100,7 +102,7 @@ class ReducedCed:
         Returns
         -------
         ReducedCed or None
-            Elements of the orbit; None if the orbit or clock does not fit into the word.
+            Orbit and clock of word 16; None if the orbit or clock does not fit into the word.
         """
         start = reference_time(time)
         orbit = referred_to(ephemeris, start)
@@ -129,7 +131,7 @@ class ReducedCed:
         ).encode()
 
     def ephemeris(self, svid: int, time: GalileoTime) -> Ephemeris:
-        """Return the orbit and clock as an ephemeris, for the minutes after reception.
+        """Return the orbit and clock as an ephemeris, which is valid for the minutes after reception.
 
         Parameters
         ----------
@@ -167,7 +169,7 @@ class ReducedCed:
         return True
 
     def _fitted(self, orbit: Ephemeris, start: GalileoTime) -> Self:
-        """Return the elements, apart from the axis, that are closest to the positions of an orbit."""
+        """Return the content with unchanged axis, and with all other elements fitted to the positions of an orbit."""
         names = ("ex", "ey", "delta_i0_rad", "omega0_rad", "lambda0_rad")
         wanted = satellite_state(orbit, start, _FIT_S).position_m
         found = self

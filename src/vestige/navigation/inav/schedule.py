@@ -1,8 +1,9 @@
-"""Schedule of I/NAV: the word that a satellite sends in each page.
+"""Return the type of the I/NAV word that a satellite sends in each page.
 
-The nominal sequence of E1-B takes 30 s, one subframe. Some pages alternate between the two halves of a minute [OS-ICD,
-I/NAV sub-frame layout]. Satellites without FEC2 send word 0 in place of the words 16 to 20. A satellite whose orbit
-does not fit into word 16 sends word 5 instead. These three rules agree with signals recorded in 2023 and 2025.
+The nominal sequence of E1-B takes 30 s, one subframe. Some pages carry different words in the two halves of a minute
+[OS-ICD, I/NAV sub-frame layout]. Satellites without FEC2 send word 0 in place of the words 16 to 20. A satellite whose
+orbit does not fit into word 16 sends word 5 instead. The three rules above agree with signals that were recorded in
+2023 and 2025.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Encode and decode time in I/NAV: word 0, UTC in word 6, GPS time offset in word 10 [OS-ICD, 5.1.7, 5.1.8]."""
+"""Encode and decode the time in word 0, UTC in word 6 and the GPS time offset in word 10 [OS-ICD, 5.1.7, 5.1.8]."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class UtcModel:
     Attributes
     ----------
     a0_s, a1
-        Offset in s without the leap seconds, and drift of the offset.
+        Offset of GST minus UTC in s without the leap seconds, and drift of this offset.
     reference
         Time to which offset and drift refer, a whole hour.
     leap_seconds, leap_seconds_after
@@ -61,7 +61,7 @@ class UtcModel:
         Parameters
         ----------
         time
-            Any time. The model refers to the start of the day of this time.
+            Any time. The model refers to the start of the day that contains `time`.
         """
         now = time.utc
         before = [leap for day, leap in LEAP_SECONDS if day <= now]
@@ -76,7 +76,7 @@ class UtcModel:
         )
 
     def word(self, start: GalileoTime) -> int:
-        """Return word 6 of 128 bits.
+        """Return word 6 (128 bits) with the model and the time of a page.
 
         Parameters
         ----------
@@ -110,7 +110,7 @@ class UtcModel:
         word
             Word 6.
         received
-            Time of reception. The weeks modulo 256 become the weeks that are nearest to the reception.
+            Time of reception. A week modulo 256 becomes the full week that is nearest to the reception.
         """
         decoded = InavWord.decode(word)
         day_s = (decoded.raw["leap_day"] - 1) * DAY_S
@@ -131,7 +131,7 @@ class GpsTimeOffset:
     Attributes
     ----------
     a0g_s, a1g
-        Offset in s and drift.
+        Offset of GST minus GPS time in s, and drift of this offset.
     reference
         Time to which offset and drift refer, a whole hour.
     """
@@ -149,7 +149,7 @@ class GpsTimeOffset:
         word
             Word 10.
         received
-            Time of reception, which resolves the week.
+            Time of reception, from which the full week of the reference is found.
         """
         decoded = InavWord.decode(word)
         if all(decoded.raw[name] == raw for name, raw in NO_GPS_TIME.items()):
@@ -163,7 +163,7 @@ class GpsTimeOffset:
 
     @property
     def fields(self) -> dict[str, float]:
-        """Physical values by field of word 10."""
+        """Physical values of the offset by name of the field in word 10."""
         return {
             "a0g_s": self.a0g_s,
             "a1g": self.a1g,

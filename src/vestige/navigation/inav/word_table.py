@@ -1,4 +1,4 @@
-"""The fields of every I/NAV word, as the interface document lists them [OS-ICD, 4.3.5].
+"""List the fields of every I/NAV word, as the interface document does [OS-ICD, 4.3.5].
 
 Only this table contains the positions of the fields. Every word has 128 bits and begins with six bits of type. Names
 and units are the same as in `Ephemeris`, with angles in rad instead of semicircles. Spare and reserved bits carry the
@@ -23,7 +23,7 @@ _PI = math.pi
 
 
 def _spare(name: str, length: int) -> dict[str, Any]:
-    """Return a row of alternating bits that begin with 0."""
+    """Return the row of a spare field, whose bits alternate and begin with 0."""
     pattern = int("".join(str(k % 2) for k in range(length)), 2)
     return {"name": name, "length": length, "fill": pattern}
 
@@ -37,7 +37,7 @@ def _signed(name: str, length: int, scale: float = 1.0, unit: str = "") -> dict[
 
 
 def _angle(name: str, length: int, exponent: int) -> dict[str, Any]:
-    """Return a row of a signed angle whose last bit is 2^exponent semicircles."""
+    """Return the row of a signed angle whose last bit is 2^exponent semicircles."""
     return _signed(name, length, 2.0**exponent * _PI, "rad")
 
 
@@ -59,7 +59,7 @@ _ALMANAC_TIME = (_unsigned("almanac_week", 2), _unsigned("t0a_s", 10, 600.0, "s"
 
 
 def _almanac_orbit(n: int) -> tuple[dict[str, Any], ...]:
-    """Return the rows from satellite number to inclination of the nth satellite in a set of almanac words."""
+    """Return the rows from `svid` to `delta_i_rad` of the nth satellite in the almanac words."""
     return (
         _unsigned(f"svid_{n}", 6),
         _signed(f"delta_sqrt_a_{n}", 13, 2.0**-9, "m^0.5"),
@@ -93,7 +93,7 @@ def _parity(kind: int) -> BitLayout:
 WORD_LAYOUTS: Mapping[int, BitLayout] = {
     0: _layout(
         0,
-        {"name": "time_set", "length": 2, "fill": 0b10},  # the time fields contain the time
+        {"name": "time_set", "length": 2, "fill": 0b10},  # `week` and `tow_s` are valid
         _spare("spare", 88),
         _WEEK,
         _TOW,

@@ -1,7 +1,7 @@
 """Convert an I/NAV word of 128 bits to named integers and physical values, and back.
 
-The table `WORD_LAYOUTS` gives the bits of each field. Encoding a decoded word gives the same bits, because spare and
-reserved bits are fields too.
+The table `WORD_LAYOUTS` gives the bits of each field. A decoded word is encoded to the same bits again, because spare
+and reserved bits are fields too.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from vestige.errors import VestigeError
 from vestige.navigation.inav.word_table import TYPE_BITS, WORD_BITS, WORD_LAYOUTS, word_layout
 
-_TIME_SET = 0b10  # time field of word 0 with week and time of week [OS-ICD, 4.3.5]
+_TIME_SET = 0b10  # value of the field `time_set` if word 0 has week and time of week [OS-ICD, 4.3.5]
 _TIME_WORDS = {0: True, 5: True, 6: False}  # word type -> whether the word has the week in addition to the time of week
 
 
@@ -28,14 +28,14 @@ def word_type(word: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class InavWord:
-    """The fields of a word.
+    """An I/NAV word, with an integer for each of its fields.
 
     Attributes
     ----------
     kind
         Word type, 0 to 63.
     raw
-        Field name -> signed integer as transmitted, including the type.
+        Field name -> integer as transmitted, including the field `type`.
 
     Examples
     --------
@@ -66,7 +66,7 @@ class InavWord:
 
     @classmethod
     def from_values(cls, kind: int, values: Mapping[str, float]) -> InavWord:
-        """Return the word whose fields are nearest to physical values.
+        """Return the word whose fields are nearest to the given physical values.
 
         Parameters
         ----------

@@ -1,1 +1,1 @@
-"""Figures of attacks."""
+"""Draw figures of attacks."""

@@ -1,4 +1,4 @@
-"""Animation of the correlation function of each epoch, with the signal that each detector found."""
+"""Animate the correlation function of each epoch, with the signal that each detector found."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _MARKERS = (("v", BLUE), ("^", RED), ("<", GREY), (">", BLACK))  # marker and co
 def write_animation(
     results: xarray.Dataset, path: Path | str, *, svid: int | None = None, width_cm: float = WIDTH_CM
 ) -> int:
-    """Write a GIF of magnitude against tap offset with the detected signals, and return the number of frames.
+    """Write a GIF of magnitude over correlator offset with the detected signals, and return the number of frames.
 
     Under attack, dashed lines mark the true signal and the strongest spoofing signal.
 
@@ -95,7 +95,7 @@ def write_animation(
 
 
 def _truth(selected: xarray.Dataset) -> dict[str, Float[np.ndarray, " n_epochs"]]:
-    """Return the offsets of the true signal and of the strongest spoofing signal by name."""
+    """Return the range offsets in m of the true signal and of the strongest spoofing signal, by line label."""
     power_db, spoofer_m = spoofing_power_and_offset(selected)
     strongest = np.argmax(np.where(np.isnan(power_db), -np.inf, power_db), axis=1)
     return {

@@ -1,4 +1,4 @@
-"""Figure of the range offsets of all detectors under attack, with the attacker's actions [WFO, Sec. VI-B]."""
+"""Draw the range offsets of all detectors under attack, with the attacker's actions [WFO, Sec. VI-B]."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from vestige.plots.figure import (
     time_label,
 )
 
-_AXES_CM, _REST_CM = 4.0, 3.5  # height in cm of the axes of a detector, and of all other parts
+_AXES_CM, _REST_CM = 4.0, 3.5  # height in cm of the axes of a detector, and of the rest of the figure
 _POWER_SHARE = 0.45  # height of the power axes as a share of the height of range-offset axes
 _MARGIN_M = 12.0
 _LINE: dict[str, Any] = {"linewidth": 0.5, "rasterized": True}
@@ -36,8 +36,8 @@ _LINE: dict[str, Any] = {"linewidth": 0.5, "rasterized": True}
 def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Axes:
     """Draw the power of the spoofing signals above the range offset of each detector, and return the uppermost axes.
 
-    Lines in the range-offset axes mark the truth: the true signal and each spoofing signal. A spoofing signal without
-    power has no line. A dashed line marks the edge of the bank of correlators if measured offsets come near this edge.
+    Lines in the range-offset axes mark the true signal and each spoofing signal. A spoofing signal without power has no
+    line. A dashed line marks the edge of the bank of correlators if measured offsets come near this edge.
 
     Raises `VestigeError` if the campaign has no attack, or lacks the satellite.
     """
@@ -89,7 +89,7 @@ def spoofing_power_and_offset(
 
 
 def _limits(selected: xarray.Dataset, *places_m: Float[np.ndarray, "..."]) -> tuple[float, float]:
-    """Return the limits of the range-offset axes, which show all offsets within the bank of correlators."""
+    """Return the limits in m of the range-offset axes, which show all offsets within the bank of correlators."""
     offsets_m = column(selected, "tap_offset_m")
     shown_m = np.concatenate([np.zeros(1), *(one.ravel() for one in places_m)])
     shown_m = shown_m[(shown_m >= offsets_m[0]) & (shown_m <= offsets_m[-1])]

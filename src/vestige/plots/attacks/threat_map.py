@@ -1,6 +1,7 @@
-"""Coloured map of the outcome of each attack at each mitigation level: [WFO, Fig. 4] with measured numbers.
+"""Draw the measured outcome of each attack at each mitigation level as a coloured map, like [WFO, Fig. 4].
 
-Green marks a defence that works, and red marks a defence that fails. Words say whether the outcome was expected.
+Green marks a defence that works, and red marks a defence that fails. The words in a cell say if the outcome differs
+from the expected outcome.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from vestige.plots.figure import BLACK, GREY, LETTERS_PT, ORANGE, SMALL_LETTERS_
 
 MAP_WIDTH_CM = 29.0
 _ROW_CM, _ROUND_CM = 0.5, 3.2
-_TITLE_PT = 9.0  # larger than in a column of a paper, because the map is 29 cm wide
+_TITLE_PT = 9.0  # the title is larger than in other figures, because the map is 29 cm wide
 _WHOLE = 10.0  # numbers from this value on have no decimals
 _LIGHT = 0.5  # opacity of the colours, so that black letters are readable on them
 _WHITE, _RED = "#FFFFFF", "#CC3311"
@@ -29,7 +30,7 @@ class _Meaning(NamedTuple):
     legend: str
 
 
-# word of a cell: its colour, and its explanation in the legend
+# word of a cell -> colour of the cell, and explanation of the word in the legend
 MEANINGS = {
     "mitigated": _Meaning("#007A4D", "mitigated: goes on with true ranges"),
     "mitigated late": _Meaning("#3CB88A", "mitigated late: wrong ranges at first"),
@@ -43,11 +44,11 @@ MEANINGS = {
 
 
 def threat_map(table: xarray.Dataset) -> Axes:
-    """Return the axes of the map: a line for each attack and scene, and a column for each level.
+    """Draw the map with a line for each attack and scene and a column for each level, and return the axes.
 
-    A cell has a word, and the shares of runs that are detected, mitigated, and have a wrong range in use. If the
-    outcome was not expected, the cell also has the expected outcome. The table is `threats.zarr` of `vestige threats`,
-    with variables over `scene` and `level`.
+    A cell has the outcome as a word, and the shares in % of the runs that were detected, that were mitigated, and that
+    had a wrong range in use. If the outcome was not expected, the cell also has the expected outcome. The table is
+    `threats.zarr` of `vestige threats`, with variables over `scene` and `level`.
     """
     levels = table["level"].values.tolist()
     lines = _lines(table)
@@ -114,7 +115,7 @@ def _legend(ax: Axes, table: xarray.Dataset) -> None:
 
 
 def _texts(cell: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the texts on the left and on the right of a cell, from the values of the cell by their names."""
+    """Return the texts at the left and at the right edge of a cell, whose values `cell` has by name."""
     word, how = str(cell["word"]), str(cell["agreement"])
     if not word:
         value, budget = (_short(float(cell[name])) for name in ("alarms_a_day", "budget_alarms_a_day"))

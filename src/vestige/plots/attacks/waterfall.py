@@ -1,4 +1,4 @@
-"""Figures of the correlation function against time: a surface and a colour map [WFO, Sec. VI-A, second figure]."""
+"""Draw the correlation function against time as a surface and as a colour map [WFO, Sec. VI-A, second figure]."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from vestige.plots.epochs import column, magnitudes_sigma, select, thinned, titl
 from vestige.plots.figure import COLOUR_MAP, LETTERS_PT, dress, figure_of, new_axes, time_label
 
 LABELLED_TAPS = 8  # largest number of labels along the bank that do not overlap
-SLICES = 90  # largest number of epochs that remain distinguishable in a surface of this width
+SLICES = 90  # largest number of epochs that remain distinguishable in a surface 8 cm wide
 MAP_COLUMNS = 1600  # largest number of epochs in a map, about two epochs for each pixel
-_BOX = (4.0, 4.6, 2.6)  # proportions of tap offset, time and magnitude
-_VIEW = {"elev": 44.0, "azim": -66.0}  # view in degrees, in which time increases away from the viewer
+_BOX = (4.0, 4.6, 2.6)  # relative lengths of the axes of tap offset, time and magnitude
+_VIEW = {"elev": 44.0, "azim": -66.0}  # direction of view in °, in which time increases away from the viewer
 
 
 def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
     """Return axes with the magnitude of every tap as a surface over tap offset and time.
 
-    The run begins at the front. Only epochs with RECS are drawn. In a long run only every k-th of these epochs is
-    drawn, without averaging. An epoch with RECS but without a correlation is a gap.
+    The campaign begins at the front of the surface. Only epochs with RECS are drawn. In a long campaign only every k-th
+    epoch with RECS is drawn, without averaging. An epoch with RECS but without a correlation is a gap.
 
     `ax` must have the projection `3d`.
 
@@ -63,8 +63,9 @@ def waterfall(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | No
 def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes | None = None) -> Axes:
     """Return axes with the magnitude of every tap as colours over time and tap offset.
 
-    Only epochs with RECS are drawn. Each colour reaches halfway to the neighbouring RECS. In a long run only every k-th
-    of these epochs is drawn, without averaging. An epoch with RECS but without a correlation is white.
+    Only epochs with RECS are drawn. The colour of an epoch reaches halfway to the neighbouring epochs with RECS. In a
+    long campaign only every k-th epoch with RECS is drawn, without averaging. An epoch with RECS but without a
+    correlation is white.
 
     Raises `VestigeError` if the results lack the satellite.
     """
@@ -100,7 +101,10 @@ def _thin(shown: xarray.Dataset, limit: int) -> xarray.Dataset:
 
 
 def _edges(centres: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n+1"]:
-    """Return the borders halfway between neighbours, with symmetric outermost borders."""
+    """Return the borders of cells around `centres`, halfway between neighbours.
+
+    An outermost centre is in the middle of its cell.
+    """
     if centres.size < 2:
         return np.array([centres[0] - 0.5, centres[0] + 0.5])
     middle = (centres[1:] + centres[:-1]) / 2

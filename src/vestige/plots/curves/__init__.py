@@ -1,1 +1,1 @@
-"""Figures of probabilities and of sweeps."""
+"""Draw figures of probabilities and of sweeps."""

@@ -1,4 +1,4 @@
-"""Detection rate of checks against the strength of an attack, with intervals."""
+"""Draw the detection rate of checks against the strength of an attack, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vestige.campaign.statistics import Proportion
 from vestige.plots.curves.sweep_curves import COLOURS
 from vestige.plots.figure import dress, legend, new_axes
 
-_APART = 0.006  # distance between the curves as a share of the width
+_APART = 0.006  # distance between the curves as a share of the width of the axes
 
 
 def check_curves(
@@ -23,10 +23,11 @@ def check_curves(
     log: bool = False,
     ax: Axes | None = None,
 ) -> Axes:
-    """Return axes with a curve for each check, and the confidence interval at each strength of an attack.
+    """Draw the share of runs in which each check failed against the strength of an attack, and return the axes.
 
-    The strengths ascend. `seen` gives for each check, at each strength, the share of runs in which the check failed.
-    `label` is the label of the axis of strengths. This axis is logarithmic if `log` is true.
+    The strengths ascend. `seen` gives for each check, at each strength, the share of runs in which the check failed,
+    with its confidence interval. `label` is the label of the axis of strengths. The axis of strengths is logarithmic if
+    `log` is true.
     """
     ax = new_axes() if ax is None else ax
     x = np.log(strength) if log else np.array(strength, dtype=np.float64)

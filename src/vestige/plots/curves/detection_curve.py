@@ -1,4 +1,4 @@
-"""Figure of detection, miss and false-alarm rates against C/N0, with the curve of theory [WFO, Sec. III]."""
+"""Draw detection, miss and false-alarm rates against C/N0, with the theoretical curve [WFO, Sec. III]."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from vestige.plots.figure import BLACK, PD_TEXT, PFA_TEXT, dress, legend, new_ax
 from vestige.theory.thresholds import miss_probability, probability_of_detection
 
 _CURVE_POINTS = 300
-_MARGIN_DB = 1.0  # extension of the curve of theory beyond the outermost points
+_MARGIN_DB = 1.0  # extension of the theoretical curve beyond the outermost points
 
 
 class _Kind(NamedTuple):
-    """A relative frequency: its variables in the sweep, and its theory as a function of C/N0, T_I and P_fa."""
+    """Kind of event: names of its counts in a sweep, and its probability for C/N0, integration time and P_fa."""
 
     title: str
     label: str
@@ -31,7 +31,7 @@ class _Kind(NamedTuple):
     theory: Callable[[Float[np.ndarray, " n"], float, float], Float[np.ndarray, " n"]]
     theory_label: str
     log: bool = True
-    of_others: bool = False  # whether the events are the trials that are not counted
+    of_others: bool = False  # whether the events are the trials that `counted` does not count
 
 
 def _as_asked(cn0_dbhz: Float[np.ndarray, " n"], _: float, p_fa: float) -> Float[np.ndarray, " n"]:
@@ -51,26 +51,27 @@ COUNTED_EVENTS = {
 
 
 def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axes | None = None) -> Axes:
-    """Return axes with the relative frequency of an event against C/N0, its confidence interval, and theory.
+    """Draw the relative frequency of an event against C/N0 with confidence intervals and theory, and return the axes.
 
-    The interval is the Clopper–Pearson interval, which contains the probability in at least 95 % of all sweeps, for any
-    count. In log scale a count of 0 has no dot, but an arrow that points down from the upper end of the interval.
-    Theory applies to a single correlator that is aligned with the signal. A sweep of several keys has a curve for each
-    combination of the other keys. A sweep that does not vary C/N0 is drawn against the first key with numbers.
+    The confidence interval is the Clopper–Pearson interval, which contains the true probability in at least 95 % of all
+    sweeps. In log scale a count of 0 is drawn not as a dot, but as an arrow that points down from the upper end of the
+    interval. Theory applies to a single correlator that is aligned with the signal. A sweep of several keys has a curve
+    for each combination of the other keys. A sweep that does not vary C/N0 is drawn against the first key whose values
+    are numbers.
 
     Parameters
     ----------
     sweep
-        Variables `cn0_dbhz`, `trials` and `detections` along one dimension (see `sweep.sweep_of`). For false alarms the
-        counts are `false_alarm_trials` and `false_alarms`, from decisions on noise alone. Theory needs the attributes
-        `integration_s` and `p_fa`.
+        Sweep with the variables `cn0_dbhz`, `trials` and `detections` along one dimension (see `sweep.sweep_of`). For
+        false alarms the counts are `false_alarm_trials` and `false_alarms`, from decisions on noise alone. Theory needs
+        the attributes `integration_s` and `p_fa`.
     count
         Event to draw: `detections`, `misses` or `false_alarms`.
 
     Raises
     ------
     VestigeError
-        If the sweep lacks the counts, or counts are impossible.
+        If the sweep lacks the counts, or has impossible counts, such as more events than trials.
     """
     kind = COUNTED_EVENTS[count]
     cn0_dbhz, trials, events = _counts(sweep, kind)
@@ -114,7 +115,7 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
 def _counts(
     sweep: xarray.Dataset, kind: _Kind
 ) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """Return C/N0, trials and events of each row."""
+    """Return the C/N0 in dBHz, the number of trials and the number of events of each row of a sweep."""
     for name in ("cn0_dbhz", kind.trials, kind.counted):
         if name not in sweep.variables or sweep[name].dtype.kind not in "fiu":
             raise VestigeError(f"sweep: found no {name}, expected numbers of it")

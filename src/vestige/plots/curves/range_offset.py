@@ -1,4 +1,4 @@
-"""Figure of the range offset against time [WFO, Sec. VI-A, fifth figure; Sec. VI-B, last two figures]."""
+"""Draw the range offset against time [WFO, Sec. VI-A, fifth figure; Sec. VI-B, last two figures]."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from vestige.plots.bank_edge import LIMIT_LINE, mark_bank_edge
 from vestige.plots.epochs import column, is_missed, select, title_of
 from vestige.plots.figure import BLACK, BLUE, RED, dot_size_pt, dress, legend, new_axes, time_label
 
-_EMPTY_M = 15.0  # limit of the axis if nothing is detected
+_EMPTY_M = 15.0  # limit of the axis in m on both sides if nothing is detected
 _TICKS_SHARE = 0.08  # height of the strip of missed epochs below the range offsets, as a share of the axes
-_LEGEND_ROW_SHARE = 0.08  # height of a row of the legend above the range offsets
+_LEGEND_ROW_SHARE = 0.08  # height of a row of the legend above the range offsets, as a share of the axes
 
 
 def range_offset(
@@ -32,8 +32,9 @@ def range_offset(
     Parameters
     ----------
     limit_m
-        Largest range offset in m that passes the range check. Dashed lines on both sides mark this limit if an offset
-        is larger than half of the limit. With smaller offsets the lines would make the scale of the axis too coarse.
+        Largest range offset in m that passes the range check. Dashed lines at plus and minus this limit are drawn if an
+        offset is larger than half of the limit. With smaller offsets the dashed lines would make the scale of the axis
+        too coarse.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Receiver operating characteristic (ROC) of a search: theory with the losses of its grid, and measured points."""
+"""Draw receiver operating characteristics (ROC) of searches, from theory with grid losses and from measurements."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ RocCurve = tuple[
 
 
 def roc_curves(curves: Sequence[RocCurve], *, title: str) -> Axes:
-    """Return axes with P_d against the false-alarm probability of the whole search.
+    """Draw P_d against the false-alarm probability of the whole search, and return the axes.
 
-    Each curve has a name, the overall P_fa and P_d of theory, and P_fa, detections and trials of the measurement.
+    Each curve has a name, the theoretical P_fa and P_d of the whole search, and P_fa, detections and trials of the
+    measurement.
     """
     ax = new_axes()
     for colour, (name, pfa, pd, at, found, trials) in zip(_COLOURS, curves, strict=False):

@@ -23,7 +23,7 @@ _COUNTS = ("trials", "detections", "false_alarm_trials", "false_alarms")
 def sweep_of(
     campaigns: Sequence[xarray.Dataset], *, detector: str = "early", svid: int | None = None
 ) -> xarray.Dataset:
-    """Return trials and detections of several campaigns, with a row for each campaign.
+    """Return the numbers of trials and detections of several campaigns, with a row for each campaign.
 
     The campaigns differ in C/N0, which is their attribute `cn0_dbhz`.
 
@@ -48,15 +48,15 @@ def sweep_of(
 
 
 def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
-    """Return a sweep from a CSV table with a header, for example from `vestige run --sweep`.
+    """Read a sweep from a CSV table with a header, such as `sweep.csv` of `vestige run --sweep`.
 
     The table has the column `cn0_dbhz`. The table also has the columns `trials` and `detections`, or
     `false_alarm_trials` and `false_alarms`, or all these columns. Theory needs the columns `integration_s` and `p_fa`,
-    each with the same value in all rows. In place of `detections` there may be a column for each detector, such as
-    `detections_early`. Columns before `cn0_dbhz` are the keys of a sweep. The values of the keys are kept as text in
+    each with the same value in all rows. In place of `detections` the table may have a column for each detector, such
+    as `detections_early`. Columns before `cn0_dbhz` are the keys of a sweep. The values of the keys are kept as text in
     the variables `key NAME`. Other columns are ignored.
 
-    Raises `InputFileError` if the file is not such a table.
+    Raises `InputFileError` if the file is no CSV table, or lacks these columns, or has values of another kind.
     """
     path = Path(path)
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")

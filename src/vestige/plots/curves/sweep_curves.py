@@ -1,4 +1,4 @@
-"""Curves of a sweep: its abscissa, and the rows of each curve."""
+"""Choose the abscissa of a sweep, and divide the rows of the sweep into curves."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vestige.errors import VestigeError
 from vestige.plots.figure import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 
 COLOURS = (BLUE, RED, GREEN, ORANGE, GREY, BLACK)
-KEY = "key "  # prefix of the variables with the values of a key, as text
+KEY = "key "  # prefix of the names of variables that contain the values of a key as text
 CN0 = "C/N0 (dBHz)"
 _CN0_KEY = "receiver.cn0_dbhz"
 
@@ -26,7 +26,7 @@ class SweepCurve:
 
 
 def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
-    """Return label and values of the abscissa of a sweep: C/N0, or if C/N0 does not vary, the first key that varies.
+    """Return label and values of the abscissa of a sweep, which is C/N0, or the first numeric key if C/N0 is constant.
 
     A key whose values are not numbers separates curves (see `curves`).
     """
@@ -43,7 +43,7 @@ def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
 
 
 def curves(sweep: xarray.Dataset) -> tuple[SweepCurve, ...]:
-    """Return the curves of a sweep, one curve for each combination of the keys that are not the abscissa.
+    """Return the curves of a sweep, a curve for each combination of values of the keys that are not the abscissa.
 
     Raises `VestigeError` if there are more curves than colours.
     """

@@ -1,1 +1,1 @@
-"""Correlators and search results, drawn from exact models without samples."""
+"""Draw correlators and search results from exact models, without samples."""

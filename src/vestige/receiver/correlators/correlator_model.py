@@ -1,4 +1,4 @@
-"""The `correlators` fidelity: banks of correlators drawn from their exact distribution, without samples.
+"""Draw banks of correlators from their exact distribution without samples, for the `correlators` fidelity.
 
 For known chips, a correlator output is the sum of the paths' correlation functions and of Gaussian noise. The noise of
 the taps has the covariance of the replicas. N_c is the number of chips, T the integration time and d_k the offset of
@@ -9,12 +9,12 @@ tap k. Path r has the amplitude a_r, the delay τ_r after the hand-over's predic
     R_e(x) = (1 − f) A_d + f A_{d+1},   d = ⌊|x|⌋, f = |x| − d chips,   A_0 = 1,  A_d ~ N(0, 1/N_c), drawn per epoch
 
 A_d is the self-noise of a random code. Linear interpolation between whole chips is exact for rectangular chips. The
-outputs are normalised: the line of sight alone gives 1 in a tap at its delay. The model is exact for continuous time
-without a front end. A sampled correlation at an incommensurate rate has the same distribution, as the tests show.
+outputs are normalised so that the line of sight alone gives 1 in a tap at its delay. The model is exact for continuous
+time without a front end. A sampled correlation at an incommensurate rate has the same distribution, as the tests show.
 Behind a filter or a quantiser R_n of `front_end_correlation` replaces R, and R_e(x) = Σ_d A_|d| R_h(x − d).
 
-With several satellites, the other signals on air are white noise (`other_signals`). Under attack, spoofing signals are
-further paths. `disturbance` adds noise, jamming, and the self-noise of paths that are far from a tap.
+With several satellites, the other signals on air count as white noise (`other_signals`). Under attack, spoofing signals
+are further paths. `disturbance` adds noise, jamming, and the self-noise of paths that are far from a tap.
 
 The noise floor is measured with N_c chips, so its relative standard deviation is 1/√N_c. The measured floor includes a
 part of the signal's own power.
@@ -33,8 +33,9 @@ from vestige.receiver.front_end.front_end_correlation import noise_correlation, 
 from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 
-_SELF_NOISE_LAGS = 16  # largest distance of a path from a tap, in chips
-# steps of the table of R_h; linear interpolation has an error of 3e-4 of the peak for a bandwidth of 20 MHz
+_SELF_NOISE_LAGS = 16  # largest distance of a path from a tap in chips at which R_e is drawn
+# Number of steps for each chip in the table of R_h. Linear interpolation has an error of 3e-4 of the peak for a
+# bandwidth of 20 MHz.
 _STEPS_PER_CHIP = 64
 
 
@@ -44,7 +45,7 @@ class Draws:
 
     correlation: Float[np.ndarray, "n_epochs n_lags"]  # R_e with its self-noise
     noise: Complex128[np.ndarray, "n_epochs n_taps"]  # noise in the taps for σ = 1
-    floor: Float[np.ndarray, " n_epochs"]  # measured noise floor over its mean
+    floor: Float[np.ndarray, " n_epochs"]  # measured noise floor divided by its mean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +79,7 @@ class CorrelatorModel:
         if self._shaping is None:
             return np.linalg.cholesky(autocorrelation(BPSK, lags.ravel()).reshape(lags.shape))
         covariance = noise_correlation(self._shaping, lags.ravel()).reshape(lags.shape)
-        power, vectors = np.linalg.eigh(covariance)  # behind a narrow filter, neighbouring taps are nearly dependent
+        power, vectors = np.linalg.eigh(covariance)  # behind a narrow filter, the covariance is nearly singular
         return vectors * np.sqrt(np.maximum(power, 0.0))
 
     def draws(self, rng: np.random.Generator, n_epochs: int) -> Draws:
@@ -144,7 +145,7 @@ class CorrelatorModel:
         return taps + disturbance.waveforms * np.sqrt(variance), noise_power + variance * rise * draws.floor
 
     def _levels(self) -> tuple[float, float]:
-        """Return R_h(0) and R_n(0)."""
+        """Return the peaks R_h(0) and R_n(0) of the correlation functions of the signal and of the noise."""
         if self._shaping is None:
             return 1.0, 1.0
         at = np.zeros(1)

@@ -1,13 +1,13 @@
-"""Disturbance of drawn correlator banks by an attack: noise, jamming, and chips that do not match the replica.
+"""Draw the disturbance of correlator banks by an attack: noise, jamming, and chips that do not match the replica.
 
 Theory of operation
 -------------------
-**Chips that do not match.** An attacker made up the chips of a signal, or the delay of a signal is more than 16 chips
-away from a tap. The correlator at the distance x from such a signal gives
+**Chips that do not match.** Chips do not match if an attacker made up the chips, or if the signal is more than 16 chips
+away from a tap. The correlator at the distance x from a signal whose chips do not match gives
 
     R_u(x) = (1 − f) B_d + f B_{d+1}       d = ⌊x⌋, f = x − d chips       B_d ~ N(0, 1/N_c), independent
 
-R_u is the self-noise of the code without its peak. Each signal has independent values B_d.
+R_u is the self-noise of a code without the peak. Each signal has independent values B_d.
 
 **White noise** of density w N0, from a meaconer's repeater or a wideband jammer, scales the noise by √(1 + w).
 
@@ -35,7 +35,7 @@ CHIPS_A_METRE = E6C.chip_rate_hz / SPEED_OF_LIGHT_MPS
 class Disturbance:
     """Disturbance of the E6 correlators in n epochs: white noise, jamming waveforms, and chips that do not match."""
 
-    white: Float[np.ndarray, " n"]  # density of white noise over N0
+    white: Float[np.ndarray, " n"]  # density of white noise divided by N0
     # jamming waveforms in the taps, in units of σ (see `correlator_model`)
     waveforms: Complex128[np.ndarray, "n n_taps"]
     rise: Float[np.ndarray, " n"]  # rise of the noise power by the jamming waveforms, in units of σ²
@@ -52,7 +52,7 @@ def drawn_disturbance(
     first: int,
     labels: tuple[int, ...] = (),
 ) -> Disturbance:
-    """Return the disturbance of the epochs from `first` on.
+    """Draw the disturbance that the effects of an attack cause in the epochs from `first` on.
 
     The disturbance does not depend on the division of the epochs into blocks, because each block has its own stream of
     draws. `labels` are further parts of the stream's name, such as an SVID.

@@ -1,4 +1,4 @@
-"""E1 tracking loop under attack: which signal it follows, and when a spoofing signal captures it.
+"""Compute which signal an E1 tracking loop follows under attack, and when a spoofing signal captures the loop.
 
 Theory of operation
 -------------------
@@ -8,15 +8,16 @@ first signal is the true signal (a = 1, τ = 0). The correlator at x has the mea
     P(x) = Σ_ij Re(a_i a_j* H_ij) R(x − τ_i) R(x − τ_j)         H_ij = 1/(1 + j 2π(f_i − f_j)/4B)
 
 H_ij is the part of the beat between signals i and j that passes the loop. The loop has the noise bandwidth B and its
-pole at 4B rad/s. If the phase between two signals changes slowly, their amplitudes add. If this phase changes fast, the
-powers of the signals add. The loop settles at a stable zero of P(x − d/2) − P(x + d/2). When the signals change, the
-loop moves to the nearest zero in the direction of its discriminator. So the position of the loop depends on its past: a
-loop stays on the peak that the loop already tracks. The model computes steps of 0.1 s, which are short enough for
-pull-off rates up to 100 m/s.
+pole at 4B rad/s. If the phase between two signals changes slowly, the amplitudes of the signals add. If the phase
+between two signals changes fast, the powers of the signals add. The loop settles at a stable zero of P(x − d/2) − P(x +
+d/2). When the signals change, the loop moves to the nearest zero in the direction of its discriminator. So the position
+of the loop depends on earlier positions. A loop stays on the peak that the loop already tracks. The model computes
+steps of 0.1 s, which are short enough for pull-off rates up to 100 m/s.
 
 **Capture.** A spoofing signal may start aligned with the true signal and then move away. If the spoofing signal has
-more power than the true signal, the loop follows it at any phase. With equal or less power the spoofing signal never
-captures the loop [JWCN18, Eq. 4-6]. A spoofing signal that starts more than a chip away never captures a locked loop.
+more power than the true signal, the loop follows the spoofing signal at any phase. With equal or less power the
+spoofing signal never captures the loop [JWCN18, Eq. 4-6]. A spoofing signal that starts more than a chip away never
+captures a locked loop.
 
 **Lock.** A receiver acquires the strongest signal if the prompt correlator falls below 20 dBHz, or if an attack
 restarts the receiver (`acquired`). Acquisition takes `reacquisition_s`, during which a signal above 20 dBHz must be
@@ -28,12 +29,12 @@ tracking receiver looks for a lost satellite every second. The search takes 0.1 
 carrier takes 0.2 s. The receiver needs 0.2 s more to confirm C/N0 and phase lock. So the first observations come 0.5 to
 1.5 s after the signal returns (`test_reacquisition.py`).
 
-**Side peaks.** R² has side peaks half a chip from the main peak. The side peaks are 6 dB lower. A loop stays on the
-nearest peak. For example, the true signal vanishes, and a spoofing signal that is 170 m later stays on air. The loop
-then moves to a side peak of the spoofing signal, 16 m later, and not to the main peak. The tracking loops on samples
-also stay on the nearest peak, because these loops do not look for side peaks. Both kinds of loops settle a quarter of
-their early-late spacing before the side peak. The loop of the model has d = 0.1 chip and settles 16 m later. On samples
-of 12.3 MHz d is 0.166 chip, and the loop settles 11 m later.
+**Side peaks.** R² has side peaks half a chip from the main peak, which are 6 dB lower than the main peak. A loop stays
+on the nearest peak. For example, the true signal vanishes, and a spoofing signal that arrives 170 m after the true
+signal stays on air. The loop then moves later by 16 m to a side peak of the spoofing signal, and not to the main peak.
+The tracking loops on samples also stay on the nearest peak, because these loops do not look for side peaks. The loop of
+the model and the loops on samples settle a quarter of their early-late spacing before the side peak. The loop of the
+model has d = 0.1 chip and moves by 16 m. On samples of 12.3 MHz d is 0.166 chip, and the loop moves by 11 m.
 
 The model leaves out the carrier loop, the dynamics of the delay loop, and reflections. The tracked Doppler of the model
 is the Doppler of the strongest signal in the prompt correlator. The error that reflections cause is added separately
@@ -42,8 +43,8 @@ is the Doppler of the strongest signal in the prompt correlator. The error that 
 If both signals have the same carrier frequency, the tracking loops on samples follow the same signal as the model. The
 results differ if the spoofing signal's Doppler agrees with its pull-off rate and jumps by more than the carrier loop's
 bandwidth. After a jump of 210 Hz the loops on samples stay with the true signal. After a jump of 26 Hz the two signals
-beat, so the loops lose both signals and then acquire the stronger signal. If the results differ, the model favours the
-attacker.
+beat, so the loops lose both signals and then acquire the stronger signal. If the results of model and samples differ,
+the model favours the attacker.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ from vestige.spoofer.spoofer import Spoofer
 
 LOCK_DBHZ = 20.0  # C/N0 below which E1-C is no longer tracked
 REACQUISITION_S = 1.0  # time from when a signal can be acquired to the first measurement
-_LOCK_RANGE_DB = 6.0  # largest drop below the undisturbed C/N0 at which a weak signal stays locked
+_LOCK_RANGE_DB = 6.0  # largest drop in dB below the undisturbed C/N0 at which a weak signal stays locked
 _SPACING_CHIPS = 0.1  # d, the early-late spacing
 _STEP_S = 0.1
 _MAX_STEPS = 300  # largest number of steps per epoch
@@ -77,15 +78,15 @@ _NO_POWER = 1e-12
 class E1Tracking:
     """Effect of spoofing signals and added noise on E1 tracking, for each epoch.
 
-    Without an attack the errors are 0 and the gain is 1. The receiver tracks the true signal.
+    Without an attack the errors are 0, the gain is 1, and the receiver tracks the true signal.
     """
 
-    error_m: Float[np.ndarray, " n"]  # error of the pseudorange
+    error_m: Float[np.ndarray, " n"]  # error of the pseudorange in m
     worst_error_m: Float[np.ndarray, " n"]  # pseudorange error of largest magnitude since the previous epoch
     rate_error_mps: Float[np.ndarray, " n"]  # error of the range rate, from the Doppler of the tracked signal
-    gain: Float[np.ndarray, " n"]  # C/N0 of the tracked signal over the C/N0 of the undisturbed true signal
-    # whether the receiver acquires and has no measurements; error and gain then belong to the signal that the receiver
-    # will acquire
+    gain: Float[np.ndarray, " n"]  # C/N0 of the tracked signal divided by the C/N0 of the undisturbed true signal
+    # Whether the receiver acquires a signal and has no measurements. During an acquisition, error and gain belong to
+    # the signal that the receiver will acquire.
     acquiring: Bool[np.ndarray, " n"]
     captured: Bool[np.ndarray, " n"]  # whether a spoofing signal is the strongest signal in the prompt correlator
     # whether the strongest signal has the attacker's own navigation data, which are then demodulated
@@ -95,8 +96,8 @@ class E1Tracking:
 class E1Loop:
     """Model of one satellite's E1 loop through an attack, epoch after epoch.
 
-    `cn0_dbhz` is the C/N0 of undisturbed E1-C and `loop_bandwidth_hz` is B. `reacquisition_s` is the duration of an
-    acquisition.
+    `cn0_dbhz` is the C/N0 of undisturbed E1-C, and `loop_bandwidth_hz` is the noise bandwidth B of the loop.
+    `reacquisition_s` is the duration of an acquisition.
     """
 
     def __init__(
@@ -119,7 +120,7 @@ class E1Loop:
         self._place, self._wait = 0.0, 0
 
     def advance(self, first: int, count: int) -> E1Tracking:
-        """Return the tracking at the next epochs, `first` to `first + count − 1`."""
+        """Return the tracking of E1 at the next epochs, `first` to `first + count − 1`."""
         if not self._spoofer.attacks:
             zero, never = np.zeros(count), np.zeros(count, bool)
             return E1Tracking(
@@ -181,5 +182,5 @@ class E1Loop:
 
 
 def _joined(true: Shaped[np.ndarray, "n 1"], others: Shaped[np.ndarray, "n m"]) -> Shaped[np.ndarray, "n sources"]:
-    """Return the values of all sources, row by row in memory, so that the kernel is compiled for one layout only."""
+    """Return the values of all signals, stored row by row, so that the kernel is compiled for one layout only."""
     return np.ascontiguousarray(np.concatenate([true, others], axis=1))

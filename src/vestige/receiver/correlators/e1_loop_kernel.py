@@ -1,4 +1,4 @@
-"""The compiled E1 loop, which follows the stable zero of early minus late power.
+"""Compute an E1 loop, which follows the stable zero of early minus late power, in compiled code.
 
 Positions and delays are in chips, relative to the true signal and positive if later.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from vestige.kernel_cache import njit
 
 _STEPS_PER_SPACING = 8
-_REACH_CHIPS = 1.0  # without a zero within this distance, the loop stays at its position
+_REACH_CHIPS = 1.0  # if no zero is within this distance, the loop stays at its position
 _HALVINGS = 40
 _NEAR = 1e-6  # distance in chips from a zero at which the stability of the zero is tested
 _TIE = 1e-9  # relative difference below which early and late power count as equal
@@ -47,7 +47,7 @@ def power(levels, x, delay, product):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _early_side(levels, x, delay, product, half_spacing):
-    """Return whether the loop at x moves earlier; this happens if the early power is at least the late power."""
+    """Return whether the loop at x moves earlier, because the early power is at least the late power."""
     early = power(levels, x - half_spacing, delay, product)
     late = power(levels, x + half_spacing, delay, product)
     return early - late > -_TIE * (early + late)
@@ -55,9 +55,9 @@ def _early_side(levels, x, delay, product, half_spacing):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _next(n_levels, x, delay, half_spacing, direction):
-    """Return the next x to test: the next kink of a correlation function, at most a step of d/8 away.
+    """Return the next x at which D is tested, which is the next kink of a correlation function, at most d/8 away.
 
-    D is quadratic between kinks.
+    D is the early minus late power, which is quadratic between kinks.
     """
     half = (n_levels - 1) // 2
     best = 2.0 * half_spacing / _STEPS_PER_SPACING
@@ -110,9 +110,10 @@ def strongest(levels, delay, product):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def follow_peak(levels, x, wait, delay, amplitude, doppler_hz, anew, lock_power, acquisition, half_spacing, pole_hz):
-    """Return the loop's delay, the power and the strongest signal of its prompt correlator, and the wait.
+    """Return for each step the loop's delay, power and strongest signal in the prompt correlator, and the wait.
 
-    The wait is the number of steps until a receiver that acquires tracks again; 0 while it tracks.
+    The wait is the number of steps until a receiver that acquires a signal tracks again. The wait is 0 while the
+    receiver tracks.
 
     Parameters
     ----------
@@ -121,12 +122,12 @@ def follow_peak(levels, x, wait, delay, amplitude, doppler_hz, anew, lock_power,
     x
         Position of the loop before the first step, in chips after the true signal.
     wait
-        Wait before the first step, in steps.
+        Number of steps that the receiver still waits before the first step.
     delay, amplitude, doppler_hz
         Delays in chips, complex amplitudes, and Dopplers in Hz, each [n_steps, n_signals]; the true signal is the
         first.
     anew
-        Whether the receiver is restarted, for each step.
+        Whether an attack restarts the receiver, for each step.
     lock_power
         Power of the prompt correlator below which lock is lost, for each step.
     acquisition

@@ -1,9 +1,9 @@
-"""The error that reflections cause in an E1 delay lock loop: the root of its early-minus-late discriminator.
+"""Compute the error that reflections cause in an E1 delay lock loop, from the root of the loop's discriminator.
 
 Theory of operation
 -------------------
 R is the autocorrelation of the pulse. Reflections have the complex amplitudes a_i and excess delays τ_i. A correlator x
-later than the line of sight then gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where the early and the late
+later than the line of sight gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where the early and the late
 correlator have the same power:
 
     D(x) = |S(x − d/2)|² − |S(x + d/2)|² = 0,    D rising through 0
@@ -30,10 +30,10 @@ from vestige.constants import SPEED_OF_LIGHT_MPS
 from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, Pulse, autocorrelation
 
-LOOP_REACH_CHIPS = 0.5  # largest distance from the line of sight at which a loop still tracks the peak
+LOOP_REACH_CHIPS = 0.5  # largest distance in chips from the line of sight at which a loop still tracks the peak
 _STEPS_PER_SPACING = 8
 _FALSE_POSITIONS = 40
-_TOLERANCE_CHIPS = 1e-10  # 30 nm of delay
+_TOLERANCE_CHIPS = 1e-10  # 1e-10 chip is a delay of 30 nm
 _KEPT_EPOCHS = 1000  # largest number of epochs whose result is cached
 
 
@@ -46,7 +46,7 @@ def e1_multipath_error_m(
 ) -> Float[np.ndarray, " n"]:
     """Return the error of the pseudorange in m, positive if the pseudorange is too long; 0 without reflections.
 
-    `amplitude` is relative to the line of sight on this carrier; `spacing_chips` is d.
+    `amplitude` is relative to the line of sight on E1. `spacing_chips` is the early-late spacing d.
     """
     if not 0 < spacing_chips < 1:
         raise ValueError(f"a spacing must lie between 0 and 1 chip, found {spacing_chips}")
@@ -73,7 +73,7 @@ def _settled_m(
     spacing_chips: float,
     pulse: Pulse,
 ) -> Float[np.ndarray, " n"]:
-    """Return the delay in m at which the loop settles."""
+    """Return the delay in m, relative to the line of sight, at which the loop settles."""
     rays = _Rays(delay_m.T * (E1C.chip_rate_hz / SPEED_OF_LIGHT_MPS), amplitude.T, spacing_chips / 2, pulse)
     error = np.zeros(delay_m.shape[0])
     at_zero = rays.discriminator(error)
@@ -84,7 +84,7 @@ def _settled_m(
 
 @dataclass(frozen=True, slots=True)
 class _Rays:
-    """Reflections of some epochs and the loop that receives them, in chips; the first axis counts the reflections."""
+    """Reflections at some epochs, and the loop that receives the reflections; the first axis is the reflection."""
 
     delay: Float[np.ndarray, "n_rays n"]
     amplitude: Complex128[np.ndarray, "n_rays n"]
@@ -92,15 +92,15 @@ class _Rays:
     pulse: Pulse
 
     def part(self, chosen: Int[np.ndarray, " m"] | Bool[np.ndarray, " n"]) -> _Rays:
-        """Return the reflections of some of the epochs."""
+        """Return the reflections at the chosen epochs, with the same loop."""
         return _Rays(self.delay[:, chosen], self.amplitude[:, chosen], self.half_spacing, self.pulse)
 
     def discriminator(self, x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return D(x), early minus late power."""
+        """Return D(x), the early minus late power."""
         return self._power(x - self.half_spacing) - self._power(x + self.half_spacing)
 
     def _power(self, x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return |S(x)|²; R is evaluated at |x|, so that early and late agree to the last bit."""
+        """Return |S(x)|², with R evaluated at |x|, so that early and late power agree to the last bit."""
         total = autocorrelation(self.pulse, np.abs(x)) + 0j
         for delay, amplitude in zip(self.delay, self.amplitude, strict=True):
             total += amplitude * autocorrelation(self.pulse, np.abs(x - delay))

@@ -1,4 +1,4 @@
-"""E1 correlators of each satellite and power of the band, at every epoch, with or without RECS.
+"""Draw the E1 correlators of each satellite, and the power of E1, at every epoch with or without RECS.
 
 Theory of operation
 -------------------
@@ -20,8 +20,8 @@ noise has the standard deviation 4.343 dB/√(W T_P). The model has no drift of 
 
 The model assumes continuous time and has no front end. In a scenario with a single satellite the signal is BOC(1,1), as
 in `e1_samples`. In a scenario with a sky the signal is CBOC(6,1,1/11), as on air. The correlation of CBOC with BOC(1,1)
-then replaces R in ξ. The peak of this correlation is 0.4 dB lower. All other signals add noise and power
-(`sky_e1_model`), as in `snapshots.sky_e1`.
+then replaces R in ξ. The peak of the correlation of CBOC with BOC(1,1) is 0.4 dB lower than the peak of R. All other
+signals add noise and power (`sky_e1_model`), as in `snapshots.sky_e1`.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ from vestige.signals.pulse import BOC11, Pulse, autocorrelation, cross_correlati
 from vestige.spoofer.spoofer import BandEffects
 from vestige.streams import stream
 
-# outer pair for power–distortion, inner pair for the loop, 0 for the prompt correlator
+# offsets of the correlators: outer pair for power–distortion, inner pair for the loop, 0 for the prompt correlator
 TAP_CHIPS = (-0.15, -0.05, 0.0, 0.05, 0.15)
 INTEGRATION_S = 0.1
 POWER_BANDWIDTH_HZ = 2e6  # W, two-sided
 POWER_AVERAGING_S = 0.01
 _DB_PER_NEPER = 10 / np.log(10)
 _CHIPS_A_METRE = E1C.chip_rate_hz / SPEED_OF_LIGHT_MPS
-_RAY_DOPPLER = E1_CARRIER_HZ / E6_CARRIER_HZ  # Doppler of a reflection on E1 over its Doppler on E6
+_RAY_DOPPLER = E1_CARRIER_HZ / E6_CARRIER_HZ  # Doppler of a reflection on E1 divided by its Doppler on E6
 
 
 class Arriving(NamedTuple):
@@ -63,7 +63,7 @@ class Arriving(NamedTuple):
 
 
 def arriving(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, with_rays: bool) -> Arriving:
-    """Return line of sight, reflections and spoofing signals; the parameters are the same as for `e1_taps`."""
+    """Return line of sight, reflections and spoofing signals of a satellite, with the parameters of `e1_taps`."""
     one, attack, rays = np.ones((truth.time_s.size, 1)), truth.e1_attack, truth.rays
     return Arriving(
         amplitude=np.concatenate([one + 0j, rays.amplitude_e1 * with_rays, attack.amplitude], axis=1),
@@ -87,7 +87,7 @@ def e1_signals(
     with_rays: bool,
     pulse: Pulse,
 ) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return ξ without noise for a signal of the given pulse; the other parameters are the same as for `e1_taps`."""
+    """Return the correlators ξ without noise for signals of the given pulse, with the other parameters of `e1_taps`."""
     arrived = arriving(truth, multipath_m, with_rays=with_rays)
     turns = (arrived.doppler_hz - arrived.followed_hz[:, None]) * INTEGRATION_S
     strength = arrived.amplitude * np.exp(1j * np.pi * turns) * np.sinc(turns)
@@ -108,7 +108,7 @@ def e1_taps(
     svid: int,
     first: int,
 ) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return ξ of one satellite alone, in BOC(1,1), before the gain control.
+    """Return the correlators ξ of a satellite that is alone on air with BOC(1,1), before the gain control.
 
     `cn0_dbhz` is the C/N0 of the true signal without interference. `multipath_m` is the pseudorange error that
     reflections cause.
@@ -118,7 +118,7 @@ def e1_taps(
 
 
 def receiver_noise(truth: TruthBlock, *, seed: int, svid: int, first: int) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return the noise of ξ, from the receiver and from an attack."""
+    """Return the noise of the correlators ξ, which comes from the receiver and from an attack."""
     noise = _noise(seed, svid, first, truth.time_s.size)
     return noise * np.sqrt(1 + truth.e1_attack.rise(Band.E1))[:, None]
 
@@ -126,11 +126,11 @@ def receiver_noise(truth: TruthBlock, *, seed: int, svid: int, first: int) -> Co
 def power_with_rays(
     truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, averaging_s: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the mean C/N0 in the prompt correlator with reflections over the C/N0 of the undisturbed true signal.
+    """Return the mean C/N0 in the prompt correlator with reflections, relative to the undisturbed true signal.
 
     The line of sight and its reflections beat with each other. Beats that are fast against `averaging_s` are averaged
-    out. Only the true signal has reflections. When the loop follows a spoofing signal, these reflections lie outside
-    the prompt correlator.
+    out. Only the true signal has reflections. When the loop follows a spoofing signal, the reflections lie outside the
+    prompt correlator.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def power_with_rays(
     multipath_m
         Pseudorange error that reflections cause.
     averaging_s
-        Time over which the receiver averages the power.
+        Time in s over which the receiver averages the power.
     """
     one, rays = np.ones((truth.time_s.size, 1)), truth.rays
     delay_m = np.concatenate([0 * one, rays.delay_m], axis=1)
@@ -155,14 +155,14 @@ def power_with_rays(
 def _beating_power(
     amplitude: Complex128[np.ndarray, "n k"], doppler_hz: Float[np.ndarray, "n k"], averaging_s: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the mean of |Σ a e^{j2πft}|² over a time that begins at the epoch."""
+    """Return the mean of |Σ a e^{j2πft}|² over `averaging_s` seconds that begin at the epoch."""
     turns = (doppler_hz[:, :, None] - doppler_hz[:, None, :]) * averaging_s
     beat = np.exp(1j * np.pi * turns) * np.sinc(turns)
     return np.einsum("ni,nij,nj->n", amplitude, beat, amplitude.conj()).real
 
 
 def band_power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " n"]:
-    """Return the rise of the power of E1 in BOC(1,1) over the power without attack, −20 log₁₀ g, in dB.
+    """Return the rise of the E1 power in dB over the power without attack, −20 log₁₀ g, for signals of BOC(1,1).
 
     `cn0_dbhz` is the C/N0 of the true signals; NaN means out of view.
     """
@@ -175,7 +175,10 @@ def band_power_rise_db(truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, 
 def e6_power_rise_db(
     truth: Sequence[TruthBlock], cn0_dbhz: Float[np.ndarray, "n m"], *, bandwidth_hz: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the rise of the power of E6 in dB; beats are left out, because E6 signals are far below the noise."""
+    """Return the rise of the E6 power in dB over the power without attack.
+
+    Beats are left out, because E6 signals are far below the noise.
+    """
     relative_power = np.stack([1 + np.sum(10 ** (one.e6.power_db / 10), axis=1) for one in truth], axis=1)
     return rise_over_nominal_db(truth[0].e6, cn0_dbhz, relative_power, bandwidth_hz)
 
@@ -193,11 +196,11 @@ def rise_over_nominal_db(
     effects
         Noise and jamming of an attack in the band.
     cn0_dbhz
-        Power of each line of sight over N0, in dBHz; NaN if the satellite is out of view.
+        Power of each line of sight divided by N0, in dBHz; NaN if the satellite is out of view.
     relative_power
-        Power of all signals of each satellite over that of its line of sight.
+        Power of all signals of each satellite, divided by the power of the satellite's line of sight.
     bandwidth_hz
-        Bandwidth in which the power is measured.
+        Bandwidth in Hz in which the power is measured.
     """
     share = np.where(np.isfinite(cn0_dbhz), 10 ** (cn0_dbhz / 10), 0.0) / bandwidth_hz
     added = effects.white.copy()
@@ -209,7 +212,9 @@ def rise_over_nominal_db(
 def power_with_beat(
     truth: TruthBlock, overlap: Callable[[Float[np.ndarray, " k"]], Float[np.ndarray, " k"]], *, with_rays: bool
 ) -> Float[np.ndarray, " n"]:
-    """Return η, the power of a satellite's signals over that of its line of sight, with beats while signals overlap.
+    """Return η, the power of a satellite's signals divided by the power of the line of sight.
+
+    Signals that overlap beat with each other.
 
     Parameters
     ----------

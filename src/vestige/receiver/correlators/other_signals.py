@@ -1,9 +1,10 @@
-"""Noise that all other signals of a sky cause behind an E6-C correlator, for simulated banks of correlators.
+"""Compute the noise that all other signals of a sky cause in an E6-C correlator, for simulated correlators.
 
 Satellite j sends E6-B and E6-C as BPSK(5), each with the C/N0 c_j. A replica matches only the E6-C of its own
-satellite. Any other code acts as noise behind the correlator. A code with the C/N0 c adds noise of the density κ c over
-N0. κ is `code_noise_density_s`, 0.13 µs in continuous time. The chips of a satellite's E6-B are aligned with the chips
-of its E6-C, so E6-B of the same satellite adds c/R_c, 3/2 times as much. Satellite i has the noise density
+satellite. Any other code acts as noise behind the correlator. A code with the C/N0 c adds noise whose density, divided
+by N0, is κ c. κ is `code_noise_density_s`, 0.13 µs in continuous time. The chips of a satellite's E6-B are aligned with
+the chips of its E6-C, so E6-B of the same satellite adds c/R_c, which is 3/2 times κ c. The correlator of satellite i
+receives noise whose density, divided by N0, is
 
     w_i = 2 κ Σ_{j≠i} c_j p_j + c_i p_i / R_c,    p = 1 + power of multipath and spoofing signals over the line of sight
 
@@ -26,14 +27,14 @@ _COMPONENTS = 2  # E6-B and E6-C, of equal power
 def other_signals_density(
     cn0_dbhz: Float[np.ndarray, "n m"], relative_power: Float[np.ndarray, "n m"], front_end: FrontEnd
 ) -> Float[np.ndarray, "n m"]:
-    """Return the density over N0 of all signals on E6 other than the E6-C of each satellite.
+    """Return the density, divided by N0, of the noise that all other signals cause in each satellite's correlator.
 
     Parameters
     ----------
     cn0_dbhz
         C/N0 of one component of the line of sight; −∞ if there is no signal.
     relative_power
-        Power of line of sight, multipath and spoofing signals together, over that of the line of sight.
+        Power of line of sight, multipath and spoofing signals together, divided by the power of the line of sight.
     front_end
         Filter, gain control and quantiser of the samples.
 

@@ -1,4 +1,4 @@
-"""Outcome of the vestigial searches for one satellite, drawn from detection theory without samples.
+"""Draw the outcome of the vestigial searches for one satellite from detection theory, without samples.
 
 Theory of operation
 -------------------
@@ -8,7 +8,7 @@ Doppler of signal i, a correlator with the integration time T receives the sum o
     h_i = Σ_j a_j R(τ_i − τ_j) sinc((f_j − f_i) T),      s_i² = 2 (C/N0) T |h_i|² L_i / (1 + ρ)
 
 So only the remainder of a nulled signal counts. ρ is the noise power that an attack adds, relative to the receiver's
-noise. L_i is the loss due to the distance from the nearest cell of the grid. This distance is drawn for every signal,
+noise. L_i is the loss due to the distance from the nearest cell of the grid. The distance is drawn for every signal,
 uniformly over a step of code and of Doppler. The statistic of the strongest cell is compared with the threshold of all
 cells at `p_fa`. The statistics are
 
@@ -21,15 +21,15 @@ near P_d = ½ (docs/vestigial_search.md).
 
 If two signals are closer than the separation rule allows, only the stronger signal counts. On E1 the rule is two chips
 modulo 4 ms. In E6 the rule is the larger of one chip and 2¼ − s/s' chips. The weaker signal has the amplitude s, and
-the stronger signal has the amplitude s'. The reason is that the fine search of the weaker signal can end on the flank
-of the stronger signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a signal that is 16 dB below
-the strongest signal does not count. Every other signal that is found counts. In E6 only a signal with the chips of the
-RECS counts. A false alarm has probability p_fa and lies anywhere in the window.
+the stronger signal has the amplitude s'. The limit of 2¼ − s/s' chips is needed because the fine search of the weaker
+signal can end on the flank of the stronger signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a
+signal that is 16 dB below the strongest signal does not count. On E1 every other signal that is found counts. In E6
+only a signal with the chips of the RECS counts. A false alarm has probability p_fa and lies anywhere in the window.
 
 The earliest signal in E6 is taken as the true signal. A receiver uses the delay of this signal minus the predicted E6 −
 E1 delay as a range. This range has three errors: the delay of the signal, ionosphere and group delay as in every
 hand-over, and the noise of a single snapshot. After a hand-over search the range is used if every signal of E1 was
-found in E6. The range is also used if the search is sure not to miss any of these signals. The search is sure if P_d ≥
+found in E6. The range is also used if the search is sure not to miss any signal of E1. The search is sure if P_d ≥
 0.9999 at the C/N0 of E1 and a code error of a quarter chip. After an exhaustive search the range is used if there are
 two signals. A single signal may be the spoofing signal, with the true signal lost in noise.
 
@@ -60,17 +60,17 @@ from vestige.theory.thermal_noise import MBOC, snapshot_noise_bound_m
 from vestige.theory.thresholds import correlator_amplitude, probability_of_detection, threshold
 
 SURE_PD = 0.9999  # smallest P_d at which a hand-over search counts as sure to find a signal
-_WORST_CODE_LOSS_DB = 2.5  # loss at a code error of a quarter chip
-WINDOW_S = 15.0  # half width of the search window; a receiver that searches does not rely on its clock
+_WORST_CODE_LOSS_DB = 2.5  # loss in dB at a code error of a quarter chip
+WINDOW_S = 15.0  # half width of the search window in s; a receiver that searches does not rely on its clock
 HANDOVER_TAPS = 5  # number of correlators of the hand-over search, at half-chip intervals
 FINE_REACH_CHIPS = 1.25  # reach of the fine search `peak_at` on each side of a cell
 _E1_BAND_HZ = 4.096e6  # bandwidth of the E1 search, which passes 86 % of the power of BOC(1,1)
 _E1_PHASES = 16384  # number of code phases of a period in the band of the E1 search, ¼ chip apart
 _E1_BINS, _E1_BIN_HZ = 81, 125.0
 _E6_BINS = 321  # number of Dopplers within ±5 kHz, 1/(2 T) apart for T = 16 ms
-_MEASURE_SIGMA_M = 3.0  # standard deviation of a code phase that is measured in 100 ms of E1
+_MEASURE_SIGMA_M = 3.0  # standard deviation in m of a code phase that is measured in 100 ms of E1
 _E6_BANDWIDTH_HZ = 2 * E6C.chip_rate_hz
-# called with 0 dBHz; the caller divides the result by the square root of C/N0
+# `_range_noise_m` is called with 0 dBHz, and the caller divides the result by the square root of C/N0
 _range_noise_m = cache(snapshot_noise_bound_m)
 
 
@@ -79,7 +79,7 @@ class SearchOutcome:
     """Outcome of the searches for one satellite, for each epoch."""
 
     e1_signals: Float[np.ndarray, " n"]  # number of signals on E1; 0 means no signal and no hand-over
-    # number of these signals with the encrypted chips in E6; 0 if the hand-over was not run
+    # number of signals that the hand-over search found in E6; 0 if the hand-over search was not run
     handover_carrying: Float[np.ndarray, " n"]
     # error of the E1 range that follows from the earliest signal in E6; NaN if no search was run, no signal was found,
     # or a signal could have been missed
@@ -97,7 +97,7 @@ class BandSignals:
     amplitude: Complex128[np.ndarray, "n k"]
     delay_m: Float[np.ndarray, "n k"]
     doppler_hz: Float[np.ndarray, "n k"]
-    cn0_dbhz: Float[np.ndarray, " n"]  # C/N0 of the true signal, over all noise that is present
+    cn0_dbhz: Float[np.ndarray, " n"]  # C/N0 of the true signal, with all noise that is present
 
 
 def band_signals(effects: BandEffects, band: Band, cn0_dbhz: Float[np.ndarray, " n"]) -> BandSignals:
@@ -125,7 +125,7 @@ class SearchDraws:
     e6_cell: Float[np.ndarray, "n k 2"]
     e1_z: Complex128[np.ndarray, "n k"]  # noise of unit variance per dimension in the tested cell
     e6_z: Complex128[np.ndarray, "n k"]
-    e1_rest: Float[np.ndarray, "n k"]  # the other K − 1 squared magnitudes of E1, χ²(2K − 2)
+    e1_rest: Float[np.ndarray, "n k"]  # sum of the other K − 1 squared magnitudes of E1, χ²(2K − 2)
     measured: Float[np.ndarray, "n k 2"]  # errors of E1's code phase and of the range in E6, σ = 1
     # Uniform draws: each of the first three gives a false signal if the draw is below `p_fa` (on E1, at the hand-over,
     # in the exhaustive search). The last draw gives the delay of the false signal.
@@ -159,7 +159,7 @@ def search_outcome(
     p_fa: float = SEARCH_P_FA,
     clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
-    """Return the results of the searches in the epochs from `first` on; the results are the same for any block length.
+    """Return the outcome of the searches in the epochs from `first` on, which is the same for any block length.
 
     `cn0_e1_dbhz` and `cn0_e6_dbhz` are the C/N0 of the undisturbed pilots, before the effect of elevation. `p_fa` is
     the false-alarm probability of each search (see `outcome`). `clock_offset_s` is the error of the receiver's clock.
@@ -194,7 +194,7 @@ def outcome(
     periods: int = MAX_STRETCHES,
     clock_offset_s: float = 0.0,
 ) -> SearchOutcome:
-    """Return the results of the searches.
+    """Return the outcome of the searches for given signals and random draws.
 
     `shift_m` is the delay of E6 after E1 that the prediction does not contain. `e1_p_fa` is the false-alarm probability
     of each search of one satellite, on E1 and at the hand-over. `exhaustive_p_fa` is the false-alarm probability of the
@@ -244,7 +244,7 @@ def _counted(
     false: Bool[np.ndarray, " n"],
     anywhere_m: Float[np.ndarray, " n"],
 ) -> tuple[Int64[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the number of signals, false alarms included, and the earliest range; NaN if there is no signal."""
+    """Return the number of signals, false alarms included, and the earliest range in m; NaN without a signal."""
     earliest_m = np.min(np.where(found, range_m, np.inf), axis=1)
     earliest_m = np.where(false, np.minimum(earliest_m, anywhere_m), earliest_m)
     return found.sum(axis=1) + false, np.where(np.isfinite(earliest_m), earliest_m, np.nan)
@@ -256,7 +256,7 @@ def _off_tap_chips(
     places_m: Float[np.ndarray, "n l"],
     shift_m: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n l"]:
-    """Return the distance of each E6 signal from the nearest tap around the signals found on E1, at most 1 chip."""
+    """Return the distance of each E6 signal from the nearest tap around the signals of E1, in chips and at most 1."""
     apart_m = _wrapped(
         places_m[:, :, None] + shift_m[:, None, None] - lines_m[:, None, :], E1_CODE_PERIOD_S * SPEED_OF_LIGHT_MPS
     )
@@ -266,7 +266,7 @@ def _off_tap_chips(
 
 
 def _found_on_e1(air: BandSignals, draws: SearchDraws, p_fa: float, periods: int) -> Bool[np.ndarray, "n k"]:
-    """Return which signals the search of E1 detects."""
+    """Return whether the search of E1 detects each signal."""
     correlator_power = _correlator_power(air, Band.E1, E1_CODE_PERIOD_S)
     step_chips = E1_CODE_PERIOD_S * E1C.chip_rate_hz / _E1_PHASES
     shape, passed = _e1_shape()
@@ -275,7 +275,7 @@ def _found_on_e1(air: BandSignals, draws: SearchDraws, p_fa: float, periods: int
     added = 2 * periods
     mean = 2 * added * 10 ** (air.cn0_dbhz[:, None] / 10) * E1_CODE_PERIOD_S * correlator_power * loss
     statistic = np.abs(np.sqrt(mean) + draws.e1_z) ** 2 + draws.e1_rest
-    snr = np.maximum(statistic / (2 * added) - 1, 1e-3)  # the same estimate as in `CellPowers.acquisition`
+    snr = np.maximum(statistic / (2 * added) - 1, 1e-3)  # estimated as in `CellPowers.acquisition`
     loud = snr > np.max(np.where(correlator_power > 0, snr, 0), axis=1, keepdims=True) * 10 ** (
         -CROSS_CORRELATION_DB / 10
     )
@@ -306,7 +306,7 @@ def _separate(
     fine_m: float = 0.0,
     period_m: float = np.inf,
 ) -> Bool[np.ndarray, "n k"]:
-    """Return the signals that are separate from every stronger signal that is kept.
+    """Return whether each found signal is kept, because it is separate from every stronger signal that is kept.
 
     Separate signals are more than `blind_m` apart. If `fine_m` is given, separate signals are also more than `fine_m` +
     `blind_m` (1 − s/s') apart. The weaker signal has the amplitude s, and the stronger signal has the amplitude s'.

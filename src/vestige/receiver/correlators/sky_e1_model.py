@@ -1,4 +1,4 @@
-"""Effect of a whole sky on simulated E1 correlators and power: noise of all codes, power of all signals.
+"""Compute the noise of all codes and the power of all signals of a sky for simulated E1 correlators.
 
 Theory of operation
 -------------------
@@ -6,10 +6,10 @@ Satellite j sends E1-B and E1-C, each with the C/N0 c_j, as CBOC(6,1,1/11) with 
 in a correlator is BOC(1,1).
 
 **Unaligned signals** are signals of other satellites, and signals of the same satellite that are a chip or more away
-from the replica. u = Σ c_j p_j is the power of one component of all unaligned signals over N0, in Hz. p_j is the power
-of all signals of satellite j over the power of its line of sight. The signals are sampled at f_s. In two correlators δ
-apart, the noise of the unaligned signals has the covariance u A(δ) in each dimension. The covariance of the receiver's
-own noise is the correlation of the two replicas.
+from the replica. u = Σ c_j p_j is the power of one component of all unaligned signals divided by N0, in Hz. p_j is the
+power of all signals of satellite j divided by the power of its line of sight. The signals are sampled at f_s. In two
+correlators δ apart, the noise of the unaligned signals has the covariance u A(δ) in each dimension. The covariance of
+the receiver's own noise is the correlation of the two replicas.
 
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 
@@ -27,8 +27,8 @@ common power P(τ), summed over both components:
 
     P(τ) = W/f_s Σ_m [R_B(m/f_s − τ) + R_C(m/f_s − τ)] sinc(W m/f_s)
 
-A satellite thus adds P(0) c η/W to the noise. η is computed as in `e1_taps`, with the overlap P(τ)/P(0) and with
-reflections.
+A satellite thus adds the power P(0) c η/W, relative to the noise. η is computed as in `e1_taps`, with the overlap
+P(τ)/P(0) and with reflections.
 
 The model leaves out the filter of the front end. On filtered samples (`front_end.bandwidth_hz`) the correlation peaks
 are rounder than in the model.
@@ -59,11 +59,11 @@ from vestige.signals.definitions import E1B, E1C
 from vestige.signals.pulse import BOC11, autocorrelation
 from vestige.streams import stream
 
-_GRID_CHIPS = np.linspace(-4.0, 4.0, 801)  # filtered signals that are farther apart do not overlap
+_GRID_CHIPS = np.linspace(-4.0, 4.0, 801)  # filtered signals that are more than 4 chips apart do not overlap
 
 
 def sky_power(truth: TruthBlock, *, with_rays: bool, sample_rate_hz: float) -> Float[np.ndarray, " n"]:
-    """Return η, the power of all signals of a satellite over that of its line of sight, within the bandwidth W."""
+    """Return η, the power of all signals of a satellite divided by the power of its line of sight, within W."""
     table = _overlaps(sample_rate_hz)
     return power_with_beat(
         truth, lambda chips: np.interp(chips, _GRID_CHIPS, table, left=0.0, right=0.0), with_rays=with_rays
@@ -77,14 +77,14 @@ def sky_power_rise_db(
     *,
     sample_rate_hz: float,
 ) -> Float[np.ndarray, " n"]:
-    """Return the rise of the power of E1 over the power without attack, in dB.
+    """Return the rise of the E1 power over the power without attack, in dB.
 
     Parameters
     ----------
     truth
         Truth of each satellite.
     cn0_dbhz
-        C/N0 of a component of the lines of sight without interference; NaN if the satellite is out of view.
+        C/N0 of one component of each line of sight without interference; NaN if the satellite is out of view.
     relative_power
         Result of `sky_power` for each satellite.
     """
@@ -101,14 +101,14 @@ def strangers_hz(
     *,
     with_rays: bool,
 ) -> Float[np.ndarray, "n m"]:
-    """Return u, the power over N0 of one component of all signals that are not aligned with each satellite's replica.
+    """Return u, the summed C/N0 in Hz of one component of all signals that are not aligned with a satellite's replica.
 
     Parameters
     ----------
     truth, multipath_m
         Parameters of `e1_taps`, given for each satellite.
     cn0_dbhz, relative_power
-        Parameters with the same meaning as for `sky_power_rise_db`.
+        Parameters of `sky_power_rise_db`.
     """
     strength_hz = np.nan_to_num(10 ** (cn0_dbhz / 10))
     of_all_hz = strength_hz * relative_power
@@ -133,7 +133,7 @@ def code_noise(
     Parameters
     ----------
     signals
-        ξ of E1-C without noise.
+        Correlators ξ of E1-C without noise (see `e1_taps`).
     of_strangers_hz
         Result of `strangers_hz` for the satellite.
     """
@@ -159,7 +159,7 @@ def _aligned(svid: int) -> float:
 
 @lru_cache(maxsize=4)
 def strangers_covariance_s(sample_rate_hz: float) -> Float[np.ndarray, "n_taps n_taps"]:
-    """Return A, the covariance in s that other satellites cause between the correlators.
+    """Return A in s, the covariance of the correlators that other satellites cause if u is 1 Hz.
 
     Examples
     --------
@@ -210,6 +210,6 @@ def passed_components(
 
 @lru_cache(maxsize=4)
 def _overlaps(sample_rate_hz: float) -> Float[np.ndarray, " n"]:
-    """Return P(τ)/P(0) on the grid `_GRID_CHIPS`."""
+    """Return P(τ)/P(0) for the delay differences τ of `_GRID_CHIPS`."""
     found = passed_components(_GRID_CHIPS, bandwidth_hz=POWER_BANDWIDTH_HZ, sample_rate_hz=sample_rate_hz)
     return found / found[_GRID_CHIPS.size // 2]

@@ -1,1 +1,1 @@
-"""The error models of the receiver, with one file for each model."""
+"""Model the errors of the receiver, with one file for each model."""

@@ -1,9 +1,10 @@
-"""Accelerometers of a receiver: the gain of velocity between two epochs as the sensors measure it.
+"""Simulate accelerometers of a receiver, which measure the gain of velocity between two epochs.
 
     Δv̂ = Δv + b Δt + N √Δt z,    z ~ N(0, 1) for each axis and interval
 
 The axes point east, north and up, and gravity is removed. b is the bias of an axis that remains after the alignment. b
-is drawn once for each axis. A tilt of b/g, which turns gravity into the horizontal, has the same effect.
+is drawn once for each axis. A tilt by the angle b/g has the same effect as b, because gravity then has a component
+along a horizontal axis.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class Accelerometers:
     Attributes
     ----------
     sigma_bias_mps2
-        Standard deviation of the bias of an axis; the default is 1 mg.
+        Standard deviation of the bias of an axis in m/s²; the default is about a thousandth of gravity.
     walk_mps_per_sqrt_s
         N, the velocity random walk in m/s per √s.
     """
@@ -44,7 +45,7 @@ class Accelerometers:
     def delta_velocity_mps(
         self, trajectory: Trajectory, time_s: Float[np.ndarray, " n"], interval_s: float, *, seed: int, first: int
     ) -> Float[np.ndarray, "n 3"]:
-        """Return the velocity gained since the previous epoch, east, north, up; NaN in the first epoch of a run."""
+        """Return the measured gain of velocity since the previous epoch (east, north, up); NaN in the first epoch."""
         begun = time_s - interval_s
         started = first + np.arange(time_s.size) > 0
         now, before = trajectory.motion(time_s), trajectory.motion(np.where(started, begun, time_s))

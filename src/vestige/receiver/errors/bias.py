@@ -1,10 +1,10 @@
-"""Residuals of the constant delays between E1 and E6 after calibration [WFO, Sec. II-B].
+"""Simulate the constant delays between E1 and E6 that remain after calibration [WFO, Sec. II-B].
 
     b(t) = b_BGD + b_HW + r_HW t
 
-b_BGD belongs to the satellite: b_BGD is the residual of the broadcast group delay times γ − 1, and is constant over the
-run. b_HW belongs to the receiver and is common to all satellites. The temperature of the front ends causes the drift
-r_HW of b_HW. b_BGD, b_HW and r_HW are drawn once and are Gaussian.
+b_BGD belongs to the satellite, and is constant over the campaign. b_BGD is γ − 1 times the residual of the broadcast
+group delay. b_HW belongs to the receiver and is common to all satellites. The temperature of the front ends causes the
+drift r_HW of b_HW. b_BGD, b_HW and r_HW are drawn once and are Gaussian.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class BiasResiduals:
     Attributes
     ----------
     bgd_sigma_m
-        Standard deviation of the residual of a satellite's group delay in the range E6 − E1.
+        Standard deviation in m of the residual of a satellite's group delay in the range E6 − E1.
     hardware_sigma_m
-        Standard deviation of the receiver's delay E6 − E1.
+        Standard deviation in m of the receiver's delay E6 − E1.
     hardware_drift_mps
-        Standard deviation of the rate of the receiver's delay.
+        Standard deviation in m/s of the rate of the receiver's delay E6 − E1.
     """
 
     bgd_sigma_m: float = 0.0
@@ -45,7 +45,7 @@ class BiasResiduals:
             raise ValueError("standard deviations that are not negative")
 
     def process(self, streams: Streams, *, receiver: Streams) -> BiasProcess:
-        """Return a realisation for one satellite, from its own streams and from those of the receiver."""
+        """Return a realisation for one satellite, from the streams of the satellite and of the receiver."""
         return BiasProcess(
             satellite_m=self.bgd_sigma_m * streams("bias.group_delay").standard_normal(),
             hardware_m=self.hardware_sigma_m * receiver("bias.hardware").standard_normal(),

@@ -1,4 +1,4 @@
-"""The receiver clock: white and random-walk frequency noise, two states [WFO, Sec. V].
+"""Simulate a receiver clock of two states with white and random-walk frequency noise [WFO, Sec. V].
 
 Theory of operation
 -------------------
@@ -13,8 +13,8 @@ The noises of both states are correlated. With u, w ~ N(0, 1) and the frequency 
 
     n_frequency = √(Sg T) u,    n_bias = (T/2) n_frequency + √(Sf T + Sg T³/12) w
 
-The factor needs no division and is 0 for T = 0. The composition of steps is exact: the distribution at a time does not
-depend on earlier epochs.
+The factor needs no division and is 0 for T = 0. The composition of steps is exact, so the distribution of the state at
+a time does not depend on the number of steps.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class TwoStateClock:
         return 2 * np.pi**2 * self.h_minus_2_hz
 
     def covariance(self, step_s: float) -> Float[np.ndarray, "2 2"]:
-        """Return Q of (bias in s, fractional frequency) after a step of `step_s` seconds."""
+        """Return Q, the covariance of (bias in s, fractional frequency) that a step of `step_s` seconds adds."""
         sf, sg, t = self.white_s, self.walk_hz, step_s
         return np.array([[sf * t + sg * t**3 / 3, sg * t**2 / 2], [sg * t**2 / 2, sg * t]])
 
@@ -84,7 +84,7 @@ class ClockProcess:
     def advance(self, times_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return the clock error in m, positive if ahead, and its rate in m/s at later times; both are 0 at the start.
 
-        Raises `ValueError` if time runs backwards.
+        Raises `ValueError` if a time is earlier than the time before.
         """
         if times_s.size == 0:
             return np.zeros(0), np.zeros(0)

@@ -1,4 +1,4 @@
-"""The ionosphere residual from measurements: samples of E6 − E1 from a file instead of a formula."""
+"""Draw the ionosphere residual E6 − E1 from the distribution of measured samples in a file."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from vestige.receiver.errors.ionosphere import PASS_TAU_S, Correlation, Ionosphe
 
 IONOSPHERE_COLUMN = "e6_minus_e1_m"  # header of the CSV file
 LARGEST_FILE = 1 << 28  # largest size in bytes, about 10 million samples
-LARGEST_RESIDUAL_M = 1000.0  # largest plausible residual; the worst ionosphere causes 0.1 km
+LARGEST_RESIDUAL_M = 1000.0  # largest plausible residual in m; the worst ionosphere causes 100 m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EmpiricalIonosphere:
-    """The distribution of given samples, with the correlation in time of a `HeavyTailedIonosphere`.
+    """Ionosphere residual with the distribution of given samples, correlated in time as `HeavyTailedIonosphere`.
 
     The distribution function F is linear between the sorted samples. Sample number k of n has F = (k − ½)/n. No draw
     lies below the smallest or above the largest sample.
@@ -33,7 +33,7 @@ class EmpiricalIonosphere:
     samples_m
         Differential residuals E6 − E1 in m, in any order.
     correlation, tau_s, code_only
-        Parameters with the same meaning as for a `HeavyTailedIonosphere`.
+        Parameters of `HeavyTailedIonosphere`.
     """
 
     samples_m: Float[np.ndarray, " n"]
@@ -58,7 +58,7 @@ class EmpiricalIonosphere:
 
 
 def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
-    """Return the residuals of a CSV file in m: the header `e6_minus_e1_m`, then one number on each line.
+    """Read residuals in m from a CSV file with the header `e6_minus_e1_m` and one number on each line.
 
     Raises `InputFileError` if the file cannot be read, has another header, has no sample, or has an implausible number.
     """
@@ -82,6 +82,6 @@ def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
 
 
 def _text(path: Path) -> str:
-    """Return a regular file of limited size as text, one character for each byte."""
+    """Return the contents of a regular file of limited size as text, one character for each byte."""
     data = read_bytes(path, at_most=LARGEST_FILE)
     return data.removeprefix(b"\xef\xbb\xbf").decode("latin-1").replace("\r\n", "\n")

@@ -1,4 +1,4 @@
-"""Common base of the receiver's error models: named streams of random numbers, and times that only increase.
+"""Define the protocols of the receiver's error models, and the streams of random numbers that the models use.
 
 A model is an immutable record of parameters. `model.process(streams)` starts a realisation of the model.
 `advance(times_s)` continues that realisation to later times, with one value per epoch. The values of every model are
@@ -27,10 +27,10 @@ Streams = Callable[[str], np.random.Generator]
 
 @runtime_checkable
 class ErrorProcess(Protocol):
-    """One realisation of a model of errors in m."""
+    """One realisation of a model of a single error in m."""
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the error at later times."""
+        """Return the error in m at later times."""
         ...
 
 
@@ -57,7 +57,7 @@ class ClockModel(Protocol):
     """Model of a receiver clock."""
 
     def process(self, streams: Streams) -> SeveralProcess:
-        """Return a realisation from the receiver's streams: bias times c in m, and its rate in m/s."""
+        """Return a realisation from the receiver's streams, which gives bias times c in m and its rate in m/s."""
         ...
 
 
@@ -65,12 +65,13 @@ class ClockModel(Protocol):
 class IonosphereModel(Protocol):
     """Model of the differential ionospheric delay E6 − E1 of a satellite.
 
-    Under a sky, vestige multiplies the residual by the obliquity. A process may have a method `shared(receiver,
-    share)`, as `IonosphereProcess` has. `share` is the share of the variance that all satellites have in common.
+    In a scenario with a constellation, vestige multiplies the residual by the obliquity. A process may have a method
+    `shared(receiver, share)`, as `IonosphereProcess` has. `share` is the share of the variance that all satellites have
+    in common.
     """
 
     def process(self, streams: Streams) -> Any:
-        """Return a realisation for one satellite from its streams, an `ErrorProcess`."""
+        """Return a realisation for one satellite from its streams, which satisfies `ErrorProcess`."""
         ...
 
 
@@ -98,23 +99,23 @@ class TrackingModel(Protocol):
 
     @property
     def loop_bandwidth_hz(self) -> float:
-        """One-sided noise bandwidth of the code loop."""
+        """One-sided noise bandwidth of the code loop in Hz."""
         ...
 
     def code_sigma_m(self, cn0_dbhz: float) -> float:
-        """Return the standard deviation of the pseudorange in m at C/N0 in dBHz."""
+        """Return the standard deviation of the pseudorange in m at the C/N0 `cn0_dbhz`."""
         ...
 
     def doppler_sigma_hz(self, cn0_dbhz: float) -> float:
-        """Return the standard deviation of the Doppler in Hz."""
+        """Return the standard deviation of the Doppler in Hz at the C/N0 `cn0_dbhz`."""
         ...
 
     def phase_variance_rad2(self, cn0_hz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the variance of the carrier phase in rad² at C/N0 in Hz."""
+        """Return the variance of the carrier phase in rad² at the C/N0 `cn0_hz`."""
         ...
 
     def process(self, streams: Streams, *, cn0_dbhz: float) -> SeveralProcess:
-        """Return a realisation for one satellite: pseudorange in m, carrier phase in m, Doppler in Hz."""
+        """Return a realisation for one satellite: errors of pseudorange in m, carrier phase in m and Doppler in Hz."""
         ...
 
 
@@ -128,9 +129,9 @@ class BiasModel(Protocol):
 
 
 def named_streams(seed: int, *labels: str | int) -> Streams:
-    """Return the streams of one owner: a function from the name of a variable to its generator.
+    """Return a function that gives the random generator for the name of a variable.
 
-    `labels` name the owner, such as an SVID; no labels mean the receiver.
+    The generators belong to a satellite if `labels` contain an SVID, and to the receiver if there are no labels.
     """
     return lambda name: stream(seed, name, *labels)
 
@@ -138,7 +139,7 @@ def named_streams(seed: int, *labels: str | int) -> Streams:
 def steps_s(last_s: float | None, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the time in s since the previous epoch, for each epoch; 0 for the first epoch if `last_s` is None.
 
-    Raises `ValueError` if time runs backwards.
+    Raises `ValueError` if a time is earlier than the time before.
     """
     steps = np.diff(times_s, prepend=times_s[0] if last_s is None else last_s)
     if not np.all(steps >= 0):

@@ -1,17 +1,18 @@
-"""Gauss-Markov noise of unit variance, which models how ionosphere and tracking errors correlate in time.
+"""Make Gauss-Markov noise of unit variance, which models how ionosphere and tracking errors correlate in time.
 
 The process of first order is
 
     z_k = ρ z_{k−1} + √(1 − ρ²) w_k,    ρ = e^{−(t_k − t_{k−1})/τ},    w_k ~ N(0, 1),    z_0 = w_0
 
-The process is stationary, and exact for any sequence of steps: E[z(t) z(t + s)] = e^{−s/τ}. The process is not smooth:
-the change over a short step h has the standard deviation √(2h/τ).
+The process is stationary, and exact for any sequence of steps: E[z(t) z(t + s)] = e^{−s/τ}. The process is not smooth,
+because the change over a short step h has the standard deviation √(2h/τ).
 
 The process of second order is critically damped and has the rate v of z as a second state:
 
     z'' + 2 z'/a + z/a² = white noise,    E[z(t) z(t + s)] = (1 + s/a) e^{−s/a},    E[v²] = 1/a²
 
-This process is also stationary and exact. The change over a short step h is v h, with the standard deviation h/a.
+The process of second order is also stationary and exact. The change over a short step h is v h, with the standard
+deviation h/a.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class GaussMarkovProcess:
         self._z = 0.0
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return z of mean 0 and variance 1 at later times."""
+        """Return the values of z, which has mean 0 and variance 1, at later times."""
         if times_s.size == 0:
             return np.zeros(0)
         drive = self._rng.standard_normal(times_s.size)
@@ -66,8 +67,8 @@ class GaussMarkovProcess:
 class SmoothGaussMarkovProcess:
     """One realisation of the second-order process, for slow errors with a rate, such as the ionosphere's delay.
 
-    `rng` gives two normal draws per epoch. After the correlation time τ the correlation is 1/e, as in first order, so a
-    = τ/2.146.
+    `rng` gives two normal draws per epoch. After the correlation time τ the correlation is 1/e, as for the first-order
+    process, so a = τ/2.146.
     """
 
     def __init__(self, rng: np.random.Generator, tau_s: float) -> None:
@@ -78,7 +79,7 @@ class SmoothGaussMarkovProcess:
         self._z = self._rate = 0.0  # `_rate` is the rate times a
 
     def advance(self, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return z of mean 0 and variance 1 at later times."""
+        """Return the values of z, which has mean 0 and variance 1, at later times."""
         if times_s.size == 0:
             return np.zeros(0)
         drive = self._rng.standard_normal((times_s.size, 2)).tolist()

@@ -1,10 +1,11 @@
-"""Residual of a receiver's ionosphere model in E6 − E1: a Gaussian core with exponential tails.
+"""Simulate the residual of a receiver's ionosphere model in E6 − E1 by a Gaussian core with exponential tails.
 
 Theory of operation
 -------------------
-The residual e is a mixture. With probability 1 − p the residual e comes from N(0, σ). With probability p s the residual
-e comes from the late tail u + Exp(β), where E6 arrives later than the model predicts. With probability p (1 − s) the
-residual e comes from the early tail −(u + Exp(β)). Far out on the late side, e exceeds x with the probability
+The residual e has a mixture of three distributions. With probability 1 − p the residual e comes from N(0, σ). With
+probability p s the residual e comes from the late tail u + Exp(β), where E6 arrives later than the model predicts. With
+probability p (1 − s) the residual e comes from the early tail −(u + Exp(β)). For large x, e exceeds x with the
+probability
 
     P(e > x) = ps · e^{−(x−u)/β}
 
@@ -13,17 +14,17 @@ epoch gives the value through the inverse distribution function, e = F⁻¹(Φ(z
 correlation of z in time.
 
 * `iid`: all epochs are independent, which suits histograms.
-* `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation time along a Galileo pass. A run of
-  100,000 s then has only about 14 independent values. In a second the residual changes by 1.7 % of its standard
-  deviation, or 2 cm. This change is half a radian of the E6 carrier, so carrier phases need `smooth`.
-* `smooth`: z is a Gauss-Markov process of second order with the same τ, so z has a rate. In a second the residual
-  changes by 0.03 % of its standard deviation, or 0.4 mm. So E6 carrier phases can be compared with E1 carrier phases.
+* `gauss-markov`: z is a Gauss-Markov process with τ = 2 h, the decorrelation time along a Galileo pass. A campaign of
+  100,000 s has only about 14 independent values. In a second the residual changes by 1.7 % of its standard deviation,
+  or 2 cm. A change of 2 cm is half a radian of the E6 carrier, so carrier phases need `smooth`.
+* `smooth`: z is a Gauss-Markov process of second order with τ = 2 h, so z has a rate. In a second the residual changes
+  by 0.03 % of its standard deviation, or 0.4 mm. So E6 carrier phases can be compared with E1 carrier phases.
 
-A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are the difference between two such models,
-NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Each tail of this difference has a
-probability of 5 %. In a strong ionosphere a broadcast model usually underestimates the delay, as the paper's histogram
-shows. So the preset 2014-late keeps the late tail and gives the 5 % of the early tail to the core. 1 TECU is 0.0841 m
-of E6 − E1.
+A broadcast model corrects about 70 % of the delay [ROVIRA16]. The presets are fitted to the difference between two
+broadcast models, NeQuick-G and NTCM-G, over latitudes within ±70°, times of day and seasons. Each tail of the
+difference has a probability of 5 %. In a strong ionosphere a broadcast model usually underestimates the delay, as the
+paper's histogram shows. So the preset 2014-late keeps the late tail and gives the 5 % of the early tail to the core. 1
+TECU is 0.0841 m of E6 − E1.
 """
 
 from __future__ import annotations
@@ -41,14 +42,14 @@ from vestige.receiver.errors.error_process import Streams
 from vestige.receiver.errors.gauss_markov import GaussMarkovProcess, SmoothGaussMarkovProcess
 
 Correlation = Literal["iid", "gauss-markov", "smooth"]
-PASS_TAU_S = 7200.0  # the measured correlation falls to 1/e in 110 min along Galileo passes, NeQuick-G minus NTCM-G
+PASS_TAU_S = 7200.0  # the correlation of NeQuick-G minus NTCM-G falls to 1/e in 110 min along Galileo passes
 
 _HALVINGS = 52  # number of halvings of an interval, down to the last bit of a float64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeavyTailedIonosphere:
-    """A Gaussian core with two exponential tails.
+    """Ionosphere residual with a Gaussian core and two exponential tails.
 
     Attributes
     ----------
@@ -61,15 +62,15 @@ class HeavyTailedIonosphere:
     late_tail_share
         s, share of p in the late tail, 0 to 1. With 0.5 the tails are symmetric, and with 1 there is no early tail.
     truncated
-        Whether the core is cut at ±u, so that P(|e| > u) is exactly p. Otherwise the core also reaches beyond u.
+        Whether the core is cut at ±u, so that P(|e| > u) is exactly p. A core that is not cut also reaches beyond u.
     correlation
         Correlation of z in time: `iid`, `gauss-markov` or `smooth`.
     tau_s
         Correlation time τ of z in s.
     code_only
         Whether the residual delays the codes and has no effect on the carriers. A real ionosphere advances the
-        carriers. With `iid`, however, the draws stand for different times. The carriers would then jump by whole cycles
-        from epoch to epoch.
+        carriers. With `iid`, however, the draws are independent, so the carriers would jump by whole cycles from epoch
+        to epoch.
     """
 
     core_sigma_m: float
@@ -137,7 +138,7 @@ class HeavyTailedIonosphere:
         return found
 
     def _tail(self, *, late: bool) -> float:
-        """Return the probability of one tail."""
+        """Return the probability of the late or of the early tail."""
         return self.tail_probability * (self.late_tail_share if late else 1 - self.late_tail_share)
 
     def _side(self, upper: Float[np.ndarray, " n"], *, late: bool) -> Float[np.ndarray, " n"]:
@@ -174,7 +175,10 @@ class HeavyTailedIonosphere:
         return np.maximum(-self.core_sigma_m * ndtri(np.minimum(upper, 0.5)), 0.0)
 
     def _tail_quantile(self, upper: Float[np.ndarray, " n"], *, late: bool) -> Float[np.ndarray, " n"]:
-        """Return the x ≥ u that is exceeded with the probability `upper`; by bisection if the core goes beyond u."""
+        """Return the x ≥ u that the residual exceeds with the probability `upper`.
+
+        The value of x is found by bisection if the core reaches beyond u.
+        """
         tail = self._tail(late=late)
         p, u, beta, sigma = self.tail_probability, self.tail_start_m, self.tail_scale_m, self.core_sigma_m
         if self.truncated or sigma == 0 or p == 1:
@@ -191,7 +195,7 @@ class HeavyTailedIonosphere:
         return 0.5 * (low + high)
 
 
-# presets by their names in a scenario file
+# ionosphere presets by their names in a scenario file
 IONOSPHERE_PRESETS: Mapping[str, Callable[[], HeavyTailedIonosphere]] = MappingProxyType(
     {
         "2014": HeavyTailedIonosphere.solar_maximum_2014,
@@ -204,7 +208,7 @@ IONOSPHERE_PRESETS: Mapping[str, Callable[[], HeavyTailedIonosphere]] = MappingP
 
 
 class IonosphereProcess:
-    """One realisation of the residual of one satellite."""
+    """One realisation of the ionosphere residual of one satellite."""
 
     def __init__(
         self,
@@ -222,7 +226,7 @@ class IonosphereProcess:
         self._share = 0.0
 
     def shared(self, receiver: Streams, share: float) -> IonosphereProcess:
-        """Return the realisation with a share of the variance of z taken from the receiver's streams."""
+        """Take a share of the variance of z from the receiver's streams, and return the realisation."""
         self._common, self._share = self._kind(receiver("ionosphere"), self._tau_s), share
         return self
 

@@ -1,4 +1,4 @@
-"""Multipath model at sample level: a few reflections with delay, strength, phase and lifetime [WFO, Sec. V].
+"""Simulate multipath by a few reflections with delay, strength, phase and lifetime [WFO, Sec. V].
 
 Theory of operation
 -------------------
@@ -10,17 +10,17 @@ Theory of operation
 * The phase is uniform at first, and then changes with the Doppler f_i = (v/λ) cos ψ_i. The angle ψ_i is uniform, and v
   is the receiver's speed.
 * The lifetime is exponential, so a reflection ends in a step dt with probability 1 − e^{−r dt}, whatever its age. The
-  rate is r = v/L + 1/T for a mean lifetime of L metres of travel or T seconds. Then a new, independent reflection
-  begins.
-* The number of reflections is fixed, or has a Poisson distribution with a maximum. The number is drawn anew at the same
-  rate as the reflections.
+  rate is r = v/L + 1/T for a mean lifetime of L metres of travel or T seconds. When a reflection ends, a new,
+  independent reflection begins.
+* The number of reflections is fixed, or has a Poisson distribution with a maximum. A new number of reflections is drawn
+  at the rate r.
 
-A reflection has the same strength on E1 and E6, but different phases. The phases differ by (f1 − f6) τ cycles, one
-cycle for each metre of excess delay. So the errors of E1 and E6 are practically independent.
+A reflection has the same strength on E1 and E6, but different phases. The phases differ by (f1 − f6) τ cycles, which is
+about one cycle for each metre of excess delay. So the multipath errors of E1 and E6 are practically independent.
 
-These laws are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681]. The houses and
-trees of this channel model are left out. The power of the presets is calibrated to the only result in [WFO]: 52 misses
-in 100,000.
+The distributions above are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681]. The
+houses and trees of the channel's model are left out. The power of the presets is calibrated to the only result in
+[WFO], which is 52 misses in 100,000 epochs.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class RayBlock:
 
     @cached_property
     def with_line_of_sight(self) -> RayBlock:
-        """All paths: the line of sight as path 0, and the reflections."""
+        """Block with the line of sight as path 0, and the reflections as the other paths."""
         zero = np.zeros((self.delay_m.shape[0], 1))
         return RayBlock(
             delay_m=np.concatenate([zero, self.delay_m], axis=1),
@@ -81,11 +81,11 @@ class RayBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LmsLiteMultipath:
-    """Model of reflections that begin and end.
+    """Multipath model of reflections that begin and end.
 
     A lifetime of 0 makes every epoch independent. A reflection whose phase changes by f T cycles in the integration
-    time T is weaker by the factor sinc(f T). At speeds above about 10 m/s, 16 ms of E6 therefore show little of the
-    multipath.
+    time T is weaker by the factor sinc(f T). At speeds above about 10 m/s, a correlation over 16 ms of E6 therefore
+    shows little of the multipath.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class LmsLiteMultipath:
     n_rays
         Number of reflections, or the largest number if `mean_rays` is given.
     mean_rays
-        Mean of the Poisson number of reflections.
+        Mean of the Poisson number of reflections; None for the fixed number `n_rays`.
     slope_db_per_us
         s, loss with delay in dB/µs.
     max_excess_m
@@ -134,12 +134,12 @@ class LmsLiteMultipath:
 
     @classmethod
     def elevation_5_30(cls) -> LmsLiteMultipath:
-        """Return the multipath of low satellites as in [WFO, Sec. VI-A]: each epoch has a new reflection."""
+        """Return the multipath of low satellites as in [WFO, Sec. VI-A], with a new reflection in each epoch."""
         return cls(power_db=REFERENCE_MULTIPATH_DB, mean_excess_m=40.0, mean_life_m=0.0)
 
     @classmethod
     def open_sky(cls) -> LmsLiteMultipath:
-        """Return the multipath of a satellite above 30°: weaker and shorter reflections."""
+        """Return the multipath of a satellite above 30°, whose reflections are weaker and less delayed."""
         return cls(power_db=OPEN_SKY_DB, mean_excess_m=20.0, mean_life_m=0.0)
 
     @classmethod
@@ -162,7 +162,7 @@ class LmsLiteMultipath:
         return MultipathProcess(self, streams)
 
 
-# presets by their names in a scenario file
+# multipath presets by their names in a scenario file
 MULTIPATH_PRESETS: Mapping[str, Callable[[], LmsLiteMultipath]] = MappingProxyType(
     {"elevation-5-30": LmsLiteMultipath.elevation_5_30, "open-sky": LmsLiteMultipath.open_sky}
 )
@@ -178,7 +178,7 @@ class _Renewal:
     def advance(
         self, steps: Float[np.ndarray, " n"], candidates: Float[np.ndarray, "n_values n width"]
     ) -> Float[np.ndarray, "n_values n width"]:
-        """Return the values at each epoch: the candidates of the last epoch with a change.
+        """Return the values at each epoch, which are the candidates of the last epoch at which the values changed.
 
         Parameters
         ----------
@@ -250,7 +250,7 @@ class MultipathProcess:
         )
 
     def _present(self, steps: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n_rays"]:
-        """Return 1 for the reflections that are present at each epoch, 0 for the others."""
+        """Return 1 for the reflections that are present at an epoch, and 0 for all other reflections."""
         model = self._model
         if model.mean_rays is None:
             return np.ones((steps.size, model.n_rays))
@@ -259,5 +259,5 @@ class MultipathProcess:
 
 
 def _phasor(cycles: Float[np.ndarray, "n n_rays"]) -> Complex128[np.ndarray, "n n_rays"]:
-    """Return e^{j2πx}."""
+    """Return e^{j2πx}, where x is `cycles`."""
     return np.exp(2j * np.pi * (cycles - np.floor(cycles)))

@@ -1,4 +1,4 @@
-"""Thermal noise of the E1 observations that a tracking receiver delivers: code, carrier phase, Doppler.
+"""Simulate the thermal noise of code, carrier phase and Doppler in a receiver's E1 observations.
 
 Theory of operation
 -------------------
@@ -53,7 +53,7 @@ _RANGES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BetzTrackingNoise:
-    """Noise of a delay lock loop with a phase and a frequency lock loop.
+    """Noise of a delay lock loop, a phase lock loop and a frequency lock loop.
 
     The code noise of the default loop is 0.56 m at 35 dBHz, and 0.79 m with a loop bandwidth of 2 Hz. [WFO, Sec. II-B]
     gives 0.5 to 1 m. With an early-late spacing above 0.1 chip, the discriminator has almost no slope for MBOC.
@@ -65,11 +65,11 @@ class BetzTrackingNoise:
     chip_rate_hz, carrier_hz
         Chip rate and carrier frequency of the tracked signal in Hz.
     bandwidth_hz
-        Two-sided bandwidth of the front end.
+        Two-sided bandwidth of the front end in Hz.
     spacing_chips
         Distance between the early and the late correlator in chips.
     loop_bandwidth_hz, pll_bandwidth_hz, fll_bandwidth_hz
-        B of the code, phase and frequency loop in Hz.
+        Noise bandwidths B of the delay, phase and frequency lock loops in Hz.
     integration_s
         T, integration time in s.
     """
@@ -94,7 +94,7 @@ class BetzTrackingNoise:
                 raise ValueError(f"{name} lies between {low:g} and {high:g}")
 
     def code_sigma_m(self, cn0_dbhz: float) -> float:
-        """Return the standard deviation of the pseudorange in m at C/N0 in dBHz; 0 at +inf, which means no noise."""
+        """Return the standard deviation of the pseudorange in m at the C/N0 `cn0_dbhz`; 0 if the C/N0 is +inf."""
         return dll_noise_m(
             cn0_dbhz,
             bandwidth_hz=self.bandwidth_hz,
@@ -106,16 +106,16 @@ class BetzTrackingNoise:
         )
 
     def carrier_sigma_m(self, cn0_dbhz: float) -> float:
-        """Return the standard deviation of the carrier phase in m at C/N0 in dBHz."""
+        """Return the standard deviation of the carrier phase in m at the C/N0 `cn0_dbhz`."""
         phase_rad = sqrt(self.phase_variance_rad2(np.array([10 ** (cn0_dbhz / 10)]))[0])
         return phase_rad / (2 * pi) * SPEED_OF_LIGHT_MPS / self.carrier_hz
 
     def phase_variance_rad2(self, cn0_hz: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the variance of the carrier loop's phase in rad² at C/N0 in Hz."""
+        """Return the variance of the carrier phase in rad² at the C/N0 `cn0_hz`."""
         return pll_variance_rad2(cn0_hz, bandwidth_hz=self.pll_bandwidth_hz, integration_s=self.integration_s)
 
     def doppler_sigma_hz(self, cn0_dbhz: float) -> float:
-        """Return the standard deviation of the Doppler in Hz at C/N0 in dBHz."""
+        """Return the standard deviation of the Doppler in Hz at the C/N0 `cn0_dbhz`."""
         c = 10 ** (cn0_dbhz / 10)
         spread = sqrt(4 * self.fll_bandwidth_hz / c * (1 + 1 / (self.integration_s * c)))
         return spread / (2 * pi * self.integration_s)
@@ -126,7 +126,7 @@ class BetzTrackingNoise:
 
 
 class TrackingNoiseProcess:
-    """One realisation of a `BetzTrackingNoise`; code, carrier and Doppler are independent."""
+    """One realisation of a `BetzTrackingNoise`, with independent noise of code, carrier and Doppler."""
 
     def __init__(self, model: BetzTrackingNoise, streams: Streams, cn0_dbhz: float) -> None:
         self._sigmas = (
@@ -166,5 +166,5 @@ def noise_growth(
 
 @lru_cache(maxsize=10_000)
 def _sigmas(model: TrackingModel, cn0_dbhz: float) -> tuple[float, float]:
-    """Return the standard deviations of code and Doppler."""
+    """Return the standard deviations of the pseudorange in m and of the Doppler in Hz."""
     return model.code_sigma_m(cn0_dbhz), model.doppler_sigma_hz(cn0_dbhz)

@@ -1,1 +1,1 @@
-"""The front end of a receiver: filter, gain control and quantiser, and the correlation behind its filter."""
+"""Simulate the front end of a receiver: filter, gain control and quantiser, and the correlation behind the filter."""

@@ -1,4 +1,4 @@
-"""Front end of one band, from the antenna to the samples: filter, gain control, quantisation.
+"""Simulate the front end of one band, from the antenna to the samples: filter, gain control, quantisation.
 
 Theory of operation
 -------------------
@@ -45,15 +45,16 @@ class FrontEnd:
     sample_rate_hz
         Output sampling rate in Hz.
     bandwidth_hz
-        Two-sided bandwidth between the −6 dB points; None for no filter.
+        Two-sided bandwidth between the −6 dB points in Hz; None for no filter.
     bits
         Bits per dimension, 1, 2, 3 or 8; None for no quantiser and no gain.
     agc
-        Whether the gain follows the power of the snapshot. Otherwise the front end has the gain for noise alone.
+        Whether the gain follows the power of the snapshot. If `agc` is false, the front end has the gain for noise
+        alone.
     oversampling
         Ratio of the input rate to `sample_rate_hz`.
     transition_hz
-        Width of the filter's edge, from pass to stop band; None for a tenth of the bandwidth.
+        Width of the filter's edge, from pass to stop band, in Hz; None for a tenth of the bandwidth.
     """
 
     sample_rate_hz: float
@@ -76,12 +77,12 @@ class FrontEnd:
 
     @property
     def input_rate_hz(self) -> float:
-        """Rate of the input samples."""
+        """Rate of the input samples in Hz."""
         return self.sample_rate_hz * self.oversampling
 
     @property
     def power_bandwidth_hz(self) -> float:
-        """Bandwidth in which the power is measured: the filter's bandwidth, or the sampling rate without a filter."""
+        """Bandwidth in Hz in which the power is measured, which is the sampling rate if the front end has no filter."""
         return self.bandwidth_hz or self.sample_rate_hz
 
     @property
@@ -91,7 +92,7 @@ class FrontEnd:
 
     @property
     def margin_samples(self) -> int:
-        """Number of input samples needed before the first output sample, and after the last."""
+        """Number of input samples needed before the first output sample, and after the last output sample."""
         if self.bandwidth_hz is None:
             return 0
         transition = (self.transition_hz or self.bandwidth_hz / 10) / self.input_rate_hz
@@ -115,7 +116,7 @@ class FrontEnd:
         """Return the output samples and the status of the front end.
 
         Sample k of the output is at the time of sample `margin_samples + k · oversampling` of the input. Behind a
-        quantiser the samples are its integer levels.
+        quantiser the output samples are the integer levels of the quantiser.
 
         Parameters
         ----------

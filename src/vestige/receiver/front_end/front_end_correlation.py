@@ -1,4 +1,4 @@
-"""Correlation functions of signal and noise behind a front end, for correlators without samples.
+"""Compute correlation functions of signal and noise behind a front end, for correlators without samples.
 
 Theory of operation
 -------------------
@@ -29,7 +29,7 @@ from vestige.signals.definitions import E6C
 from vestige.signals.pulse import BPSK, autocorrelation
 from vestige.theory.range_offset import range_offset_m
 
-LARGEST_SIGNAL_DB = -20.0  # C/N0 over the sampling rate at which a signal adds 1 % to the power that is quantised
+LARGEST_SIGNAL_DB = -20.0  # C/N0 divided by the sampling rate, at which a signal adds 1 % to the quantised power
 
 
 def signal_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -40,7 +40,10 @@ def signal_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"]
 
 
 def noise_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return R_n, the covariance of the noise; R_n(0)/R_h(0)² is the loss of the front end."""
+    """Return R_n, the covariance of the noise in two correlators.
+
+    The loss of the front end is R_n(0)/R_h(0)².
+    """
     taps = front_end.filter_taps().astype(np.float64)
     every = np.correlate(taps, taps, mode="full")[(taps.size - 1) % front_end.oversampling :: front_end.oversampling]
     lags = (np.arange(every.size) - every.size // 2) * (E6C.chip_rate_hz / front_end.sample_rate_hz)
@@ -51,7 +54,7 @@ def noise_correlation(front_end: FrontEnd, delay_chips: Float[np.ndarray, " n"])
 
 @lru_cache(maxsize=4)
 def code_noise_density_s(front_end: FrontEnd) -> float:
-    """Return κ in s: another code with the C/N0 c adds noise of the density κ c over N0 behind a correlator.
+    """Return κ in s, the factor in the noise density κ c N0 that another code with the C/N0 c adds.
 
     r[m] is the autocorrelation of the filter at the input rate. The sum takes every f_i/f_s-th lag:
 
@@ -76,8 +79,8 @@ def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
     """Return the growth of a range offset in m for each metre of delay; 1 without a filter.
 
     The range offset assumes that three taps lie on a triangle [WFO, Sec. III-C], but behind a filter the peak is round.
-    The result is the slope of the least-squares line over delays up to a quarter of the spacing. Nearly all offsets lie
-    in this interval.
+    The result is the slope of the least-squares line over delays up to a quarter of the spacing. Nearly all range
+    offsets lie in this interval.
     """
     delay_m = np.linspace(-spacing_m / 4, spacing_m / 4, 41)
     offsets_m = spacing_m * np.array([-1.0, 0.0, 1.0])
@@ -89,7 +92,7 @@ def range_offset_scale(front_end: FrontEnd, spacing_m: float) -> float:
 
 @lru_cache(maxsize=4)
 def spread(front_end: FrontEnd, n_lags: int, steps_per_chip: int) -> Float[np.ndarray, "n_lags n_grid"]:
-    """Return how much each whole-chip lag ±d of a code's autocorrelation adds to the output at |x|, on a fine grid."""
+    """Return the contribution of each whole-chip lag ±d of a code's autocorrelation to the output at |x|."""
     last = (n_lags - 1) * steps_per_chip
     table = signal_correlation(front_end, np.arange(-last, 2 * last + 1) / steps_per_chip)
     rows = [table[last - lag * steps_per_chip :][: last + 1] for lag in range(n_lags)]  # R_h(x − lag)
@@ -101,6 +104,6 @@ def spread(front_end: FrontEnd, n_lags: int, steps_per_chip: int) -> Float[np.nd
 def _smoothed(
     delay_chips: Float[np.ndarray, " n"], weights: Float[np.ndarray, " m"], lags_chips: Float[np.ndarray, " m"]
 ) -> Float[np.ndarray, " n"]:
-    """Return Σ_m weights Λ(lag − delay)."""
+    """Return Σ_m weights[m] Λ(lags[m] − delay) for each delay."""
     distance = np.subtract.outer(delay_chips, lags_chips)
     return autocorrelation(BPSK, distance.ravel()).reshape(distance.shape) @ weights

@@ -1,4 +1,4 @@
-"""Quantisers of one dimension of complex samples: levels, best steps, and their effect on Gaussian noise.
+"""Quantise each dimension of complex samples with the best steps, and compute the effect on Gaussian noise.
 
 Theory of operation
 -------------------
@@ -13,7 +13,7 @@ A signal that is weak against the noise grows by c_1. Noise of correlation coeff
 
 Relative to the signal, the correlation behind the quantiser is Σ_k (c_k/c_1)² ρ^k. For ρ = 1 the sum is E q²/c_1², the
 loss in white noise: 1.96, 0.55 and 0.17 dB for 1, 2 and 3 bits (Thompson, Emerson and Schwab 2007). The loss is smaller
-in noise that is narrow against the sampling rate.
+if the bandwidth of the noise is small against the sampling rate.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ORDERS = 60  # number of orders of Hermite polynomials; the sum of higher order
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantiser:
-    """A uniform quantiser of each dimension."""
+    """Uniform quantiser for each dimension of complex samples."""
 
     step_sigma: float  # step with the least loss, in standard deviations of a Gaussian input
     outermost: int  # largest output

@@ -1,1 +1,1 @@
-"""Front ends and streams of samples of both bands."""
+"""Make the samples of both bands, around RECS or as a continuous stream."""

@@ -1,17 +1,18 @@
-"""An attack in a recording: each spoofing signal is an additional satellite in the sky, with its own path.
+"""Add an attack to a recording, with each spoofing signal as an additional satellite that has its own path.
 
 A spoofing signal has the delay τ at the receiver. The spoofing signal left the satellite together with the true signal
 that arrived τ earlier. The clock error is the error at the arrival of the spoofing signal:
 
     P'(t) = s(t − τ) + clock(t) + c τ
 
-The additional phase of the spoofing signal's carrier is in the phasor of its propagation. This phase is zero for a
-delay line (`Coherent`), while a locked or slipping carrier diverges from its code. Profiles are evaluated at the time
-of transmission, as in a campaign. Signals sent before the scenario's start have the profile values of the start.
+The additional phase of the spoofing signal's carrier is in the phasor of its propagation. The additional phase is zero
+for a delay line (`Coherent`), while a locked or slipping carrier diverges from its code. Profiles are evaluated at the
+time of transmission, as in a campaign. Signals sent before the scenario's start have the profile values of the start.
 
-In a stretch of the recorder, delay and phase are parabolas through their values at the start, the middle and the end of
-the stretch. The amplitude is a straight line between start and end. So no value has a step between stretches, even
-where a profile has a corner. A signal that is switched on or off begins or ends with a stretch.
+The recorder makes samples in stretches of about 10 ms. In a stretch, delay and phase are parabolas through their values
+at the start, the middle and the end of the stretch. The amplitude is a straight line between start and end. So no value
+has a step between stretches, even where a profile has a corner. A signal is switched on or off only between two
+stretches.
 """
 
 from __future__ import annotations
@@ -41,14 +42,14 @@ class ReceivedSpoofingSignal:
     true: ReceivedSatellite
     path: ContinuousTruth  # truth of the signal that is repeated
     spoofer: Spoofer
-    number: int  # number of the attack in the spoofer
+    number: int  # index of the attack in `spoofer.attacks`
     band: Band
-    stretch_s: float  # duration of a stretch of the recorder; all given times are middles of stretches
+    stretch_s: float  # duration of a stretch of the recorder in s; all given times are middles of stretches
     _motions: dict[int, tuple[float, float]] = field(default_factory=dict, repr=False, compare=False)
     _delays: dict[bytes, Float[np.ndarray, "3 n"]] = field(default_factory=dict, repr=False, compare=False)
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return P'(t) in m."""
+        """Return the pseudorange P'(t) in m."""
         delay_m, _, _ = self._delay(t_s)
         clock_m = self.path.range_m(t_s) - self.path.line_of_sight.range_m(t_s)
         return self.path.line_of_sight.range_m(t_s - delay_m / SPEED_OF_LIGHT_MPS) + clock_m + delay_m
@@ -71,7 +72,7 @@ class ReceivedSpoofingSignal:
         return geometry.acceleration_mps2(then_s) * slower**2 + change_mps2 + own_mps2
 
     def __call__(self, t_s: float) -> Propagation:
-        """Return the delay of the repeated signal and the spoofing signal's own phasor, for the middle of a stretch."""
+        """Return the propagation in the middle of a stretch: the repeated signal's delay and the spoofer's phasor."""
         range_m, rate_mps = self._motion_near(t_s)
         half_s = self.stretch_s / 2 * (1 - rate_mps / SPEED_OF_LIGHT_MPS)
         sent_s = t_s - range_m / SPEED_OF_LIGHT_MPS + half_s * np.array([-1.0, 0.0, 1.0])
@@ -128,7 +129,7 @@ class ReceivedSpoofingSignal:
         return known
 
     def _motion_near(self, t_s: float) -> tuple[float, float]:
-        """Return P(t) and its rate for the phasor, extrapolated within the second, with an error of metres (10 ns)."""
+        """Return the pseudorange P(t) and its rate, extrapolated within a second, with an error of metres (10 ns)."""
         second = int(np.floor(t_s))
         known = self._motions.get(second)
         if known is None:
@@ -144,12 +145,12 @@ class ReceivedSpoofingSignal:
         return self._effects_sent(t_s - self.path.range_m(t_s) / SPEED_OF_LIGHT_MPS)
 
     def _effects_sent(self, sent_s: Float[np.ndarray, " n"]) -> BandEffects:
-        """Return the effects on signals that were sent at some times."""
+        """Return the effects of the attack on signals that were sent at the given times."""
         return self.spoofer.effects(self.band, self.true.svid, np.maximum(sent_s, 0.0))
 
 
 def _straight(strength: Float[np.ndarray, " 3"], stretch_s: float) -> tuple[float, float]:
-    """Return the strength in the middle of a stretch and its relative growth per s (0 if switched on or off)."""
+    """Return the strength in the middle of a stretch, and its relative growth per s; 0 at a switch on or off."""
     begin, middle, end = (float(one) for one in strength)
     if not (begin and middle and end):
         return middle, 0.0
@@ -181,7 +182,7 @@ def spoofing_satellites(
     stretch_s
         Duration of a stretch of the recorder in s.
     seed
-        Seed of an attacker's estimates.
+        Seed of the chips that an attacker estimates.
     """
     effects = spoofer.effects(band, true.svid, np.zeros(1))
     for number, attack in enumerate(spoofer.attacks):
@@ -197,7 +198,7 @@ def spoofing_satellites(
 
 
 def latest_s(spoofer: Spoofer, svid: int, times_s: Float[np.ndarray, " n"]) -> float:
-    """Return the largest delay in s, at least 0, of a spoofing signal that is on air at some times."""
+    """Return the largest delay in s, at least 0, of all spoofing signals on air at the given times."""
     delays_m = [
         float(np.max(effects.delay_m, initial=0.0, where=effects.power_db > -math.inf))
         for effects in (spoofer.effects(band, svid, times_s) for band in Band)

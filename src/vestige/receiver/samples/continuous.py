@@ -1,4 +1,4 @@
-"""The truth of a simulation between its epochs, for recordings without gaps.
+"""Interpolate the truth of a simulation between its epochs, for recordings without gaps.
 
 A `Simulation` has errors at every epoch t_k, the time at which a RECS is sent. The simulation applies these errors when
 the RECS is received. A recording covers all epochs without a gap:
@@ -11,7 +11,7 @@ the RECS is received. A recording covers all epochs without a gap:
 
 In the middle of the reception of an epoch's chips, all errors have the values of the epoch and a rate near zero.
 Between two epochs the errors change to the values of the next epoch without a step. Delays and strengths follow half a
-cosine. The phase of a path follows the cubic that begins and ends with the Dopplers of its epochs. A RECS in the
+cosine. The phase of a path follows the cubic that begins and ends with the Dopplers of the two epochs. A RECS in the
 recording therefore equals the RECS of `Simulation.snapshot`, except for the carrier phase and for micrometres of range.
 So tracking loops receive a signal without jumps.
 """
@@ -47,7 +47,7 @@ class ContinuousTruth:
     sky: bool = False  # whether the line of sight belongs to a sky, which has system time and an ionosphere
 
     def range_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return P(t) in m."""
+        """Return the pseudorange P(t) in m."""
         clock_m = self._clock(t_s)[0]
         range_m = self.line_of_sight.range_m(self._system_time(t_s, clock_m)) + clock_m
         return range_m if self.atmosphere is None else range_m + self.troposphere_m(t_s)
@@ -67,21 +67,21 @@ class ContinuousTruth:
         return self._clock(t_s)[1]
 
     def rate_mps(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return dP/dt in m/s."""
+        """Return the rate dP/dt of the pseudorange in m/s."""
         clock_m, drift_mps, _ = self._clock(t_s)
         system_s = self._system_time(t_s, clock_m)
         rate_mps = self.line_of_sight.rate_mps(system_s) + drift_mps
         return rate_mps if self.atmosphere is None else rate_mps + self.atmosphere.troposphere_rates(system_s)[0]
 
     def acceleration_mps2(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return d²P/dt² in m/s²."""
+        """Return the acceleration d²P/dt² of the pseudorange in m/s²."""
         clock_m, _, change_mps2 = self._clock(t_s)
         system_s = self._system_time(t_s, clock_m)
         bend_mps2 = self.line_of_sight.acceleration_mps2(system_s) + change_mps2
         return bend_mps2 if self.atmosphere is None else bend_mps2 + self.atmosphere.troposphere_rates(system_s)[1]
 
     def _system_time(self, t_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the time at which orbits are evaluated: system time under a sky, else the receiver's time."""
+        """Return the time at which orbits are evaluated: system time if `sky` is true, otherwise receiver time."""
         return t_s - clock_m / SPEED_OF_LIGHT_MPS if self.sky else t_s
 
     def ionosphere_m(self, band: Band) -> Float[np.ndarray, " n"]:
@@ -116,7 +116,7 @@ class ContinuousTruth:
         return ContinuousPropagation(band=band, truth=self, received_s=self.received_s(), duration_s=duration_s)
 
     def _clock(self, t_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], ...]:
-        """Return the receiver clock in m and its first two derivatives, from the Hermite cubic between two epochs."""
+        """Return the receiver clock error in m and its two derivatives, from the Hermite cubic between two epochs."""
         knots, clock_m, drift = self.truth.time_s, self.truth.clock_m, self.truth.clock_drift_mps
         left = np.clip(np.searchsorted(knots, t_s, side="right") - 1, 0, knots.size - 2)
         step = knots[left + 1] - knots[left]
@@ -132,7 +132,7 @@ class ContinuousTruth:
 
 @dataclass(frozen=True, kw_only=True)
 class ContinuousPropagation:
-    """The propagation in one band at a receiver time, without a step."""
+    """Propagation in one band as a function of receiver time, without steps."""
 
     band: Band
     truth: ContinuousTruth
@@ -154,7 +154,7 @@ class ContinuousPropagation:
         return self.truth.carrier_advance_m(self.band)
 
     def __call__(self, t_s: float) -> Propagation:
-        """Return the propagation at a time in s after the start."""
+        """Return the propagation at a receiver time in s after the scenario's start."""
         knots = self._knots_s
         left = min(max(int(np.searchsorted(knots, t_s, side="right")) - 1, 0), knots.size - 2)
         span_s = float(knots[left + 1] - knots[left])
@@ -184,7 +184,10 @@ class ContinuousPropagation:
     def _rays(
         self, left: int, u: float, beyond: float, span_s: float, share: float
     ) -> dict[str, Float[np.ndarray, " k"]]:
-        """Return the reflections at the fraction `u` between knot `left` and the next, or at `beyond` past the ends."""
+        """Return the reflections at the fraction `u` of the interval after knot `left`.
+
+        Outside the knots, the reflections are extrapolated by `beyond` intervals.
+        """
         rays, e1 = self.truth.truth.rays, self.band is Band.E1
         if e1 and not self.truth.e1_multipath:
             nothing = np.zeros(0)

@@ -1,19 +1,19 @@
-"""E1 correlators and received power of a single line of sight from samples: the reference of `e1_taps`.
+"""Compute E1 correlators and power of a single line of sight from samples, as a reference for `e1_taps`.
 
-Under a sky the correlators come from samples that all satellites share (`snapshots.sky_e1`).
+With a sky of several satellites, the correlators come from samples that all satellites share (`snapshots.sky_e1`).
 
 Theory of operation
 -------------------
-For each epoch and satellite T = 0.1 s of E1-C is synthesised: line of sight, multipath, spoofing signals, noise and
-jamming. The processor's own correlator processes the samples. The correlator processes BOC(1,1) as a code of twice the
-chip rate, in which each chip is followed by its opposite. The signals of an epoch are sent at a whole tenth of a
-second, at which the secondary code begins. Time zero is the delay at which the loop has settled, so a signal of delay τ
-lies at τ − x₀. The sampling phase and the Dopplers of code and carrier follow from the pseudorange. With M = f_s T
-samples of noise variance 1, the mean over these samples times √(2M) is ξ.
+For each epoch and satellite, samples of the length T = 0.1 s are synthesised. The samples contain E1-C with multipath,
+spoofing signals, noise and jamming. The processor's own correlator processes the samples. The correlator processes
+BOC(1,1) as a code of twice the chip rate, in which each chip is followed by its opposite. The signals of an epoch are
+sent at a whole tenth of a second, at which the secondary code begins. Time zero is the delay at which the loop has
+settled, so a signal of delay τ lies at τ − x₀. The sampling phase and the Dopplers of code and carrier follow from the
+pseudorange. With M = f_s T samples of noise variance 1, the mean over these samples times √(2M) is ξ.
 
-The samples of each satellite have their own noise, which differs from that of a recording. The power of the band comes
-from further samples with all satellites, at the sampling rate W. The mean square of these samples is 1 + Σ r_i without
-an attack.
+The samples of each satellite have their own noise, which differs from the noise of a recording. The power of the band
+comes from further samples with all satellites, at the sampling rate W. The mean square of these samples is 1 + Σ r_i
+without an attack.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def sampled_e1_taps(
     svid: int,
     first: int,
 ) -> Complex128[np.ndarray, "n n_taps"]:
-    """Return ξ of one satellite before the gain control; NaN out of view.
+    """Return the correlators ξ of one satellite before the gain control, from samples; NaN out of view.
 
     The parameters are the same as for `e1_taps`.
     """
@@ -119,7 +119,7 @@ def sampled_power_rise_db(
     seed: int,
     first: int,
 ) -> Float[np.ndarray, " n"]:
-    """Return the power of the band over the power without attack, from samples, in dB.
+    """Return the rise of the E1 power in dB over the power without attack, measured on samples.
 
     The parameters are the same as for `band_power_rise_db`.
     """
@@ -162,7 +162,7 @@ def _signals(
     amplitude: Complex128[np.ndarray, " k"],
     ray_doppler_hz: Float[np.ndarray, " k"],
 ) -> tuple[ReceivedSignal, ...]:
-    """Return all signals of a satellite on air; signals that are far from the line of sight have chips of their own."""
+    """Return all signals of a satellite on air; signals far from the line of sight have their own chip sequences."""
     present = np.abs(amplitude) > 0
     delay_chips = delay_m / SPEED_OF_LIGHT_MPS * _CHIP_RATE_HZ
     shift = np.where(np.abs(delay_chips) < _SPARE_CHIPS - 2, 0, np.floor(delay_chips)).astype(np.int64)

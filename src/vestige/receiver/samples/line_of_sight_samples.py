@@ -1,4 +1,4 @@
-"""E6 samples around each RECS of a single line of sight, which shares its samples with no other satellite."""
+"""Make the E6 samples around each RECS of a single line of sight, without any other satellite."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _E6_NOISE = 6  # stream number of the E6 noise
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LineOfSightSamples:
-    """The E6 samples of a block of RECS of one satellite, made on request."""
+    """E6 samples around the RECS of a block for one satellite, which are made on request."""
 
     simulation: Simulation
     truth: TruthBlock  # truth of the epochs with RECS

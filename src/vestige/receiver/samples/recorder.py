@@ -1,17 +1,17 @@
-"""Recorder of one band: samples of all its satellites, for any length of time.
+"""Make the samples of all satellites in one band, for any length of time.
 
 Theory of operation
 -------------------
 **Stretches.** The samples of a band are made in stretches of about 10 ms, a whole number of blocks of the synthesis
 kernel. Around the middle t_m of a stretch the pseudorange is P + v x + ½ a x². The third derivative j adds j x³/6
 within 5 ms, less than a micrometre for any receiver on Earth. The chip that arrives at t = t_m + x was sent at t −
-P(t)/c. Chips are numbered from the Galileo second, in integers. Stretches are cut on the sample counter, so two
-recordings of the same scenario have the same bits where they overlap.
+P(t)/c. Chips are counted in integers from the reference, which is a whole second. Stretches are cut on the sample
+counter, so two recordings of the same scenario have the same bits where they overlap.
 
 **Propagation.** All effects in addition to the pseudorange are computed once per stretch. A group delay moves the code
-of the line of sight and not its carrier. The ionosphere delays the code and advances the carrier. All these delays
-change over a stretch with their rates in the middle of the stretch, so that a tracking loop has no step. The amplitude
-of a spoofing signal changes in steps of a block of the synthesis kernel.
+of the line of sight and not its carrier. The ionosphere delays the code and advances the carrier. All delays change
+over a stretch with their rates in the middle of the stretch, so that no step disturbs a tracking loop. The amplitude of
+a spoofing signal changes in steps of a block of the synthesis kernel.
 """
 
 from __future__ import annotations
@@ -55,18 +55,18 @@ class Propagation:
 
     delay_m: float  # group delay of the line of sight in addition to the pseudorange, in m
     at_s: float  # receiver time of all amplitudes, in s after the reference
-    ray_delay_m: Float[np.ndarray, " n_rays"]  # excess delay relative to the line of sight
+    ray_delay_m: Float[np.ndarray, " n_rays"]  # excess delay relative to the line of sight in m
     ray_amplitude: Complex128[np.ndarray, " n_rays"]  # amplitude relative to the line of sight
-    ray_doppler_hz: Float[np.ndarray, " n_rays"]  # Doppler relative to the line of sight
+    ray_doppler_hz: Float[np.ndarray, " n_rays"]  # Doppler relative to the line of sight in Hz
     amplitude: complex = 1.0 + 0j  # amplitude of the line of sight, in addition to its C/N0; 0 means no signal
     growth_per_s: float = 0.0  # relative growth of `amplitude` per s
-    doppler_hz: float = 0.0  # Doppler of the line of sight, in addition to the Doppler of its pseudorange
+    doppler_hz: float = 0.0  # Doppler of the line of sight in Hz, in addition to the Doppler of its pseudorange
     doppler_rate_hz_per_s: float = 0.0  # rate of all Dopplers, in addition to the rate from the pseudorange
-    delay_rate_mps: float = 0.0  # rate of the group delay
+    delay_rate_mps: float = 0.0  # rate of the group delay in m/s
 
 
 def straight(delay_m: float = 0.0) -> Propagation:
-    """Return the propagation of a line of sight alone."""
+    """Return the propagation of a line of sight without reflections."""
     nothing = np.zeros(0)
     return Propagation(
         delay_m=delay_m, at_s=0.0, ray_delay_m=nothing, ray_amplitude=nothing + 0j, ray_doppler_hz=nothing
@@ -80,7 +80,7 @@ class Interference(Protocol):
         """Return the density of the added white noise, relative to the receiver's own noise."""
 
     def jam(self, samples: Complex64[np.ndarray, " n"], t_s: float, first_sample: int, sample_rate_hz: float) -> None:
-        """Add the waveforms on air around a time to samples from number `first_sample` on."""
+        """Add the jamming waveforms around the time `t_s` to samples, which begin at number `first_sample`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +135,7 @@ class BandRecorder:
     def stretch(self, number: int) -> tuple[Complex64[np.ndarray, " n"], FrontEndStatus]:
         """Return the samples of a stretch and the status of the front end.
 
-        The samples are a pure function of the number; sample 0 is the first sample of stretch 0.
+        The samples depend only on the number of the stretch. Sample 0 is the first sample of stretch 0.
         """
         front_end, input_hz = self.front_end, self.front_end.input_rate_hz
         begin, length = number * self.length, self.length
@@ -188,7 +188,7 @@ def record_band(
     Parameters
     ----------
     band, sky, reference, front_end, noise_key, interference
-        Attributes with the same meaning as for `BandRecorder`.
+        Attributes of `BandRecorder`.
     first_sample, n_samples
         Number of the first sample, and number of samples.
     pool
@@ -235,7 +235,7 @@ class _Middles:
     def __init__(self, *, length: int, sample_rate_hz: float) -> None:
         self._length, self._rate_hz = length, sample_rate_hz
         self._motion = dict[tuple[int, int], Float[np.ndarray, "3 n"]]()
-        self._block: int | None = None  # block whose times are known
+        self._block: int | None = None  # number of the block whose times are in `_t_s`
         self._t_s = np.zeros(0)
         self._lock = Lock()
 
@@ -250,7 +250,7 @@ class _Middles:
         return self._t_s
 
     def motion(self, satellite: ReceivedSatellite, number: int) -> Float[np.ndarray, " 3"]:
-        """Return pseudorange, rate and acceleration in the middle of a stretch."""
+        """Return pseudorange, rate and acceleration of a satellite in the middle of a stretch."""
         block, place = divmod(number, _TOGETHER)
         key = block, id(satellite)
         with self._lock:

@@ -1,9 +1,11 @@
-"""An attack at the `samples` fidelity: additional spoofing signals, noise, and jamming waveforms.
+"""Make the spoofing signals and jamming waveforms that an attack adds to E6 at the `samples` fidelity.
 
-A spoofing signal on E6 repeats the encrypted signal of the line of sight with a delay. At the receiver, chip i arrives
-τ + τ̇ i T_c later than chip i of the true signal. So the chips of the spoofing signal in a window were sent τ earlier
-than the chips of the true signal. If τ is several seconds, the chips come from the keystream of that earlier time. The
-arrival of the chips follows the line of sight at that time. The chips fill the window, margins included.
+A spoofing signal on E6 repeats the encrypted signal of the line of sight with a delay. At the receiver, chip i of the
+spoofing signal arrives τ + τ̇ i T_c later than chip i of the true signal. The delay τ has the rate τ̇, and T_c is the
+duration of a chip. So the chips of the spoofing signal in a window of samples were sent τ earlier than the chips of the
+true signal in this window. If τ is several seconds, the chips are a part of the keystream that the satellite sent τ
+earlier. These chips arrive along the line of sight at the time of their transmission. The chips fill the window and the
+margins of the window.
 """
 
 from __future__ import annotations
@@ -26,11 +28,12 @@ from vestige.spoofer.attack import Jamming
 from vestige.spoofer.jammers import power_in_samples
 from vestige.time import GalileoTime
 
-# number of spare chips on either side, because the position of the chips has an error of up to a chip
+# number of spare chips on either side of a window, because the computed position of the chips has an error of up to a
+# chip
 _SPARE_CHIPS = 16
-_FAR_M = 1e3  # distance in m from the line of sight above which a window contains the chips on air in the window
-_SAME_ARRIVAL_S = 5e-3  # time in which a line of sight with 10 km/s moves by less than a chip
-_JAMMER = 16  # first stream number of the jammers
+_FAR_M = 1e3  # E1 error in m above which a window contains other chips of the true signal than the RECS
+_SAME_ARRIVAL_S = 5e-3  # time in s in which a range with a rate of 10 km/s changes by less than a chip
+_JAMMER = 16  # number of the random stream of the first jammer, counted from `first_stream`
 
 
 def spoofing_signals(
@@ -44,10 +47,10 @@ def spoofing_signals(
     *,
     amplitude: float,
 ) -> tuple[ReceivedSignal, ...]:
-    """Return the spoofing signals that are on air in a window; `start_s` counts from the epoch.
+    """Return the spoofing signals that arrive in a window of samples.
 
-    `keys` are the keys of the encryption and of the chips that attackers make up. `amplitude` is the amplitude of the
-    line of sight.
+    The field `start_s` of a signal is in s after the epoch. `keys` are two keys: the key of the service's encryption,
+    and the key of the chips that attackers make up. `amplitude` is the amplitude of the line of sight.
     """
     effects, metres_a_hz = truth.e6, SPEED_OF_LIGHT_MPS / E6_CARRIER_HZ
     signals = []
@@ -88,9 +91,9 @@ def true_signal(
     *,
     amplitude: float,
 ) -> ReceivedSignal | None:
-    """Return the true signal in a window that an attacker has moved away from the RECS; None for any other window.
+    """Return the true signal in a window that an attacker has moved by at least `_FAR_M`, or None for any other window.
 
-    The parameters are the same as for `spoofing_signals`.
+    `key` is the key of the service's encryption. The other parameters have the same meaning as in `spoofing_signals`.
     """
     if abs(truth.e1.error_m[row]) < _FAR_M:
         return None
@@ -112,7 +115,7 @@ def add_jammers(
     epoch: int,
     first_stream: int,
 ) -> None:
-    """Add the jamming waveforms of an epoch, row `row` of its block, to samples with noise of variance 1."""
+    """Add the jamming waveforms of the epoch in row `row` of a block to samples whose noise has variance 1."""
     for number, one in enumerate(jammers):
         if one.j_over_n[row] > 0:
             power = power_in_samples(one.waveform, float(one.j_over_n[row]), one.noise_bandwidth_hz, rate_hz)
@@ -120,7 +123,10 @@ def add_jammers(
 
 
 def _on_air(taken: Window, line_of_sight: RangeHistory, truth: TruthBlock, row: int, delay_m: float) -> tuple[int, int]:
-    """Return the first chip of a delayed signal in a window, counted from the RECS, and the number of chips."""
+    """Return the number of the first chip of a delayed signal in a window, and the number of chips in the window.
+
+    Chip 0 is the first chip of the RECS.
+    """
     delay_s = delay_m / SPEED_OF_LIGHT_MPS
     arrival_s = taken.expected_s - float(truth.e1.error_m[row]) / SPEED_OF_LIGHT_MPS + delay_s
     if abs(taken.start_s - arrival_s) > _SAME_ARRIVAL_S:

@@ -1,12 +1,14 @@
-"""One epoch at the `samples` fidelity: the received signal, and the E6 samples around it.
+"""Make the received E6 signal of an epoch, and the E6 samples around the RECS, at the `samples` fidelity.
 
-The first chip of the RECS is sent at `sent` and arrives dt later by the line of sight. dt is the solution of
+The first chip of the RECS is sent at `sent` and arrives dt later along the line of sight. The travel time dt solves the
+equation
 
     dt = P6(sent + dt)/c
 
-Doppler and Doppler rate are taken at the arrival. P6 is the range of the code. The carrier phase is −f6 L6/c. L6 is P6
-without the bias, which belongs to the code, and with the opposite sign of the ionosphere
-(`TruthBlock.carrier_advance_m`). A recording has the same phase in the middle of each RECS (`continuous`).
+Doppler and Doppler rate are computed for the time of arrival. P6 is the pseudorange of the code on E6. The carrier
+phase at the arrival is −f6 L6/c cycles. L6 is P6 without the bias, which affects only the code, and with the
+ionospheric delay of opposite sign (`TruthBlock.carrier_advance_m`). In a recording the carrier has the phase −f6 L6/c
+in the middle of each RECS (`continuous`).
 """
 
 from __future__ import annotations
@@ -32,35 +34,38 @@ from vestige.streams import stream_key
 from vestige.time import GalileoTime
 from vestige.validated_key import ValidatedKey
 
-SUBFRAMES_BEFORE = 12  # number of subframes before the run, because a key for ADKD 12 comes 12 subframes after the data
-_MARGIN_S = 5e-6  # duration of samples on either side of the RECS (1.5 km), for taps, reflections and errors
+# number of subframes that are broadcast before the run, because a key for ADKD 12 is sent 12 subframes after the data
+SUBFRAMES_BEFORE = 12
+# margin in s of the samples before the RECS (1.5 km), for taps, reflections and errors; the margin after the RECS is
+# twice as long
+_MARGIN_S = 5e-6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Arrival:
-    """Arrival of chips by the line of sight in E6: travel time, L6, rate and acceleration."""
+    """Arrival of chips along the line of sight in E6: travel time, carrier range L6, range rate and acceleration."""
 
     dt_s: Float[np.ndarray, " n"]
-    carrier_range_m: Float[np.ndarray, " n"]  # L6
+    carrier_range_m: Float[np.ndarray, " n"]  # L6, the pseudorange of the carrier
     rate_mps: Float[np.ndarray, " n"]
     acceleration_mps2: Float[np.ndarray, " n"]
 
     @cached_property
     def carrier(self) -> Complex128[np.ndarray, " n"]:
-        """e^{−j2π f6 L6/c} at the arrival."""
+        """Phasor of the carrier at the arrival, e^{−j2π f6 L6/c}."""
         cycles = E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS * self.carrier_range_m
         return np.exp(-2j * np.pi * (cycles - np.floor(cycles)))
 
 
 def arrival(line_of_sight: RangeHistory, truth: TruthBlock, rows: slice = slice(None), later_s: float = 0.0) -> Arrival:
-    """Return the arrival of the chips that are sent `later_s` after the epochs."""
+    """Return the arrival of the chips that are sent `later_s` seconds after the epochs."""
     sent_s = truth.time_s[rows] + later_s
     late_m = truth.clock_m[rows] + truth.iono_diff_m[rows] + truth.bias_m[rows]
     code_only_m = truth.iono_diff_m[rows] + truth.bias_m[rows]
     drift_mps = truth.clock_drift_mps[rows]
     dt_s = np.zeros(sent_s.size)
     ahead_s = truth.geometry.clock_offset_s[rows]
-    for _ in range(4):  # P changes by less than 1 km/s · 0.1 s, so each step gains five decimals
+    for _ in range(4):  # the range rate is below 1 km/s, so each iteration gains five decimals
         pseudorange_m = line_of_sight.range_m(sent_s + dt_s - ahead_s) + late_m + drift_mps * (later_s + dt_s)
         dt_s = pseudorange_m / SPEED_OF_LIGHT_MPS
     return Arrival(
@@ -80,9 +85,10 @@ def received_signal(
     amplitude: float,
     later_s: float = 0.0,
 ) -> ReceivedSignal:
-    """Return the received line of sight and its reflections at row `row` of a block; `start_s` counts from the epoch.
+    """Return the received signal of the epoch in row `row` of a block: the line of sight and its reflections.
 
-    The first chip is sent `later_s` after the epoch; `arrived` is the arrival of these chips.
+    The field `start_s` of the signal is in s after the epoch. The first chip is sent `later_s` seconds after the epoch.
+    `arrived` is the arrival of this first chip.
     """
     to_hz, paths = -E6_CARRIER_HZ / SPEED_OF_LIGHT_MPS, truth.rays.with_line_of_sight
     return ReceivedSignal(
@@ -100,15 +106,18 @@ def received_signal(
 class Window:
     """Window of samples around a RECS."""
 
-    expected_s: float  # time at which the receiver expects the RECS, after transmission
-    first: int  # number of the first output sample, counted from the time of transmission at the output rate
+    expected_s: float  # time at which the receiver expects the first chip of the RECS, in s after transmission
+    first: int  # number of the first output sample, counted at the output rate from the time of transmission
     n_samples: int  # number of output samples
-    start_s: float  # start of the signals that are needed, in s after transmission, with the filter's margin
-    stop_s: float  # end of the signals that are needed, in s after transmission, with the filter's margin
+    start_s: float  # start of the required input signals in s after transmission, including the margin of the filter
+    stop_s: float  # end of the required input signals in s after transmission, including the margin of the filter
 
 
 def recorded_until_s(expected_s: Float[np.ndarray, " n"], n_chips: int, front_end: FrontEnd) -> Float[np.ndarray, " n"]:
-    """Return the time of the last sample of each RECS; all times are in s after transmission."""
+    """Return the time of the last sample of each RECS, in s after the transmission of the RECS.
+
+    `expected_s` is the time at which the receiver expects the first chip of each RECS, in s after the transmission.
+    """
     first = np.floor((expected_s - _MARGIN_S) * front_end.sample_rate_hz)
     return (first + _n_samples(n_chips, front_end)) / front_end.sample_rate_hz
 
@@ -118,7 +127,10 @@ def _n_samples(n_chips: int, front_end: FrontEnd) -> int:
 
 
 def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
-    """Return the window of samples around a RECS, from its expected start to its end with margins."""
+    """Return the window of samples around a RECS, from the expected start to the end of the RECS, with margins.
+
+    `expected_s` is the time at which the receiver expects the first chip, in s after the transmission.
+    """
     rate_hz = front_end.sample_rate_hz
     first = math.floor((expected_s - _MARGIN_S) * rate_hz)
     n_samples = _n_samples(n_chips, front_end)
@@ -133,9 +145,10 @@ def window(expected_s: float, n_chips: int, front_end: FrontEnd) -> Window:
 
 
 def recording_window(expected_s: float, n_chips: int, front_end: FrontEnd) -> range:
-    """Return the numbers of the samples around a RECS in a recording; sample 0 is at the scenario's start.
+    """Return the numbers of the samples around a RECS in a recording.
 
-    `expected_s` is the time at which the receiver expects the first chip, in s after the start.
+    Sample 0 of the recording is at the scenario's start. `expected_s` is the time at which the receiver expects the
+    first chip, in s after the scenario's start.
     """
     first = math.floor((expected_s - _MARGIN_S) * front_end.sample_rate_hz)
     return range(first, first + _n_samples(n_chips, front_end))
@@ -151,10 +164,10 @@ def e6_samples(
     noise_power: float = 1.0,
     jam: Callable[[Complex64[np.ndarray, " n"]], None] = lambda _: None,
 ) -> tuple[SampleBatch, FrontEndStatus]:
-    """Return the E6 samples of an epoch and the status of the front end.
+    """Return the E6 samples around the RECS of an epoch, and the status of the front end.
 
-    Signals are at the front end's input rate; their `start_s` counts from `sent`. White noise of the receiver has power
-    1. `jam` adds jamming waveforms.
+    The field `start_s` of a signal is in s after `sent`. `noise_power` is the power of the white noise, and the
+    receiver's own noise has power 1. `jam` adds jamming waveforms to the samples at the front end's input rate.
     """
     rate_hz, input_hz = front_end.sample_rate_hz, front_end.input_rate_hz
     at_antenna = synthesize(
@@ -180,9 +193,10 @@ def e6_samples(
 
 
 def osnma_operator(seed: int, start: GalileoTime, subframes: int, service: OsnmaService) -> OsnmaOperator:
-    """Return the OSNMA operator of a run in its state at the start.
+    """Return the OSNMA operator of a run before the first broadcast.
 
-    The operator broadcasts before the run begins, so that the tags of the run's first subframes have data to cover.
+    The first broadcast is `SUBFRAMES_BEFORE` subframes before the run, so that the tags of the run's first subframes
+    have data to cover.
     """
     first = start.subframe + -SUBFRAME_S * SUBFRAMES_BEFORE
     return service.operator(stream_key(seed, "OSNMA chain"), first, subframes + SUBFRAMES_BEFORE)
@@ -190,5 +204,5 @@ def osnma_operator(seed: int, start: GalileoTime, subframes: int, service: Osnma
 
 @lru_cache(maxsize=2)
 def osnma_keys(seed: int, start: GalileoTime, subframes: int, service: OsnmaService) -> dict[GalileoTime, ValidatedKey]:
-    """Return the OSNMA keys of a run by time; each key is validated up to a signed root key."""
+    """Return the OSNMA keys of a run by time of the key, each validated up to a signed root key."""
     return {key.time: key for key in osnma_operator(seed, start, subframes, service).validated_keys()}

@@ -1,4 +1,4 @@
-"""Signals of one satellite at any time, in a recording and in a campaign of a sky with samples."""
+"""Make the true signal and the spoofing signals of one satellite, for a recording or for the samples of a sky."""
 
 from __future__ import annotations
 
@@ -18,20 +18,21 @@ from vestige.signal_generator.waveform import Component, Sequence, coded_compone
 from vestige.signals.definitions import E1B, E1C, E6B
 from vestige.streams import stream, stream_key
 
-_BGD_LSB = (6, 21)  # limits in units of 2⁻³² s: 1.4 to 4.9 ns, or 0.2 to 0.8 m between the bands
+# limits of the BGD's magnitude in units of 2⁻³² s: 1.4 to 4.9 ns, or 0.2 to 0.8 m between E1 and E6
+_BGD_LSB = (6, 21)
 
 
 def broadcast_group_delay_s(seed: int, svid: int) -> float:
-    """Return a random BGD(E1,E6) of a satellite in s, a multiple of the file's resolution that is not zero.
+    """Return a random BGD(E1,E6) of a satellite in s, a nonzero multiple of the resolution of a BGD file.
 
-    The bias of the truth is the part of the group delay that this value does not describe.
+    The bias of the truth is the part of the group delay that the returned BGD does not contain.
     """
     draw = stream(seed, "group delay", svid)
     return LSB_S * int(draw.integers(*_BGD_LSB, endpoint=True)) * int(draw.choice([-1, 1]))
 
 
 def continuous_truth(simulation: Simulation, truth: TruthBlock) -> ContinuousTruth:
-    """Return the truth of a satellite between its epochs.
+    """Return the truth of a satellite at any time, interpolated between the epochs.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ class SatelliteOnAir:
     forged_symbols: Sequence | None = None  # symbols of an attacker's own message; None for random symbols
 
     def received(self, band: Band) -> tuple[ReceivedSatellite, ...]:
-        """Return the true signal in a band, and its spoofing signals."""
+        """Return the satellite's true signal in a band, and all spoofing signals of the satellite."""
         simulation = self.simulation
         true = ReceivedSatellite(
             svid=simulation.svid,
@@ -83,7 +84,7 @@ class SatelliteOnAir:
         )
 
     def _forged_data(self) -> Component:
-        """Return E1-B with an attacker's own data."""
+        """Return the component E1-B with an attacker's own navigation data."""
         svid = self.simulation.svid
         if self.forged_symbols is not None:
             return coded_component(E1B, svid, self.forged_symbols)

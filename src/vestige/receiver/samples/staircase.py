@@ -1,7 +1,8 @@
-"""Sampling rates at which the correlation function of the samples has large steps.
+"""Find the sampling rates at which the correlation function of the samples has large steps.
 
-If f_s/R_c is nearly p/q with a small p, the samples of all chips fall on p phases. The sampled correlation function
-then has steps of 1/p chip, and all correlators within a step give the same value.
+f_s is the sampling rate, and R_c is the chip rate. If f_s/R_c is nearly p/q with a small p, all samples fall on p
+phases of a chip. The correlation function of such samples has steps of 1/p chip, and all correlators within a step give
+the same value.
 """
 
 from __future__ import annotations
@@ -18,19 +19,19 @@ class Staircase:
     """The steps of the correlation function at a sampling rate."""
 
     tread_m: float  # size of the steps in m
-    good_rate_hz: float  # next higher rate without such steps
+    good_rate_hz: float  # next higher sampling rate in Hz without large steps
 
 
-_LARGEST_P = 16  # steps of 1/16 chip, 3.7 m on E6, are small enough
-_NEAR = 1e-3  # if f_s/R_c differs more from p/q, the phases drift through a step within 16 ms
+_LARGEST_P = 16  # largest p for which a step of 1/p chip counts as large; 1/16 chip is 3.7 m on E6
+_NEAR = 1e-3  # largest distance of f_s/R_c from p/q; at a larger distance the phases drift through a step within 16 ms
 _GRID_HZ = 1e5  # suggested rates are multiples of 0.1 MHz
 
 
 def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircase | None:
-    """Return the steps of the correlation function at a sampling rate; None if there are no steps.
+    """Return the large steps of the correlation function at a sampling rate, or None if there are no large steps.
 
-    The steps have 1/p chip if f_s/R_c lies within 1e-3 of p/q with p ≤ 16. f_s is the rate of the samples that are
-    correlated, because the replica's chips fall on p phases of these samples. So neither a filter nor a higher rate
+    The size of a step is 1/p chip if f_s/R_c lies within 1e-3 of p/q with p ≤ 16. f_s is the rate of the samples that
+    are correlated, because the replica's chips fall on p phases of these samples. So neither a filter nor a higher rate
     before the filter removes the steps.
     """
     p = _phases(sample_rate_hz / chip_rate_hz)
@@ -43,7 +44,7 @@ def commensurate_tread_m(sample_rate_hz: float, chip_rate_hz: float) -> Staircas
 
 
 def _phases(ratio: float) -> int | None:
-    """Return the smallest p ≤ 16 of a fraction p/q ≥ 1/2 near `ratio`."""
+    """Return the smallest p ≤ 16 of a fraction p/q ≥ 1/2 within 1e-3 of `ratio`, or None without such a fraction."""
     for p in range(1, _LARGEST_P + 1):
         if any(abs(ratio - p / q) < _NEAR for q in range(1, 2 * p + 1)):
             return p

@@ -1,1 +1,1 @@
-"""Positions of satellites and receiver, and the receiver's view of each satellite."""
+"""Compute the positions of satellites and receiver, and the receiver's view of each satellite."""

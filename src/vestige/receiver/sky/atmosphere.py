@@ -1,7 +1,8 @@
-"""The delays of the atmosphere between a satellite and the receiver of a sky, at any time.
+"""Compute the delays of the atmosphere between a satellite and the receiver of a sky, at any time.
 
-The troposphere delays code and carrier of both bands alike. The ionosphere delays the code and advances the carrier.
-The effect on E6 is γ times the effect on E1. Both delays follow the satellite's direction, so they change smoothly.
+The troposphere delays code and carrier of both bands by the same length. The ionosphere delays the code and advances
+the carrier. The effect of the ionosphere on E6 is γ = (f1/f6)² times the effect on E1. Tropospheric and ionospheric
+delay depend on the satellite's direction, so both delays change smoothly.
 """
 
 from __future__ import annotations
@@ -21,19 +22,19 @@ from vestige.navigation.troposphere import SaastamoinenTroposphere
 if TYPE_CHECKING:
     from vestige.receiver.sky.elevation import ElevationEffects, SatelliteRange
 
-_STEP_S = 1.0  # step of the differences; the error from the fourth derivative is below a micrometre per second
+_STEP_S = 1.0  # step in s of the central differences, whose error in the rate is below 1 µm/s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Atmosphere:
-    """Models of the atmosphere; None if a model is absent.
+    """Models of troposphere and ionosphere, each None if the model is absent.
 
     Attributes
     ----------
     troposphere
         Model of the troposphere.
     ionosphere
-        Coefficients of NTCM-G as word 5 of the message carries them.
+        Coefficients of the ionosphere model NTCM-G, as in word 5 of the message.
     """
 
     troposphere: SaastamoinenTroposphere | None = None
@@ -41,18 +42,21 @@ class Atmosphere:
 
     @property
     def there(self) -> bool:
-        """Whether at least one model is present."""
+        """Whether the atmosphere has at least one model."""
         return self.troposphere is not None or self.ionosphere is not None
 
     @property
     def broadcast(self) -> BroadcastIonosphere:
-        """Ionosphere model that satellites send in word 5."""
+        """Coefficients of the ionosphere model that satellites send in word 5 of the message."""
         return self.ionosphere or NO_IONOSPHERE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtmosphericDelay:
-    """The atmosphere on the path from one satellite; times are in s after the scenario's start, in system time."""
+    """Delays of the atmosphere on the path from one satellite to the receiver.
+
+    All times `t_s` are in s after the scenario's start, in system time.
+    """
 
     atmosphere: Atmosphere
     path: SatelliteRange
@@ -75,9 +79,9 @@ class AtmosphericDelay:
         return (after_m - before_m) / (2 * _STEP_S), (after_m - 2 * now_m + before_m) / _STEP_S**2
 
     def ionosphere_e1_m(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the delay of the code on E1 by the ionosphere in m.
+        """Return the ionospheric delay of the code on E1 in m.
 
-        The day of the year is taken at the scenario's start, so that the delay has no step at midnight.
+        The model uses the day of the year at the scenario's start, so that the delay has no step at midnight.
         """
         ionosphere = self.atmosphere.ionosphere
         if ionosphere is None:
@@ -100,7 +104,7 @@ class AtmosphericDelay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelayedRange:
-    """Range from a satellite to a receiver with the delay of the troposphere, as in the pseudorange."""
+    """Range from a satellite to a receiver, including the delay of the troposphere."""
 
     delay: AtmosphericDelay
 
@@ -118,7 +122,10 @@ class DelayedRange:
 
 
 def through_atmosphere(effects: ElevationEffects, atmosphere: Atmosphere) -> ElevationEffects:
-    """Return a satellite whose signals pass an atmosphere; the same satellite without a model."""
+    """Return the effects on a satellite whose signals pass an atmosphere.
+
+    If the atmosphere has no model, `effects` is returned.
+    """
     if not atmosphere.there:
         return effects
     return replace(effects, atmosphere=AtmosphericDelay(atmosphere=atmosphere, path=effects.path))

@@ -1,10 +1,10 @@
-"""The sky: satellites on nominal orbits, and their signal strength.
+"""Make a sky of satellites on nominal orbits, and compute the C/N0 of each satellite.
 
 The nominal constellation is Galileo's Walker 24/3/1 as the service publishes it [GSC-ORBITS]. The constellation has
-circular orbits in three planes 120° apart. Each plane has eight slots at 45°, and the next plane is ahead by 360°/24 =
-15°. The satellites are given as ephemerides, so that simulator, navigation file and receiver work with the same orbits.
-The satellites with SVID 1 to 8 have the slots A01 to A08, SVID 9 to 16 have B01 to B08, and SVID 17 to 24 have C01 to
-C08. Real satellites have other SVIDs.
+circular orbits in three planes 120° apart. Each plane has eight slots at intervals of 45°. The slots of the next plane
+are ahead by 360°/24 = 15°. The satellites are given as ephemerides, so that simulator, navigation file and receiver
+work with the same orbits. The satellites with SVID 1 to 8 have the slots A01 to A08, SVID 9 to 16 have B01 to B08, and
+SVID 17 to 24 have C01 to C08. Real satellites have other SVIDs in these slots.
 
 Orbit and clock of an ephemeris are taken as true, so the model has no errors of the broadcast message.
 """
@@ -22,22 +22,23 @@ from vestige.navigation.earth import GRAVITATION_M3PS2, ROTATION_RADPS
 from vestige.navigation.ephemeris import Ephemeris
 from vestige.time import GalileoTime
 
-# reference constellation at 2016-11-21T00:00:00 UTC [GSC-ORBITS]
+# reference epoch of the nominal constellation [GSC-ORBITS]
 REFERENCE_EPOCH = GalileoTime.parse("2016-11-21T00:00:00 UTC")
 ORBIT_SEMI_MAJOR_AXIS_M = 29_599_800.0
 INCLINATION_DEG = 56.0
-NODE_DEG = {"A": 317.632, "B": 77.632, "C": 197.632}  # right ascension of the ascending node
-LATITUDE_DEG = {"A": 180.153, "B": 195.153, "C": 210.153}  # argument of latitude of slot 1
+NODE_DEG = {"A": 317.632, "B": 77.632, "C": 197.632}  # right ascension of the ascending node of each plane
+LATITUDE_DEG = {"A": 180.153, "B": 195.153, "C": 210.153}  # argument of latitude of slot 1 in each plane
 NODE_RATE_DEG_PER_DAY = -0.02764398
 LATITUDE_RATE_DEG_PER_DAY = 613.72253566
 SLOTS, SLOT_DEG = 8, 45.0
 
-TYPICAL_SISA_M = 3.12  # SISA that nearly all satellites broadcast; a receiver does not use a satellite without a SISA
+# SISA that nearly all satellites broadcast, needed because a receiver uses no satellite without a SISA
+TYPICAL_SISA_M = 3.12
 _REFERENCE_DAYS = 6168.5  # days from 2000-01-01T12:00 UTC to REFERENCE_EPOCH
 
 
 def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
-    """Return the 24 satellites of the reference constellation with orbits given at `toe` and clocks without error."""
+    """Return the ephemerides of the 24 satellites of the reference constellation at `toe`, without clock errors."""
     elapsed_s = toe - REFERENCE_EPOCH
     axis = ORBIT_SEMI_MAJOR_AXIS_M
     node_rate = np.radians(NODE_RATE_DEG_PER_DAY) / DAY_S
@@ -68,15 +69,15 @@ def walker_ephemerides(toe: GalileoTime) -> tuple[Ephemeris, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElevationCn0:
-    """C/N0 as a function of elevation: the gain falls from zenith to horizon by `fall_db`, linear in sin(elevation).
+    """C/N0 that falls from zenith to horizon by `fall_db`, linearly with the sine of the elevation.
 
     Attributes
     ----------
     zenith_dbhz
-        C/N0 at the zenith, per component.
+        C/N0 of each component at the zenith, in dBHz.
     fall_db
-        Loss at the horizon relative to the zenith. A patch antenna has 5 dBi at the zenith and −3 to −5 dBi at low
-        elevation. The pattern of the satellite's antenna compensates the longer path.
+        Loss at the horizon relative to the zenith, in dB. A patch antenna has 5 dBi at the zenith and −3 to −5 dBi at
+        low elevation. The pattern of the satellite's antenna compensates the longer path at low elevation.
     """
 
     zenith_dbhz: float = 45.0
@@ -84,7 +85,7 @@ class ElevationCn0:
     kind: Literal["elevation"] = "elevation"
 
     def cn0_dbhz(self, elevation_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the C/N0 in dBHz; below the horizon, return the C/N0 at the horizon."""
+        """Return the C/N0 in dBHz at an elevation, or the C/N0 at the horizon for negative elevations."""
         return self.zenith_dbhz - self.fall_db * (1 - np.maximum(np.sin(elevation_rad), 0.0))
 
 
@@ -95,5 +96,5 @@ def _earth_rotation_angle() -> float:
 
 
 def _wrapped(angle: float) -> float:
-    """Return the angle in [−π, π)."""
+    """Return an angle in rad, wrapped to [−π, π)."""
     return float((angle + np.pi) % (2 * np.pi) - np.pi)

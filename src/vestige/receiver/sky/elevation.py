@@ -1,18 +1,18 @@
-"""Effects of a satellite's elevation: signal strength, multipath, and path length through the ionosphere.
+"""Compute the effects of a satellite's elevation on signal strength, multipath and ionospheric delay.
 
 Theory of operation
 -------------------
-    strength      C/N0(e) of the antenna (`ElevationCn0`); a simulation has the C/N0 of the first epoch, and
-                  the amplitude of the line of sight is the square root of the later relative gain
+    strength      C/N0(e) of the antenna (`ElevationCn0`). The nominal C/N0 is the C/N0 at the first epoch. The
+                  amplitude of the line of sight is the square root of the gain relative to the first epoch.
     reflections   relative amplitude of `navigation.elevation_model`
     ionosphere    obliquity M(e)/M(17.5°) of `navigation.elevation_model`
 
-The satellites of one receiver have a part of the ionosphere in common. z₀ is the Gauss-Markov process of the receiver,
-zᵢ is the process of the satellite, and ρ is the common share of the variance:
+The ionospheric residuals eᵢ of a receiver's satellites have a common part. z₀ is the Gauss-Markov process of the
+receiver, zᵢ is the process of satellite i, and ρ is the share of the common part in the variance:
 
     eᵢ = M(e)/M(17.5°) · F⁻¹(Φ(√ρ z₀ + √(1 − ρ) zᵢ))
 
-The common part does not change the distribution F of each satellite's residual.
+The common part does not change the distribution F of the residual of a single satellite.
 """
 
 from __future__ import annotations
@@ -33,27 +33,31 @@ from vestige.receiver.sky.trajectory import StaticTrajectory, Trajectory
 from vestige.signal_generator.range_model import RangeHistory
 from vestige.time import GalileoTime
 
-# largest number of times in a cached line of sight; more times would take megabytes for each satellite
+# largest number of times in a cached line of sight, because more times take megabytes for each satellite
 _KEPT_TIMES = 5000
-_KEPT_RANGES = 128  # largest number of times in a cached call; the cache has space for eight runs of a sky
-# number of cached lines of sight; range, rate and acceleration of a delayed signal in a troposphere need six
+# largest number of times in a cached call of `_kept_range_m`, whose cache has space for eight runs of a sky
+_KEPT_RANGES = 128
+# number of cached lines of sight, of which a delayed signal in a troposphere needs six for range, rate and acceleration
 _KEPT_SIGHTS = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteGeometry:
-    """View of a satellite at n epochs; a single line of sight is always in view, with the nominal strength."""
+    """View of a satellite at n epochs.
+
+    A single line of sight is always in view, with the nominal strength.
+    """
 
     # receiver's clock minus the time to which the line of sight refers, in s
     clock_offset_s: Float[np.ndarray, " n"]
-    amplitude: Float[np.ndarray, " n"]  # amplitude of the line of sight over the nominal amplitude
+    amplitude: Float[np.ndarray, " n"]  # amplitude of the line of sight, divided by the nominal amplitude
     azimuth_rad: Float[np.ndarray, " n"]  # azimuth; NaN on a single line of sight
     elevation_rad: Float[np.ndarray, " n"]  # elevation; NaN on a single line of sight
     in_view: Bool[np.ndarray, " n"]  # whether the satellite is above the elevation mask
 
     @classmethod
     def single(cls, n: int) -> SatelliteGeometry:
-        """Return the geometry of a single line of sight."""
+        """Return the geometry of a single line of sight at `n` epochs."""
         unknown = np.full(n, np.nan)
         return cls(
             clock_offset_s=np.zeros(n),
@@ -74,7 +78,7 @@ class SatelliteMotion(NamedTuple):
 
 
 def single_line_of_sight(line_of_sight: RangeHistory, time_s: Float[np.ndarray, " n"]) -> SatelliteMotion:
-    """Return a single line of sight; its range is given at times on the receiver's clock."""
+    """Return range, rate and acceleration of a single line of sight at times on the receiver's clock."""
     return SatelliteMotion(
         SatelliteGeometry.single(time_s.size),
         line_of_sight.range_m(time_s),
@@ -90,11 +94,12 @@ class SatelliteRange:
     ephemeris: Ephemeris  # orbit and clock, taken as true
     start: GalileoTime  # start of the scenario
     trajectory: Trajectory  # motion of the receiver
-    # the last lines of sight by their times, because range, rate and acceleration need the same line of sight
+    # the latest lines of sight, cached by the bytes of their times, because range, rate and acceleration need the same
+    # line of sight
     _last: dict[bytes, LineOfSight] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     def sight(self, t_s: Float[np.ndarray, " n"]) -> LineOfSight:
-        """Return the line of sight at times in s after the start."""
+        """Return the line of sight at times in s after the scenario's start."""
         if t_s.size > _KEPT_TIMES:
             return line_of_sight(self.ephemeris, self.start, t_s, self.trajectory.motion(t_s))
         times = t_s.tobytes()
@@ -127,14 +132,17 @@ class SatelliteRange:
 
 @lru_cache(maxsize=4096)
 def _kept_range_m(path: SatelliteRange, times: bytes) -> Float[np.ndarray, " n"]:
-    """Return ranges from a cache; simulations with the same seed have the same ranges. `times` are bytes."""
+    """Return the ranges of a satellite in m from a cache, because the runs of a sky repeat the same times.
+
+    `times` holds the bytes of an array of times in s after the scenario's start.
+    """
     t_s = np.frombuffer(times)
     return range_less_clock_m(path.ephemeris, path.start, t_s, path.trajectory.motion(t_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElevationEffects:
-    """Effects of the elevation on one satellite of a sky."""
+    """Effects of the elevation on the signals of one satellite of a sky."""
 
     path: SatelliteRange
     mask_deg: float  # lowest elevation at which the satellite is received
@@ -145,16 +153,16 @@ class ElevationEffects:
 
     @property
     def line_of_sight(self) -> RangeHistory:
-        """The range in the pseudoranges of both bands, with the delay of the scenario's troposphere."""
+        """Range that the pseudoranges of both bands contain, including the delay of the scenario's troposphere."""
         return self.path if self.atmosphere is None else DelayedRange(delay=self.atmosphere)
 
     @property
     def nominal_db(self) -> float:
-        """Nominal C/N0 over the C/N0 at the zenith, in dB."""
+        """Nominal C/N0 relative to the C/N0 at the zenith, in dB."""
         return float(self.antenna.cn0_dbhz(np.array([self.first_rad]))[0]) - self.antenna.zenith_dbhz
 
     def seen(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> SatelliteMotion:
-        """Return the view of the satellite at epochs on the receiver's clock, which has the error `clock_m`."""
+        """Return the view of the satellite at epochs on the receiver's clock, which has the error `clock_m` in m."""
         clock_offset_s = clock_m / SPEED_OF_LIGHT_MPS
         sight = self.path.sight(time_s - clock_offset_s)
         gain_db = self.antenna.cn0_dbhz(sight.elevation_rad) - self.antenna.zenith_dbhz - self.nominal_db
@@ -176,7 +184,7 @@ class ElevationEffects:
     def broadcast_ionosphere_e1_m(
         self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]
     ) -> Float[np.ndarray, " n"]:
-        """Return the ionospheric delay on E1 that the message describes, in m, at epochs on the receiver's clock."""
+        """Return the ionospheric delay on E1 that follows from the message, in m, at epochs on the receiver's clock."""
         if self.atmosphere is None:
             return np.zeros_like(time_s)
         return self.atmosphere.ionosphere_e1_m(time_s - clock_m / SPEED_OF_LIGHT_MPS)

@@ -1,12 +1,12 @@
-"""The path over a meaconer's antenna: the delay of each satellite's signal relative to the direct signal.
+"""Compute the delay of each satellite's signal over a meaconer's antenna, relative to the direct signal.
 
-A meaconer at the position r_a retransmits the signals received at this position. The victim is at r. The signal of
-satellite s is later than the direct signal by
+A meaconer at the position r_a retransmits the signals received at this position. The victim is at the position r. The
+retransmitted signal of a satellite at the position s is later than the direct signal by
 
     |s − r_a| + |r_a − r| − |s − r|
 
-The second term and the repeater's own delay are common to all satellites and move the victim's clock. The other two
-terms move the victim's position to r_a.
+The term |r_a − r| and the repeater's own delay are common to all satellites and move the victim's clock. The terms |s −
+r_a| and |s − r| move the victim's position to r_a.
 """
 
 from __future__ import annotations
@@ -25,23 +25,25 @@ from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import Profile, Table
 from vestige.spoofer.repeaters import Meaconing, Place
 
-# Step of the points with exact delays and rates. The cubics between these points have an error of 2 µm, both for a
-# static receiver and on a circle of 40 m at 20 m/s.
+# Distance in s between points with exact delays and rates, for a static and for a moving receiver. Cubics between such
+# points have an error of 2 µm, both for a static receiver and on a circle of 40 m at 20 m/s.
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
-_AROUND_S = 20.0  # time before and after the run that the cubics also cover
+_AROUND_S = 20.0  # time in s before and after the run that the cubics of a static receiver also cover
 
 
 def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: float) -> tuple[Attack, ...]:
-    """Return the attacks for one satellite: a meaconer with an antenna delays the signal by the path over this antenna.
+    """Return the attacks on one satellite, with the delay over the antenna for each meaconer that has an antenna.
+
+    All other attacks are returned unchanged.
 
     Parameters
     ----------
     attacks
         Attacks of a scenario.
     path
-        The satellite and the victim.
+        Range from the satellite to the victim.
     duration_s
-        Length of the run.
+        Length of the run in s.
     """
     return tuple(
         _placed(one, one.antenna, path, duration_s) if isinstance(one, Meaconing) and one.antenna is not None else one
@@ -51,10 +53,14 @@ def placed_attacks(attacks: Sequence[Attack], path: SatelliteRange, duration_s: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Curve(Table):
-    """Cubics through points with given rates, continuous in value and rate; outside, the end values apply."""
+    """Piecewise cubic function through points with given rates, continuous in value and rate.
+
+    Before the first and after the last point, the value is constant.
+    """
 
     rates: tuple[float, ...] = ()
-    _points: Float[np.ndarray, "3 n"] = field(init=False, repr=False, compare=False)  # times, values and rates
+    # times, values and rates of the points
+    _points: Float[np.ndarray, "3 n"] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         Table.__post_init__(self)
@@ -66,7 +72,7 @@ class _Curve(Table):
         return value + u * (first + u * (quadratic + u * cubic))
 
     def rate(self, t_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the derivative per s."""
+        """Return the derivative of the value at each time, per s."""
         u, step_s, (_, first, quadratic, cubic) = self._cubic(t_s)
         within = (t_s >= self._points[0, 0]) & (t_s < self._points[0, -1])
         return np.where(within, (first + u * (2 * quadratic + u * 3 * cubic)) / step_s, 0.0)
@@ -74,7 +80,7 @@ class _Curve(Table):
     def _cubic(
         self, t_s: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], tuple[Float[np.ndarray, " n"], ...]]:
-        """Return for each time the share of the step between two points, the step, and the cubic's coefficients."""
+        """Return for each time the elapsed fraction of the step, the step in s, and the coefficients of the cubic."""
         times_s, values, rates = self._points
         left = np.clip(np.searchsorted(times_s, t_s, side="right") - 1, 0, times_s.size - 2)
         step_s = times_s[left + 1] - times_s[left]
@@ -85,14 +91,14 @@ class _Curve(Table):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacedMeaconing(Meaconing):
-    """A meaconer with an antenna, for one satellite."""
+    """Meaconer with an antenna, with the delay of one satellite's signal."""
 
-    # delay relative to the true signal: excess of the path over the antenna, plus the repeater's own delay
+    # delay in m relative to the true signal: excess length of the path over the antenna, plus the repeater's own delay
     late_m: _Curve
 
     @property
     def delay_m(self) -> Profile:
-        """Delay relative to the true signal in m."""
+        """Delay of the repeated signal relative to the true signal, in m."""
         return self.late_m
 
 
@@ -102,7 +108,7 @@ def _placed(attack: Meaconing, antenna: Place, path: SatelliteRange, duration_s:
 
 
 def _delay_over(antenna: Place, path: SatelliteRange, duration_s: float, delay_s: float) -> _Curve:
-    """Return the delay over an antenna in m: c · `delay_s` plus the excess path at the time `delay_s` earlier."""
+    """Return the delay over an antenna in m: c · `delay_s` plus the excess length of the path `delay_s` earlier."""
     fixed = StaticTrajectory(
         latitude_deg=antenna.latitude_deg, longitude_deg=antenna.longitude_deg, height_m=antenna.height_m
     )

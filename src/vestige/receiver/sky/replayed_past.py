@@ -1,18 +1,19 @@
-"""Geometry of a replay under a sky: the signals of a replay come from earlier positions of the satellites.
+"""Compute the geometry of a replay under a sky, whose signals come from earlier positions of the satellites.
 
 A spoofing signal with the delay τ is the signal that the receiver could have received τ earlier. ρ is the range of the
-line of sight. At t the spoofing signal has two differences from the direct signal:
+line of sight. At the time t the delay and the rate of the spoofing signal relative to the direct signal are:
 
     delay    c τ + ρ(t − τ) − ρ(t)
     rate     derivative of this delay, for code and carrier
 
 The receiver computes the satellite's position at t − τ − ρ/c, so all ranges are consistent, as in samples
-(`samples.attacked_sky`). For a delay of 5 s the correction of the range is up to 4 km. Delays up to 10 µs are not
-changed, because their correction is less than 1 cm. Strength, ionosphere and multipath keep their values at t.
+(`samples.attacked_sky`). For a delay of 5 s the correction ρ(t − τ) − ρ(t) is up to 4 km. Delays up to 10 µs are not
+changed, because their correction is less than 1 cm. Strength, ionosphere and multipath of the spoofing signal have
+their values at the time t.
 
-A single line of sight does not need this correction. The receiver has no other clock than the signal (`snapshots.e1`),
-so the receiver's clock shows the time of the replay. At the time that this clock shows, the satellite's range equals
-the range of the replayed signal.
+A single line of sight does not need the correction ρ(t − τ) − ρ(t). A receiver of a single line of sight has no other
+clock than the signal (`snapshots.e1`), so the receiver's clock shows the time of the replay. At the time that the
+receiver's clock shows, the satellite's range equals the range of the replayed signal.
 """
 
 from __future__ import annotations
@@ -35,23 +36,23 @@ from vestige.spoofer.spoofer import BandEffects, Spoofer
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
 
-# Step of the points with exact ranges and rates. The cubics between these points have an error of 1 µm for a static
-# receiver, and of 2 mm where an acceleration of 4 m/s² begins.
+# Distance in s between points with exact ranges and rates, for a static and for a moving receiver. Cubics between such
+# points have an error of 1 µm for a static receiver, and of 2 mm where an acceleration of 4 m/s² begins.
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
 _LEAST_DELAY_M = 1e-5 * SPEED_OF_LIGHT_MPS
-_FIXED_POINT_STEPS = 3  # ρ changes by less than 1 km/s, so each step gains five decimals
+_FIXED_POINT_STEPS = 3  # number of iterations; ρ changes by less than 1 km/s, so each iteration gains five decimals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpooferUnderSky(Spoofer):
-    """The attacker for one satellite of a sky: each spoofing signal has the geometry at its transmission.
+    """Attacker of one satellite of a sky, whose spoofing signals have the geometry at the time of their transmission.
 
     Attributes
     ----------
     path
-        Satellite and receiver.
+        Range from the satellite to the receiver.
     clock_offset_s
-        Receiver clock minus system time in s, a constant.
+        Receiver clock minus system time, a constant in s.
     """
 
     path: SatelliteRange
@@ -77,7 +78,10 @@ class SpooferUnderSky(Spoofer):
         late_m: Float[np.ndarray, "n k"],
         late_mps: Float[np.ndarray, "n k"],
     ) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"]]:
-        """Return ρ(t − τ) − ρ(t) and its derivative, 0 for short delays; c τ is `late_m` and its rate is `late_mps`."""
+        """Return ρ(t − τ) − ρ(t) in m and its derivative in m/s, both 0 for delays up to 10 µs.
+
+        The delay c τ is `late_m` in m, and the rate of this delay is `late_mps` in m/s.
+        """
         moved_m, moved_mps = np.zeros((2, *late_m.shape))
         late = np.abs(late_m) > _LEAST_DELAY_M
         rows = np.flatnonzero(np.any(late, axis=1))
@@ -94,7 +98,7 @@ class SpooferUnderSky(Spoofer):
         return moved_m, moved_mps
 
     def tracked(self, times_s: Float[np.ndarray, " n"], loop: E1Tracking) -> E1Tracking:
-        """Return the E1 tracking under the sky, from the tracking of the loop without the geometry of the replay.
+        """Return the E1 tracking of the loop after the geometry of the replay has been added.
 
         A signal that is late enough for a change of geometry is far from all other signals, so the loop follows a
         single signal.
@@ -111,7 +115,10 @@ class SpooferUnderSky(Spoofer):
 
 
 def _curve(path: SatelliteRange, first_s: float, last_s: float) -> CubicHermiteSpline:
-    """Return the range between two system times; the knots lie on a fixed grid, so all blocks get the same result."""
+    """Return the range in m between two system times, as cubics through knots on a fixed time grid.
+
+    Because the grid is fixed, the range does not depend on the division of the run into blocks.
+    """
     from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415  (loads slowly, and few runs replay the past)
 
     step_s = _STANDING_STEP_S if isinstance(path.trajectory, StaticTrajectory) else _MOVING_STEP_S
@@ -130,11 +137,11 @@ def replay_delay_m(
     Parameters
     ----------
     path
-        Satellite and receiver.
+        Range from the satellite to the receiver.
     times_s
-        Times of reception t in s after the start, in system time.
+        Times of reception t in s after the scenario's start, in system time.
     late_m
-        Delay of the signals in m.
+        Delay of the signals relative to the direct signal, c τ + ρ(t − τ) − ρ(t), in m.
     """
     delay_m = late_m
     for _ in range(_FIXED_POINT_STEPS):

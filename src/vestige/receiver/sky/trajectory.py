@@ -1,4 +1,4 @@
-"""Trajectories of the receiver: static, on a circle, or through waypoints.
+"""Define the trajectories of the receiver: static, on a circle, or through waypoints.
 
 Every trajectory gives consistent position, velocity and acceleration at any time. So range, range rate and range
 acceleration are also consistent. A natural cubic spline joins the waypoints without a jump in the acceleration. Two
@@ -24,13 +24,13 @@ class Trajectory(Protocol):
     """Position of the antenna as a function of time."""
 
     def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
-        """Return ECEF position, velocity and acceleration at times after the scenario's start."""
+        """Return ECEF position, velocity and acceleration at times in s after the scenario's start."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticTrajectory:
-    """A static receiver.
+    """Trajectory of a static receiver.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class StaticTrajectory:
     kind: Literal["static"] = "static"
 
     def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
-        """Return ECEF position, velocity and acceleration at times after the scenario's start."""
+        """Return ECEF position, velocity and acceleration at times in s after the scenario's start."""
         position, _ = _place(self.latitude_deg, self.longitude_deg, self.height_m)
         nothing = np.zeros((elapsed_s.size, 3))
         return ReceiverMotion(position_m=nothing + position, velocity_mps=nothing, acceleration_mps2=nothing)
@@ -59,7 +59,7 @@ class CircularTrajectory:
     latitude_deg, longitude_deg, height_m
         Geodetic position of the centre.
     radius_m, speed_mps
-        Radius of the circle in m and speed along it in m/s. The receiver starts east of the centre.
+        Radius of the circle in m, and speed along the circle in m/s. The receiver starts east of the centre.
     """
 
     latitude_deg: float
@@ -74,7 +74,7 @@ class CircularTrajectory:
             raise ValueError(f"the radius of a circle must be positive, found {self.radius_m}")
 
     def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
-        """Return ECEF position, velocity and acceleration at times after the scenario's start."""
+        """Return ECEF position, velocity and acceleration at times in s after the scenario's start."""
         centre, axes = _place(self.latitude_deg, self.longitude_deg, self.height_m)
         rate = self.speed_mps / self.radius_m
         cosine, sine = np.cos(rate * elapsed_s)[:, None], np.sin(rate * elapsed_s)[:, None]
@@ -95,7 +95,7 @@ class WaypointTrajectory:
     time_s
         Times of the waypoints in s after the scenario's start, ascending.
     position_m
-        ECEF positions of the waypoints.
+        ECEF positions of the waypoints in m.
     """
 
     time_s: Float[np.ndarray, " k"]
@@ -107,12 +107,12 @@ class WaypointTrajectory:
 
     @classmethod
     def from_geodetic(cls, waypoints: Float[np.ndarray, "k 4"]) -> WaypointTrajectory:
-        """Return the trajectory through rows of time in s, latitude and longitude in degrees, height in m."""
+        """Return the trajectory through rows of time in s, latitude and longitude in degrees, and height in m."""
         time_s, latitude, longitude, height_m = waypoints.T
         return cls(time_s=time_s, position_m=ecef_from_geodetic(np.radians(latitude), np.radians(longitude), height_m))
 
     def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
-        """Return ECEF position, velocity and acceleration at times after the scenario's start.
+        """Return ECEF position, velocity and acceleration at times in s after the scenario's start.
 
         Raises `ValueError` if a time is before the first or after the last waypoint.
         """
@@ -133,7 +133,7 @@ class WaypointTrajectory:
         )
 
     def _accelerations(self) -> Float[np.ndarray, "k 3"]:
-        """Return the second derivative at each waypoint, 0 at the ends."""
+        """Return the acceleration at each waypoint in m/s², which is 0 at the first and the last waypoint."""
         h = np.diff(self.time_s)
         bend = np.zeros_like(self.position_m)
         if h.size > 1:

@@ -1,1 +1,1 @@
-"""Snapshots of the simulated receiver for the processor, made from the truth of a block of epochs."""
+"""Make snapshots of the simulated receiver for the processor from the truth of a block of epochs."""

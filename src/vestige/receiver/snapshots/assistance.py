@@ -1,4 +1,4 @@
-"""Assistance of the simulated service: the RECS of every satellite, made on request."""
+"""Make the RECS of every satellite on request, as assistance of the simulated service."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from vestige.validated_key import ValidatedKey
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedAssistance:
-    """RECS and keys of a simulated receiver, without a prediction of the delay between the bands.
+    """Assistance of a simulated receiver: RECS, keys, and optional predictions of the delay between the bands.
 
-    The keys depend on the pages that the receiver receives, so a lookup uses the E6 of the block itself.
+    The known keys depend on the pages that the receiver receives. So `recs_of` takes the truth of the receiver from the
+    E6 of the block.
     """
 
     simulations: tuple[Simulation, ...]  # simulation of each satellite
@@ -42,20 +43,20 @@ class SimulatedAssistance:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SimulatedRecs:
-    """The RECS of a block; each RECS is encrypted on request."""
+    """RECS of a block, each encrypted on request."""
 
     assistance: SimulatedAssistance
     block: RecsBlock
-    first: int  # number of the first epoch
+    first: int  # number of the block's first epoch
 
     def segment(self, epoch: int, satellite: int) -> tuple[EncryptedSegment, ValidatedKey]:
-        """Return the RECS of one satellite at one epoch, and its key."""
+        """Return the RECS of one satellite at one epoch, and the key that decrypts this RECS."""
         number = (self.first + epoch) // self.assistance.every
         return self.assistance.simulations[satellite].segment(number)
 
 
 def recs_block(of: ReceiverTruth) -> RecsBlock:
-    """Return the RECS of a block: all satellites at all epochs with RECS."""
+    """Return the RECS of all satellites, at all epochs of a block that have RECS."""
     simulation = of.simulations[0]
     second = simulation.start.gst_seconds + np.round(10 * of.truth[0].time_s).astype(np.int64) // 10
     found, with_key = np.zeros((2, *of.shape), np.bool_)
@@ -74,7 +75,7 @@ def recs_with_keys(
 ) -> RecsBlock:
     """Return RECS with the times of their keys.
 
-    `second` counts whole seconds since the GST epoch.
+    `second` is the time of transmission of each RECS, in whole seconds since the GST epoch.
     """
     key_s = _key_second(second, key_delay)
 
@@ -95,7 +96,7 @@ def _key_second(second: Int64[np.ndarray, " n"], key_delay: int) -> Int64[np.nda
 
 
 def _keys_received(of: ReceiverTruth, key_s: Int64[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return whether the receiver receives the key of a RECS that is sent at each epoch.
+    """Return for each epoch whether the receiver receives the key of a RECS that is sent at this epoch.
 
     `key_s` is the start of the subframe of the key, in s after the scenario's start.
     """

@@ -1,8 +1,8 @@
-"""The C/N0 that E1 tracking reports, which is an estimate over a second.
+"""Draw the C/N0 that E1 tracking reports, an estimate from a second of prompt correlators.
 
-The estimate uses the K = 50 prompt correlators ξ_k of a second, with T = 20 ms each, in standard deviations of their
-noise per dimension. A correlator with a code that no satellite sends measures the noise density at the same time. The
-error of this noise density is neglected. The estimate is
+The estimate uses the K = 50 prompt correlators ξ_k of a second, each over T = 20 ms. ξ_k is in standard deviations of
+the noise per dimension. A correlator with a code that no satellite sends measures the noise density at the same time.
+The error of this noise density is neglected. C is the true C/N0 in Hz, and the estimate Ĉ is
 
     Ĉ = (1/(2K) Σ_k |ξ_k|² − 1)/T,        Σ_k |ξ_k|² ~ χ²(2K) about the mean 2 K C T,  non-central
 
@@ -10,8 +10,8 @@ The estimate has no bias, and its relative variance is (2 C T + 1)/(K C² T²). 
 dBHz and 0.7 dB at 20 dBHz. A non-central χ² is (z + √λ)² + χ²(2K − 1), so each estimate needs two draws.
 
 The tracking receiver estimates the noise from its own prompts (`sample_processor.tracking`). So the replica and other
-codes lower the estimate of the tracking receiver by 0.9 dB, and a beat of two signals counts as noise. This model
-leaves out both effects, so its estimate is higher.
+codes lower the estimate of the tracking receiver by 0.9 dB. The beat of two signals also counts as noise in the
+tracking receiver. The model of this module neglects both effects, so the model's estimate is higher.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from vestige.streams import stream
 
 PROMPTS = 50
 CN0_INTEGRATION_S = 0.02
-_LEAST_SNR = 1e-3  # smallest SNR, which replaces an estimate that noise made negative
+_LEAST_SNR = 1e-3  # lower limit of the estimated SNR, which noise can make negative
 
 
 def estimated_cn0_dbhz(
     cn0_dbhz: Float[np.ndarray, " n"], *, seed: int, svid: int, first: int
 ) -> Float[np.ndarray, " n"]:
-    """Return estimates of the C/N0 of one satellite.
+    """Return the estimated C/N0 of one satellite at each epoch, in dBHz.
 
-    `cn0_dbhz` is the true C/N0 behind the loop, over all noise that is present.
+    `cn0_dbhz` is the true C/N0 of the signal that the loop tracks, with the noise of attacks included.
     """
     normal, rest = drawn_rows(first, cn0_dbhz.size, lambda block: _draws(seed, block, svid)).T
     mean = 2 * PROMPTS * 10 ** (cn0_dbhz / 10) * CN0_INTEGRATION_S

@@ -1,17 +1,18 @@
-"""E1 measurements of all satellites, epoch by epoch.
+"""Simulate the E1 measurements of all satellites, epoch by epoch.
 
 A pseudorange contains geometry and receiver clock, noise, multipath and the error of the loop under attack. Under a sky
-the pseudorange also contains the atmosphere of the scenario and the residual of the ionosphere. The residual is e/(γ −
-1), where e is the residual of E6 − E1. This residual is common to both bands and is no part of the range check.
+the pseudorange also contains the atmosphere of the scenario and the residual of the ionosphere. The residual on E1 is
+e/(γ − 1), where e is the residual of the ionospheric delay of E6 minus E1. Both bands contain e/(γ − 1), so this term
+cancels in the range check.
 
-The C/N0 is an estimate over a second and fades with the reflections of that second (`cn0_estimate`). C/N0, correlators
-and power are in single precision, as in stored results.
+The C/N0 is an estimate over a second, and fades with the reflections in the same second (`cn0_estimate`). C/N0,
+correlators and power are in single precision, as in stored results.
 
 A satellite has no measurement if it is out of view, too weak for the loop, or being acquired.
 
-Under a sky even a pseudorange that is wrong by 0.6 million kilometres is usable. The fix then finds a clock error of 2
-s, which the clock monitor reports. On a single line of sight the signal is the only clock. If the error of the
-pseudorange is longer than any travel time, the receiver's clock follows the pseudorange.
+Under a sky even pseudoranges that are all wrong by 0.6 million kilometres are usable. From these pseudoranges the fix
+finds a clock error of 2 s, which the clock monitor reports. On a single line of sight the signal is the receiver's only
+clock. If the error of the pseudorange exceeds 0.1 s times c, the receiver's clock follows the pseudorange.
 """
 
 from __future__ import annotations
@@ -57,29 +58,32 @@ def single(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 
 
 def tracked_cn0_dbhz(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the true C/N0 of the signal that E1 tracks, over all noise that is present."""
+    """Return the true C/N0 in dBHz of the signal that E1 tracks, with the noise of attacks included."""
     return simulation.cn0_e1_dbhz + 10 * np.log10(truth.e1.gain) + 20 * np.log10(truth.geometry.amplitude)
 
 
 def clock_follows_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the attacker's shift of the receiver's clock, and thus of every time tag, times c."""
+    """Return the shift of the receiver's clock by an attacker in m, which also shifts every time tag.
+
+    Under a sky the shift is 0.
+    """
     return simulation.seconds_late_m(truth) if simulation.elevation is None else np.zeros(truth.time_s.size)
 
 
 def _clock_error_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the constant error of the receiver's clock minus the part that follows an attacker, times c."""
+    """Return the constant error of the receiver's clock minus the shift by an attacker, in m."""
     return simulation.clock_offset_m - clock_follows_m(simulation, truth)
 
 
 def is_tracked(simulation: Simulation, truth: TruthBlock) -> Bool[np.ndarray, " n"]:
-    """Return whether E1 has measurements: the satellite is in view, is not being acquired, and is strong enough."""
+    """Return whether E1 has measurements: the satellite is in view, is not being acquired, and is above `LOCK_DBHZ`."""
     return truth.geometry.in_view & ~truth.e1.acquiring & (tracked_cn0_dbhz(simulation, truth) > LOCK_DBHZ)
 
 
 def e1_block(of: ReceiverTruth, *, fidelity: Fidelity, with_taps: bool) -> tuple[E1Block, FrontEndBlock | None]:
-    """Return the data of E1 tracking and of the E1 front end; without correlators the front end is None.
+    """Return the data of E1 tracking and of the E1 front end, which is None without correlators.
 
-    `with_taps` tells whether E1 is tracked between two RECS.
+    If `with_taps` is true, E1 is tracked between two RECS, and the data include correlators.
     """
     shown = np.stack([is_tracked(*one) for one in zip(of.simulations, of.truth, strict=True)], axis=1)
     taps, front_end = _taps_and_power(of, fidelity, shown) if with_taps else (None, None)
@@ -122,12 +126,12 @@ def _carrier_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, "
 
 
 def range_rate_mps(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:  # noqa: ARG001  (as the others)
-    """Return the range rate that follows from the Doppler."""
+    """Return the range rate that follows from the E1 Doppler, in m/s."""
     return truth.rate_mps + truth.clock_drift_mps + truth.e1_rate_noise_mps + truth.e1.rate_error_mps
 
 
 def range_acceleration_mps2(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarray, " n"]:
-    """Return the range acceleration that follows from the Doppler rate of the signal that E1 follows."""
+    """Return the range acceleration that follows from the Doppler rate of the tracked E1 signal, in m/s²."""
     later_s = np.where(truth.e1.captured, simulation.repeated_later_m(truth), 0.0) / SPEED_OF_LIGHT_MPS
     rows = np.flatnonzero(np.abs(later_s) > CLOCK_FOLLOWS_S)
     if simulation.elevation is None or not rows.size:
@@ -141,12 +145,12 @@ def range_acceleration_mps2(simulation: Simulation, truth: TruthBlock) -> Float[
 def reported_cn0_dbhz(
     simulation: Simulation, truth: TruthBlock, multipath_m: Float[np.ndarray, " n"], *, first: int
 ) -> Float[np.ndarray, " n"]:
-    """Return the C/N0 that tracking estimates over the second of each epoch, in dBHz, faded by reflections.
+    """Return the C/N0 in dBHz that E1 tracking estimates over the second of each epoch, with the fading by reflections.
 
     Parameters
     ----------
     simulation, truth, multipath_m
-        Simulation and truth of the satellite, and the pseudorange error that reflections cause.
+        Simulation and truth of the satellite, and the pseudorange error in m that reflections cause.
     first
         Number of the first epoch.
     """
@@ -181,8 +185,8 @@ def _each_alone(
 ) -> tuple[Complex128[np.ndarray, "n m n_taps"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return correlators of a single line of sight before the gain control, drawn at random or from samples.
 
-    The further results, in dB, are the power of the band over the power without attack, and the receiver's measurement
-    of this ratio.
+    The second result is the ratio in dB of the band's power to the power without an attack. The third result is the
+    receiver's measurement of this ratio in dB.
     """
     received_dbhz = np.where(of.in_view, nominal_dbhz, np.nan)
     if fidelity == "samples":

@@ -1,4 +1,4 @@
-"""E6 of a block at both fidelities: banks of correlators that are drawn, or samples that are made on request."""
+"""Simulate E6 of a block at both fidelities: draw banks of correlators, or make samples on request."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ from vestige.records import Band, FrontEndStatus, Handover, SampleBatch
 from vestige.records.snapshot_block import BankBlock, FrontEndBlock, Handovers
 from vestige.sample_processor.correlator import correlate
 
-_LIGHT_TIME_STEPS = 4  # the same number of steps as in the hand-over; each step gains five decimals
+# number of iterations for the travel time, as in the hand-over; each iteration gains five decimals
+_LIGHT_TIME_STEPS = 4
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnE6:
-    """E6 of the fidelity `correlators`: banks are drawn from their distribution, without chips."""
+    """E6 at the fidelity `correlators`, whose banks are drawn from their distribution, without chips."""
 
     of: ReceiverTruth
 
@@ -37,7 +38,7 @@ class DrawnE6:
         handovers: Handovers,  # noqa: ARG002  (the model needs no chips)
         offsets_m: Float[np.ndarray, " n_taps"],
     ) -> BankBlock:
-        """Return the requested banks; NaN for all other banks."""
+        """Return the requested banks, with NaN in all other banks."""
         of = self.of
         taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
         if of.recs_rows.size:
@@ -60,7 +61,7 @@ class DrawnE6:
 
     @cached_property
     def _other_signals(self) -> Float[np.ndarray, "k m"] | None:
-        """Density over N0 of all signals other than each satellite's E6-C; None on a single line of sight."""
+        """Density of all signals except each satellite's own E6-C, divided by N0; None on a single line of sight."""
         of = self.of
         if of.simulations[0].elevation is None:
             return None
@@ -101,10 +102,10 @@ class DrawnE6:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedE6Samples:
-    """E6 of the fidelity `samples`, made on request.
+    """E6 at the fidelity `samples`, whose samples are made on request.
 
     The satellites of a sky share the samples of one recording (`sky_samples`). A single line of sight has separate
-    samples for each epoch. The status of the front end is stored in both cases.
+    samples for each epoch. The status of the front end is stored both under a sky and on a single line of sight.
     """
 
     of: ReceiverTruth
@@ -113,7 +114,7 @@ class SimulatedE6Samples:
     def correlate(
         self, asked: Bool[np.ndarray, "n m"], handovers: Handovers, offsets_m: Float[np.ndarray, " n_taps"]
     ) -> BankBlock:
-        """Return the requested banks; NaN for other banks, and for RECS that the samples do not cover."""
+        """Return the requested banks, with NaN in other banks and in banks of RECS that the samples do not cover."""
         of = self.of
         taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
         for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(asked & self._made)), strict=True):
@@ -131,7 +132,7 @@ class SimulatedE6Samples:
     def samples(self, epoch: int, column: int) -> SampleBatch:
         """Return the samples around the RECS of one satellite and one epoch, with the time tags that follow from E1.
 
-        If the signal on E1 is seconds late under a sky, these seconds are subtracted (`_without_delay`).
+        If E1 has a delay of seconds under a sky, the delay is subtracted from the time tags (`_without_delay`).
         """
         of = self.of
         simulation, row = of.simulations[column], (epoch - of.rows.start) // of.every
@@ -170,7 +171,7 @@ class SimulatedE6Samples:
         return float(truth.time_s[row] + arrived.dt_s[row] + self._repeated_later_m[column][row] / SPEED_OF_LIGHT_MPS)
 
     def _time_off_s(self, expected_s: float, epoch: int, column: int) -> float:
-        """Return the correction of the time tags of samples in s, which subtracts a meaconer's delay of seconds.
+        """Return the correction of the samples' time tags in s, which removes a meaconer's delay of several seconds.
 
         `_without_delay` corrects the hand-over in the same way. During the delay the receiver's clock drifts. The
         correction also subtracts this drift, because the hand-over has the clock error of the epoch.
@@ -183,13 +184,13 @@ class SimulatedE6Samples:
         return -late_s - float(late_m - early_m) / SPEED_OF_LIGHT_MPS
 
     def _without_delay(self, handover: Handover, epoch: int, column: int) -> Handover:
-        """Return a hand-over as it would be without a meaconer's delay of seconds.
+        """Return the hand-over that the receiver would make without a meaconer's delay of several seconds.
 
         A hand-over extrapolates the observation of the epoch to the reception of the RECS. With a meaconer the
-        reception is seconds later, and the clock drifts in these seconds. A real receiver uses the observation at the
+        reception is seconds later, and the clock drifts in the meantime. A real receiver uses the observation at the
         later time, which has the same satellite position and clock error as the RECS. So the model uses the hand-over
-        of the true signal, and the seconds are subtracted from the time tags of the samples. On a single line of sight
-        the clock follows the attacker, which has the same effect.
+        of the true signal, and subtracts the delay from the time tags of the samples. On a single line of sight the
+        clock follows the attacker, so the hand-over is not changed.
         """
         simulation, late_m = self.of.simulations[column], float(self._seconds_late_m[column][epoch])
         if simulation.elevation is None or not late_m:
@@ -208,12 +209,13 @@ class SimulatedE6Samples:
         )
 
     def _without_growth(self, handover: Handover, epoch: int, column: int) -> Handover:
-        """Return a hand-over with the error by an attack at the epoch, without the error's growth over the travel time.
+        """Return a hand-over without the growth of an attacker's delay over the travel time.
 
-        The errors of an epoch belong to the reception of its RECS. The RECS and the E1 signal arrive together and were
-        sent together at the epoch, so both have the attacker's delay at the epoch. A hand-over extrapolates the
-        observation over the travel time and thereby adds the growth of this delay, 0.7 m at 9 m/s. In an observation of
-        a real receiver the delay is smaller by this growth. A hand-over of `_without_delay` has no growth.
+        The errors of an epoch are the errors at the reception of the epoch's RECS. The RECS and the E1 signal arrive
+        together and were sent together at the epoch, so both have the attacker's delay at the epoch. A hand-over
+        extrapolates the observation over the travel time and thereby adds the growth of the attacker's delay, which is
+        0.7 m at 9 m/s. In an observation of a real receiver the attacker's delay is smaller by this growth. A hand-over
+        of `_without_delay` has no growth.
         """
         truth, start = self.of.truth[column], self.of.simulations[column].start
         growth_mps = float(truth.e1.rate_error_mps[epoch])
@@ -223,7 +225,7 @@ class SimulatedE6Samples:
         return replace(handover, start_time=handover.start_time + -growth_mps * travel_s / SPEED_OF_LIGHT_MPS)
 
     def _with_ionosphere(self, handover: Handover, epoch: int, column: int) -> Handover:
-        """Return a hand-over with the delay that the receiver predicts from the coefficients of the message.
+        """Return a hand-over with the ionospheric delay that the receiver predicts from the message's coefficients.
 
         The receiver predicts the delay at each epoch, while the assistance of a recording has one value per satellite
         for all epochs.
@@ -236,17 +238,17 @@ class SimulatedE6Samples:
 
     @cached_property
     def _seconds_late_m(self) -> tuple[Float[np.ndarray, " n"], ...]:
-        """Delay of each satellite, times c, if the delay amounts to seconds; otherwise 0."""
+        """Delay of each satellite's E1 signal in m, or 0 for delays up to `CLOCK_FOLLOWS_S`."""
         return tuple(one.seconds_late_m(truth) for one, truth in zip(self.of.simulations, self.of.truth, strict=True))
 
     @cached_property
     def _repeated_later_m(self) -> tuple[Float[np.ndarray, " k"], ...]:
-        """Delay of each satellite's RECS to which E1 leads, relative to the true RECS, times c."""
+        """Delay in m of the RECS to which each satellite's E1 hand-over leads, relative to the true RECS."""
         of = self.of
         return tuple(one.repeated_later_m(truth) for one, truth in zip(of.simulations, of.of_recs, strict=True))
 
     def _here(self, epoch: int, column: int) -> TruthBlock:
-        """Return the truth of one satellite and one epoch."""
+        """Return the truth of one satellite at one epoch."""
         return rows_of(self.of.truth[column], slice(epoch, epoch + 1))
 
     def front_end(self) -> FrontEndBlock:
@@ -274,7 +276,10 @@ class SimulatedE6Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrontEnds(Mapping[Band, FrontEndBlock]):
-    """Power and gain of the front ends by band; the values of E6 are computed on request."""
+    """Power and gain of the front ends by band.
+
+    The values of E6 are computed on request.
+    """
 
     e1: FrontEndBlock | None
     e6: DrawnE6 | SimulatedE6Samples
@@ -295,7 +300,7 @@ class FrontEnds(Mapping[Band, FrontEndBlock]):
 
 
 def _travel_s(range_m: float, rate_mps: float, acceleration_mps2: float) -> float:
-    """Return the travel time of a signal that is sent at the epoch, if the pseudorange keeps its motion."""
+    """Return the travel time in s of a signal sent at the epoch, if the pseudorange keeps its rate and acceleration."""
     travel_s = 0.0
     for _ in range(_LIGHT_TIME_STEPS):
         travel_s = (range_m + rate_mps * travel_s + acceleration_mps2 * travel_s**2 / 2) / SPEED_OF_LIGHT_MPS
@@ -309,6 +314,6 @@ def _reported(
 
 
 def _nothing(shape: tuple[int, int], n_taps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return empty (NaN) taps, noise power and integration time of a block, before any correlation."""
+    """Return taps, noise powers and integration times of a block before any correlation, all NaN."""
     noise_power, integration_s = np.full((2, *shape), np.nan)
     return np.full((*shape, n_taps), np.nan + 0j), noise_power, integration_s

@@ -1,17 +1,18 @@
-"""OSNMA under a sky: which pages of each satellite are received, and whether the key of a RECS is received.
+"""Model the reception of OSNMA under a sky: which pages are received, and whether the key of a RECS is received.
 
-The C/N0 of the signal that E1 tracks at the epoch gives the probability that a page is lost. The key of a RECS comes up
-to a minute later. So this C/N0 is corrected for the noise of an attack at the time of the page. An attack that
-withholds OSNMA destroys every page that is on air at the same time.
+The C/N0 of the signal that E1 tracks at the epoch gives the probability that a page is lost. The key of a RECS is sent
+up to a minute after the epoch. So the C/N0 of the epoch is corrected for the noise of an attack at the time of the
+page. An attack that withholds OSNMA destroys every page that is on air during the attack.
 
-An E1 loop on a spoofing signal with the attacker's own navigation data demodulates these data, with good checksums. No
-key in these data is valid, and no tag covers these data. A spoofing signal that repeats the satellite's data has the
-true data. The signal that the loop follows at the epoch also decides whether a later key is received.
+An E1 loop on a spoofing signal with the attacker's own navigation data demodulates these data with valid checksums. The
+attacker's data contain no valid key, and no tag covers the attacker's data. A spoofing signal that repeats the
+satellite's data has the true data. The signal that the loop follows at the epoch also decides whether a later key is
+received.
 
-If E1 acquires a satellite at an epoch, the page that has just ended is lost.
+If E1 acquires a satellite at an epoch, the pages that ended since the previous epoch are lost.
 
-Data count as authenticated if the key that decrypts the RECS authenticates these data. A receiver may still have
-authenticated data of half an hour ago, but the model neglects such older data. So a satellite whose pages are lost is
+Data count as authenticated if the key that decrypts the RECS authenticates these data. A receiver may still use data
+that were authenticated half an hour ago, but the model neglects such older data. So a satellite whose pages are lost is
 left out of the authenticated fix.
 """
 
@@ -51,24 +52,24 @@ class OsnmaReception:
 
     @property
     def week_s(self) -> Float[np.ndarray, " n"]:
-        """Epochs in s after the start of the week in which the scenario starts."""
+        """Times of the epochs in s after the start of the week in which the scenario starts."""
         return self.of.simulations[0].start.second + self.of.truth[0].time_s
 
     @cached_property
     def key_received(self) -> Bool[np.ndarray, " n"]:
-        """Whether the key of a RECS that is sent at each epoch is received completely, from at least one satellite."""
+        """Whether the key of each epoch's RECS is received completely, from at least one satellite."""
         pages = key_pages(self.week_s, self.of.simulations[0].key_delay)
         return np.any(self._whole(pages), axis=0) & ~self._withheld_by_operator
 
     @property
     def data_authenticated(self) -> Bool[np.ndarray, "n m"]:
-        """Whether each satellite's data and tag are received; the key of the epoch's RECS authenticates the data."""
+        """Whether each satellite's data are received, and also the tag of these data that the epoch's key verifies."""
         pages = data_pages(self.week_s, self.of.simulations[0].key_delay)
         return np.stack(self._whole(pages), axis=1) & ~self._withheld_by_operator[:, None]
 
     @cached_property
     def _withheld_by_operator(self) -> Bool[np.ndarray, " n"]:
-        """Whether an operator's event withholds from all receivers the key of a RECS that is sent at each epoch."""
+        """Whether an event of the operator withholds the key of each epoch's RECS from all receivers."""
         simulation, svids = self.of.simulations[0], [one.svid for one in self.of.simulations]
         if not simulation.osnma.events:
             return np.zeros(self.week_s.size, np.bool_)
@@ -95,14 +96,14 @@ class OsnmaReception:
 
     @property
     def _true(self) -> list[Bool[np.ndarray, " n"]]:
-        """Whether the demodulated data of each satellite are not the attacker's own."""
+        """Whether the data that E1 demodulates for each satellite are true, and not an attacker's own."""
         return [~one.e1.forged_nav_data for one in self.of.truth]
 
     def _received(self, pages: Int64[np.ndarray, "n k"]) -> list[Bool[np.ndarray, "n k"]]:
         """Return for each satellite which pages are received."""
         simulation, due = self.of.simulations[0], pages >= 0
         row, page = np.nonzero(due)[0], pages[due]
-        # several epochs share a page
+        # several epochs need the same page, so each page is computed once
         end_s, place = np.unique(page_end_s(page) - simulation.start.second, return_inverse=True)
         jammed = _withheld(simulation, end_s)[place]
         received = []
@@ -119,15 +120,15 @@ class PagesReceived:
     """Pages of n epochs and m satellites: all pages that were sent, and the received pages."""
 
     start: GalileoTime  # start of the scenario
-    interval_s: float  # time between epochs
-    page: Int64[np.ndarray, "n 15"]  # pages as returned by `pages_due`
+    interval_s: float  # time in s between epochs
+    page: Int64[np.ndarray, "n 15"]  # numbers of the pages, as returned by `pages_due`
     in_view: Bool[np.ndarray, "n m"]  # whether a second channel receives the satellite
-    received: Bool[np.ndarray, "n m 15"]  # pages that were received
+    received: Bool[np.ndarray, "n m 15"]  # whether each page was received
     forged: Bool[np.ndarray, "n m"]  # whether the demodulated data of a satellite are the attacker's own
 
     @property
     def block(self) -> OsnmaBlock:
-        """The pages, grouped by epoch and subframe, as the processor takes them."""
+        """Pages, grouped by epoch and subframe, in the form that the processor reads."""
         row, place = np.nonzero(self.page >= 0)
         number = self.page[row, place] // PAGES_A_SUBFRAME
         pieces, piece = np.unique(np.stack([row, number], axis=1), axis=0, return_inverse=True)
@@ -152,7 +153,8 @@ def _ends(
 ) -> Bool[np.ndarray, " k"]:
     """Return which pieces (one epoch and one subframe) contain the end of a subframe whose first page lies in the run.
 
-    The first epoch starts to receive at `begun_s` after the start of the week. Each epoch receives for `interval_s`.
+    The reception of the first epoch starts `begun_s` in s after the start of the week. The reception of each epoch
+    lasts `interval_s` in s.
     """
     looks_at_all = interval_s >= SUBFRAME_S
     whole = looks_at_all | (page_end_s(subframe * PAGES_A_SUBFRAME) > begun_s)
@@ -173,9 +175,9 @@ def _page_loss(
     simulation, truth
         Simulation and truth of the satellite; every page is lost while the satellite is out of view.
     row
-        Epoch of each page.
+        Row of each page's epoch in `truth`.
     middle_s, place
-        Middle of q different pages in s after the start, and the index of each of the p pages among them.
+        Middle of q different pages in s after the scenario's start, and the index of each of the p pages in `middle_s`.
     """
     at_epoch = tracked_cn0_dbhz(simulation, truth) + 10 * np.log10(1 + truth.e1_attack.rise(Band.E1))
     seen, tracking = np.where(truth.geometry.in_view, at_epoch, -np.inf), simulation.models.e1_tracking
@@ -186,7 +188,7 @@ def _page_loss(
 
 
 def _withheld(simulation: Simulation, end_s: Float[np.ndarray, " q"]) -> Bool[np.ndarray, " q"]:
-    """Return whether an attack destroys the page that ends at each time, at any C/N0."""
+    """Return for each time whether an attack destroys the page that ends at this time, whatever the C/N0 is."""
     if not simulation.spoofer.attacks:
         return np.zeros(end_s.size, np.bool_)
     return np.array([simulation.spoofer.withholds_osnma(one - PAGE_S, one) for one in end_s.tolist()], np.bool_)

@@ -1,4 +1,4 @@
-"""The truth of a block of epochs for all satellites of a receiver, and the rows of its epochs with RECS."""
+"""Combine the truth of all satellites of a receiver in a block of epochs, and find the epochs with RECS."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class ReceiverTruth:
 
     @cached_property
     def in_view(self) -> Bool[np.ndarray, "n m"]:
-        """Whether each satellite is above the mask."""
+        """Whether each satellite is above the elevation mask."""
         return np.stack([one.geometry.in_view for one in self.truth], axis=1)
 
     @cached_property
@@ -61,17 +61,17 @@ class ReceiverTruth:
 
     @property
     def recs_rows(self) -> Int64[np.ndarray, " k"]:
-        """Rows of the epochs with RECS, as numbers."""
+        """Row numbers of the epochs with RECS."""
         return np.arange(self.n, dtype=np.int64)[self.rows]
 
     @property
     def first_recs(self) -> int:
-        """Number of the first RECS in the block; the number of the next RECS if the block has no RECS."""
+        """Number of the first RECS in the block, or of the next RECS after the block if the block has no RECS."""
         return -(-self.first // self.every)
 
     @cached_property
     def of_recs(self) -> tuple[TruthBlock, ...]:
-        """The truth of the epochs with RECS."""
+        """Truth of each satellite at the epochs with RECS."""
         return self.truth if self.every == 1 else tuple(rows_of(one, self.rows) for one in self.truth)
 
     @cached_property
@@ -89,7 +89,7 @@ class ReceiverTruth:
 
     @cached_property
     def received_s(self) -> Float[np.ndarray, "n m"]:
-        """Reception time of the last sample of each RECS in s after the start; the epoch's time if it has no RECS."""
+        """Reception time of each RECS's last sample in s after the start, or the time of an epoch without RECS."""
         elapsed_s = np.repeat(self.truth[0].time_s[:, None], self.shape[1], axis=1)
         for column, (simulation, truth) in enumerate(zip(self.simulations, self.of_recs, strict=True)):
             if self.recs_rows.size:
@@ -98,17 +98,17 @@ class ReceiverTruth:
 
     @cached_property
     def e1_multipath_m(self) -> Float[np.ndarray, "n m"]:
-        """Multipath error of each pseudorange on E1."""
+        """Multipath error of each pseudorange on E1, in m."""
         return self.each(Simulation.e1_multipath_m)
 
     @cached_property
     def e1_error_m(self) -> Float[np.ndarray, "n m"]:
-        """Error of each pseudorange on E1 that E6 does not share."""
+        """Error of each pseudorange on E1 that E6 does not share, in m."""
         each = [e1_error_m(truth, own) for truth, own in zip(self.truth, self.e1_multipath_m.T, strict=True)]
         return np.stack(each, axis=1)
 
     def each(self, quantity: Callable[[Simulation, TruthBlock], np.ndarray]) -> Float[np.ndarray, "n m"]:
-        """Return a quantity of all epochs and satellites."""
+        """Return the values of a quantity at all epochs and for all satellites."""
         return np.stack(
             [quantity(simulation, truth) for simulation, truth in zip(self.simulations, self.truth, strict=True)],
             axis=1,

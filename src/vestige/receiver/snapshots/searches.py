@@ -1,10 +1,10 @@
-"""The vestigial searches of a block, drawn from the model in `receiver/correlators/search_outcome.py`.
+"""Draw the results of the vestigial searches of a block from the model in `receiver/correlators/search_outcome.py`.
 
-The results are drawn at both fidelities, because an exhaustive search of 30 s of samples takes minutes. E6 has a result
-only if the receiver has the key, and if the earliest signal provably arrived before the key was disclosed. E1 has a
-result even without the key. The detections of each epoch are drawn for the false-alarm probability that the processor
-asks for, or come from stored results. Stored results belong to a single false-alarm probability. This module decides
-which detections may be reported.
+The results are drawn at both fidelities, because an exhaustive search of 30 s of samples takes minutes. A search of E6
+has a result only if the receiver has the key, and the earliest signal provably arrived before the disclosure of the
+key. The search of E1 has a result even without the key. The detections of each epoch are drawn for the false-alarm
+probability that the processor requests, or come from stored results. Stored results belong to a single false-alarm
+probability. This module decides which detections may be reported.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ class SearchFinds:
 
     p_fa: float  # false-alarm probability of a single search
     e1_signals: Float[np.ndarray, "n m"]  # number of signals on E1
-    handover_carrying: Float[np.ndarray, "n m"]  # number of these signals with the encrypted chips in E6
-    # delay of the earliest of several signals relative to its range on E1; NaN for a single signal
+    handover_carrying: Float[np.ndarray, "n m"]  # number of signals on E1 whose encrypted chips are found in E6
+    # delay in m of the earliest of several signals relative to the tracked range on E1; NaN for a single signal
     handover_earliest_m: Float[np.ndarray, "n m"]
     exhaustive_signals: Float[np.ndarray, "n m"]  # number of signals in an exhaustive search of E6
-    # delay of the earliest signal from the exhaustive search; NaN for a single signal
+    # delay in m of the exhaustive search's earliest signal relative to the tracked range on E1; NaN for a single signal
     exhaustive_earliest_m: Float[np.ndarray, "n m"]
     # reception time of the last sample of the earliest signal's RECS, in s after the scenario's start
     earliest_s: Float[np.ndarray, "n m"]
@@ -59,7 +59,7 @@ class SearchFinds:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KnownSearches:
-    """Searches with known results."""
+    """Searches of a block whose results are known."""
 
     finds: SearchFinds
     start: GalileoTime  # start of the scenario
@@ -120,7 +120,7 @@ class KnownSearches:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrawnSearches:
-    """Search results of a block, drawn for all its RECS at the first request of each false-alarm probability."""
+    """Search results of all RECS of a block, drawn at the first request with each false-alarm probability."""
 
     of: ReceiverTruth
     # reception time of the last sample of each RECS, in s after the scenario's start
@@ -135,7 +135,7 @@ class DrawnSearches:
         return self._known(request.p_fa).exhaustive(request)
 
     def finds(self, p_fa: float) -> SearchFinds:
-        """Return the results that searches with a false-alarm probability would have."""
+        """Return the results that searches with the false-alarm probability `p_fa` would have."""
         return self._known(p_fa).finds
 
     def _known(self, p_fa: float) -> KnownSearches:
@@ -179,7 +179,8 @@ class DrawnSearches:
                 values[of.rows, column] = getattr(one, name)
             return np.where(of.in_view & ~of.acquiring, single(values), np.nan)
 
-        # Beyond the window this receiver finds no true signal. The earliest signal is then the signal that E1 follows.
+        # If the clock error exceeds the search window, the receiver finds no true signal. In this case the earliest
+        # signal is the signal that E1 follows.
         window_m = WINDOW_S * SPEED_OF_LIGHT_MPS
         late_m = np.stack(
             [

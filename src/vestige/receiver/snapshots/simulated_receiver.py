@@ -1,7 +1,7 @@
-"""The simulated receiver: from the truth of a block of epochs to the input of the processor.
+"""Simulate the receiver: compute the input of the processor from the truth of a block of epochs.
 
-A block is a pure function of the truth, of the number of its first epoch and of the seed. So any worker can make a
-block, and the result does not depend on the division of the epochs into blocks.
+The snapshots of a block are a pure function of the truth, of the number of the first epoch and of the seed. So any
+worker can make a block, and the snapshots do not depend on the division of the epochs into blocks.
 """
 
 from __future__ import annotations
@@ -34,14 +34,17 @@ class SimulatedReceiver:
 
     simulations: tuple[Simulation, ...]  # simulation of each satellite, by ascending SVID
     fidelity: Fidelity  # whether E6 and the correlators and power of E1 are drawn or come from samples
-    interval_s: float  # time between epochs
+    interval_s: float  # time in s between epochs
     every: int = 1  # number of epochs from one RECS to the next
-    accelerometers: Accelerometers | None = None  # accelerometers, only under a sky; None for no sensors
+    accelerometers: Accelerometers | None = None  # accelerometers of a receiver under a sky; None for no accelerometers
     with_taps: bool = True  # whether E1 is tracked between RECS, which gives correlators and power of E1
 
     @property
     def assistance(self) -> SimulatedAssistance:
-        """Assistance that the service gives the receiver; only samples of a sky have group delays."""
+        """Assistance that the service gives the receiver.
+
+        Only the assistance for samples of a sky has group delays.
+        """
         start = self.simulations[0].start
         delays = tuple(
             GroupDelay(
@@ -57,7 +60,10 @@ class SimulatedReceiver:
         return self.fidelity == "samples" and self.simulations[0].elevation is not None
 
     def truth(self) -> tuple[TruthProcess | TruthAround, ...]:
-        """Return the truth process of each satellite; samples of a sky also need the epochs around a block."""
+        """Return the truth process of each satellite.
+
+        For samples of a sky the process also gives the truth at epochs around a block.
+        """
         if not self._samples_of_a_sky:
             return tuple(one.truth() for one in self.simulations)
         return tuple(self._truth_around(one) for one in self.simulations)
@@ -68,13 +74,16 @@ class SimulatedReceiver:
         return TruthAround(one, before=before, after=after)
 
     def snapshots(self, first: int, truth: tuple[TruthBlock, ...]) -> SnapshotBlock:
-        """Return the receiver's output for the epochs from `first` on."""
+        """Return the snapshots of the epochs from number `first` on."""
         return self.snapshots_of(
             ReceiverTruth(simulations=self.simulations, truth=truth, first=first, every=self.every)
         )
 
     def snapshots_of(self, of: ReceiverTruth, pages: PagesReceived | None = None) -> SnapshotBlock:
-        """Return the output for a given truth; under a sky, the `pages` of that truth may be given."""
+        """Return the snapshots that follow from a given truth.
+
+        `pages` are the OSNMA pages that are received under a sky; None to compute the pages from the truth.
+        """
         e1, power = e1_block(of, fidelity=self.fidelity, with_taps=self.with_taps)
         e6 = DrawnE6(of) if self.fidelity == "correlators" else SimulatedE6Samples(of)
         time, elevation = self._times(of), self.simulations[0].elevation
@@ -101,18 +110,21 @@ class SimulatedReceiver:
         )
 
     def searches(self, of: ReceiverTruth) -> DrawnSearches:
-        """Return the searches of a block, drawn at both fidelities."""
+        """Return the search results of a block, which are drawn at both fidelities."""
         return DrawnSearches(of=of, received_s=of.received_s)
 
     def _times(self, of: ReceiverTruth) -> GalileoTimes:
-        """Return the epochs on the receiver's clock: times of transmission, exact in deciseconds."""
+        """Return the times of transmission of the epochs on the receiver's clock, whole multiples of 0.1 s."""
         deciseconds = (of.first + np.arange(of.n, dtype=np.int64)) * round(10 * self.interval_s)
         return GalileoTimes(self.simulations[0].start.gst_seconds + deciseconds // 10, deciseconds % 10 / 10)
 
     def _increments(
         self, of: ReceiverTruth, time: GalileoTimes, elevation: ElevationEffects | None
     ) -> VelocityIncrements | None:
-        """Return the gain of velocity since the previous epoch from accelerometers; the first epoch has no gain."""
+        """Return the change of velocity since the previous epoch that accelerometers measure.
+
+        The first epoch of a run has no measurement.
+        """
         if self.accelerometers is None or elevation is None:
             return None
         delta_velocity_mps = self.accelerometers.delta_velocity_mps(

@@ -1,19 +1,21 @@
-"""E1 correlators and received power of a sky, from samples that all its satellites share.
+"""Compute E1 correlators and received power of a sky from samples that all satellites share.
 
 Theory of operation
 -------------------
-**Correlators.** The recorder makes the samples around each epoch (`sky_samples`): E1-B and E1-C of all satellites,
-multipath, spoofing signals, jammers and noise, behind one front end. The correlator of the processor correlates 0.1 s
-of samples with the E1-C code as BOC(1,1), as most receivers do. The replica begins at the time at which the code loop
-has settled. This time is the arrival of the chip that is sent at the epoch, plus the loop's error by noise, multipath
-and an attack. So ξ has the same meaning as in `e1_taps`. The noise of the receiver has σ = 1 per dimension, and phases
-are relative to the line of sight at the arrival of that chip.
+**Correlators.** The recorder makes the samples around each epoch (`sky_samples`). The samples contain E1-B and E1-C of
+all satellites, multipath, spoofing signals, jammers and noise, which pass one front end. The correlator of the
+processor correlates 0.1 s of samples with the E1-C code as BOC(1,1), as most receivers do. The replica begins at the
+arrival of the chip that is sent at the epoch, plus the error of the code loop by noise, multipath and an attack. So the
+correlator ξ has the same meaning as in `e1_taps`. The noise of the receiver has σ = 1 per dimension, and phases are
+relative to the line of sight at the arrival of the chip that is sent at the epoch.
 
-A signal on air is CBOC(6,1,1/11). The output of a BOC(1,1) replica has √(10/11) of the signal's amplitude, a loss of
-0.4 dB. All other components add their noise, as on E6. The model of the fidelity `correlators` is `sky_e1_model`.
+The satellites send CBOC(6,1,1/11). The output of a BOC(1,1) replica has √(10/11) of the signal's amplitude, a loss of
+0.4 dB. All other components add noise to a correlator, as on E6. The model of the fidelity `correlators` is
+`sky_e1_model`.
 
-**Power.** The power is measured in W = 2 MHz around the carrier over the 10 ms that contain the arrival at the epoch.
-Without an attack this power is 1 + Σ P(0) C/N0_i / W times the noise, where P(0) includes both components within W.
+**Power.** The power is measured in W = 2 MHz around the carrier, over the 10 ms of samples in which the epoch's signals
+arrive. Without an attack the power is 1 + Σ P(0) C/N0_i / W times the noise power in W, where P(0) includes both
+components within W.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ from vestige.records import Band, Handover
 from vestige.sample_processor.correlator import correlate
 from vestige.signals.definitions import E1C
 
-_MARGIN_S = 5e-6  # duration of samples on either side, for the taps and for a code that the Doppler makes longer
+# margin of samples in s on either side of the replica, for the taps and for a code that the Doppler makes longer
+_MARGIN_S = 5e-6
 _OFFSETS_M = np.array(TAP_CHIPS) / E1C.chip_rate_hz * SPEED_OF_LIGHT_MPS
 
 
@@ -46,7 +49,7 @@ class SkyE1(NamedTuple):
 
 
 def sky_e1(sky: SkySamples, wanted: Bool[np.ndarray, "n m"], cn0_dbhz: Float[np.ndarray, "n m"]) -> SkyE1:
-    """Return correlators and power of E1, epoch by epoch, so that both come from the same stretches.
+    """Return correlators and power of E1, computed epoch by epoch from the same stretches of samples.
 
     Parameters
     ----------
@@ -55,7 +58,7 @@ def sky_e1(sky: SkySamples, wanted: Bool[np.ndarray, "n m"], cn0_dbhz: Float[np.
     wanted
         Satellites that are correlated at each epoch.
     cn0_dbhz
-        C/N0 of each component of the true signals without interference.
+        C/N0 of each component of the true signals without interference, in dBHz.
     """
     of, width_hz = sky.of, min(POWER_BANDWIDTH_HZ, sky.of.simulations[0].front_end.power_bandwidth_hz)
     taps = np.full((*of.shape, len(TAP_CHIPS)), np.nan + 0j)
@@ -77,7 +80,10 @@ def sky_e1(sky: SkySamples, wanted: Bool[np.ndarray, "n m"], cn0_dbhz: Float[np.
 
 
 def _correlated(sky: SkySamples, begin_s: float, handover: Handover) -> Complex128[np.ndarray, " n_taps"]:
-    """Return the correlators of a replica that begins at a time in s after the start, in units of the noise."""
+    """Return the correlators of a replica, in standard deviations of the noise per dimension.
+
+    The replica begins at the time `begin_s` in s after the scenario's start.
+    """
     front_end = sky.of.simulations[0].front_end
     batch = sky.between(begin_s - _MARGIN_S, begin_s + INTEGRATION_S + _MARGIN_S)
     bank = correlate(batch, handover, _OFFSETS_M)
@@ -111,7 +117,7 @@ def _replicas(sky: SkySamples) -> tuple[Float[np.ndarray, "n m"], ...]:
 
 
 def _nominal_power(sky: SkySamples, cn0_dbhz: Float[np.ndarray, "n m"], width_hz: float) -> Float[np.ndarray, " n"]:
-    """Return the power within a bandwidth around the carrier over the noise in this bandwidth, without attack."""
+    """Return the power without attack within a bandwidth around the carrier, divided by the noise in this bandwidth."""
     rate_hz = folding_rate_hz(sky.of.simulations[0].front_end)
     passed = passed_components(np.zeros(1), bandwidth_hz=width_hz, sample_rate_hz=rate_hz)
     return 1 + passed * np.sum(10 ** (cn0_dbhz / 10), axis=1) / width_hz

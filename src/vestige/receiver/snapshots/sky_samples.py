@@ -1,12 +1,12 @@
-"""The samples of a sky in one band, equal to the recording that `vestige simulate` writes for the same scenario.
+"""Make the samples of a sky in one band, equal to the recording that `vestige simulate` writes for the scenario.
 
 All satellites, multipath, spoofing signals, jammers and noise are summed once and go through one front end. Only the
-stretches of the recorder (10 ms) that overlap a window are made. The latest stretches are kept, because the other
-satellites need the same stretches. The windows of all satellites lie within about 40 ms for the RECS of an epoch, and
-within about 130 ms for E1.
+stretches of the recorder (10 ms) that overlap a window are made. The latest stretches are kept, because the windows of
+other satellites overlap the same stretches. The windows of all satellites lie within about 40 ms for the RECS of an
+epoch, and within about 130 ms for E1.
 
-E6 equals the recording to the last bit. E1 differs from the recording only in the symbols of E1-B. These symbols are
-random in a campaign, because no receiver of a campaign decodes them.
+E6 equals the recording to the last bit. E1 differs from the recording only in the symbols of E1-B. In a campaign the
+symbols of E1-B are random, because no receiver of a campaign decodes the symbols.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class SkySamples:
     def between(self, start_s: float, stop_s: float) -> SampleBatch:
         """Return the samples between two times in s after the scenario's start, before gain control.
 
-        The noise has power 1 in these samples. The effects of a quantiser on the signal remain.
+        The noise has power 1 in the returned samples. The effects of a quantiser on the signal remain.
         """
         rate_hz = self._recorder.front_end.sample_rate_hz
         wanted = range(math.floor(start_s * rate_hz), math.ceil(stop_s * rate_hz))
@@ -100,7 +100,7 @@ class SkySamples:
         time_s
             Time in s after the scenario's start on the receiver's clock.
         bandwidth_hz
-            Two-sided bandwidth in which the power is measured.
+            Two-sided bandwidth in Hz in which the power is measured.
         """
         front_end, length = self._recorder.front_end, self._recorder.length
         number = math.floor(time_s * front_end.sample_rate_hz) // length
@@ -116,12 +116,12 @@ class SkySamples:
         return range(wanted.start // length, -(-wanted.stop // length))
 
     def _batch(self, wanted: range, stretches: list[Complex64[np.ndarray, " n"]]) -> SampleBatch:
-        """Return the wanted samples, from all samples of their stretches."""
+        """Return the wanted samples, cut from the samples of the stretches that overlap the wanted samples."""
         skip = wanted.start % self._recorder.length
         return self._recorder.batch(wanted.start, np.concatenate(stretches)[skip : skip + len(wanted)])
 
     def _before_gain(self, number: int) -> Complex64[np.ndarray, " n"]:
-        """Return the samples of a stretch with their power before gain control and quantiser."""
+        """Return the samples of a stretch, scaled to the power before gain control and quantiser."""
         samples, status = self._stretch(number)
         if self._recorder.front_end.bits is None:
             return samples

@@ -1,1 +1,1 @@
-"""The assistance folder: RECS, group delays, keys."""
+"""Read and write the assistance folder: RECS, group delays, keys."""

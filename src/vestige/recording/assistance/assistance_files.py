@@ -1,4 +1,4 @@
-"""Readers of the single files of an assistance folder: kind and content of each file.
+"""Find the kind of each file of an assistance folder, and read the content of the file.
 
 | file | content |
 |---|---|
@@ -75,19 +75,20 @@ _BY_HEAD: tuple[tuple[str, FileKind, Callable[[bytes], bool]], ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileTrust:
-    """Trust anchors of OSNMA keys: public keys, and the Merkle tree that verified them."""
+    """Trust anchors of OSNMA keys: public keys, and the Merkle tree that verified the public keys."""
 
     public_keys: tuple[PublicKey, ...]  # keys that may sign root keys
     tree: MerkleTree | None  # tree that verified the public keys
 
     @classmethod
     def load(cls, public_keys: Sequence[Path], merkle_tree: Path | None) -> FileTrust:
-        """Return the trust anchors in public key files and a Merkle tree file; the tree, if given, verifies each key.
+        """Return the trust anchors in public key files and in a Merkle tree file.
 
-        Raises `AuthenticationError` if a key does not lead to the root of the tree. Raises `InputFileError` or
-        `UnsupportedError` if a file is not usable.
+        If a Merkle tree is given, each public key must lead to the root of the tree. Raises `AuthenticationError` if a
+        key does not lead to the root of the tree. Raises `InputFileError` or `UnsupportedError` if a file is not
+        usable.
         """
-        paths: Sequence[Path | None] = public_keys or [None]  # a Merkle tree alone also contains keys
+        paths: Sequence[Path | None] = public_keys or [None]  # a file of a Merkle tree also contains public keys
         keys = [key for path in paths for key in load_public_keys(path, merkle_tree)]
         return cls(
             public_keys=tuple(dict.fromkeys(keys)), tree=None if merkle_tree is None else read_merkle_tree(merkle_tree)
@@ -104,7 +105,7 @@ class Settings:
     # signature files by folder and name of the signed file
     signatures: Mapping[Path, Mapping[str, tuple[Path, ...]]] = field(default_factory=dict)
     reference: GalileoTime | None = None  # approximate time, which resolves the 12-bit weeks in files
-    # verified root keys of the folder's key files; the keys in the receiver's own message may lead to them
+    # verified root keys of the folder's key files, to which the keys in the receiver's own message may lead
     roots: tuple[RootKey, ...] = ()
     # first and last time of transmission of the RECS to keep; None to keep all RECS
     window: tuple[GalileoTime, GalileoTime] | None = None
@@ -118,7 +119,7 @@ class Contents:
     # status of the file's signature; None for kinds of files that are not signed
     signature: SignatureStatus | None = None
     segments: tuple[EncryptedSegment, ...] = ()
-    other_times: RecsOfOtherTimes | None = None  # RECS outside the window, if the file has none in the window
+    other_times: RecsOfOtherTimes | None = None  # RECS outside the window, if the file has no RECS in the window
     group_delays: tuple[GroupDelay, ...] = ()
     keys: tuple[ValidatedKey, ...] = ()
     roots: tuple[RootKey, ...] = ()
@@ -150,7 +151,7 @@ def assistance_kind(path: Path) -> FileKind | None:
 
 
 def read_recs(path: Path, settings: Settings) -> Contents:
-    """Return the RECS of a file whose times of transmission are in the window."""
+    """Return the RECS of a file that are sent within the window of the settings."""
     data, signature = _signed(path, settings, recs_file.MAX_RECS_FILE_BYTES)
     file = recs_file.parse_recs_file(data, path, reference=settings.reference)
     segments = file.segments
@@ -175,7 +176,7 @@ def read_group_delays(path: Path, settings: Settings) -> Contents:
 def read_keys(path: Path, settings: Settings) -> Contents:
     """Return the validated keys of a key file.
 
-    These keys also count as received OSNMA keys, because the writer of the file received them.
+    The keys of the file also count as received OSNMA keys, because the writer of the file received these keys.
     """
     trust = _trust(path, settings)
     file = load_key_file(path, trust.public_keys, trust.tree)
@@ -198,7 +199,10 @@ def read_navigation_pages(path: Path, settings: Settings) -> Contents:
 
 
 def contents_of_pages(path: Path, pages: Iterable[InavPage], settings: Settings) -> Contents:
-    """Return the contents of pages of any source, like `read_navigation_pages`; messages name `path` as source."""
+    """Return the contents of navigation pages of any source, as `read_navigation_pages` does for a file.
+
+    Error messages name `path` as the source of the pages.
+    """
     trust = _trust(path, settings)
     receiver = OsnmaReceiver(trust.public_keys, trust.tree)
     receiver.learn(settings.roots)
@@ -221,19 +225,20 @@ def contents_of_receiver(receiver: OsnmaReceiver) -> Contents:
 
 
 def read_receiver(path: Path, _settings: Settings) -> Contents:
-    """Return the receiver's corrections."""
+    """Return the hardware bias in a file of receiver corrections."""
     bias_s = read_hardware_bias(path)
     summary = f"delay of the E6 front end minus the E1 front end: {bias_s * 1e9:+.3f} ns"
     return Contents(summary=summary, hardware_bias_s=bias_s)
 
 
 def read_ionosphere_delays(path: Path, _settings: Settings) -> Contents:
-    """Return the predicted ionospheric delays."""
+    """Return the ionospheric delays in a file of predicted delays."""
     delays = read_ionosphere(path)
     return Contents(summary=f"predicted delays of {len(delays)} satellites", ionosphere_e1_m=delays)
 
 
-# Files of trust anchors have no reader here: `FileTrust.load` reads them before all other files.
+# `READERS` has no reader of trust anchors, because `FileTrust.load` reads the files of trust anchors before all other
+# files.
 READERS: Mapping[FileKind, Callable[[Path, Settings], Contents]] = {
     FileKind.RECS: read_recs,
     FileKind.GROUP_DELAY: read_group_delays,

@@ -1,4 +1,4 @@
-"""Writer of assistance folders, for RECS that were made from a recording and for simulations."""
+"""Write assistance folders for simulations, and for RECS that were made from a recording."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ def write_assistance(
     Parameters
     ----------
     folder
-        The folder, which is made if it does not exist. Files of the same names are overwritten.
+        The folder, which is made if it does not exist. Existing files are overwritten.
     assistance
         RECS, group delays and keys to write. Group delays are rounded to 2⁻³² s.
     roots
-        Verified root keys to which the keys lead; at least one if there are keys.
+        Verified root keys to which the keys lead; at least one root key if there are keys.
     alerts
         Subframes in which an alert message was verified.
     """
@@ -61,7 +61,7 @@ def write_recs(folder: Path, segments: Sequence[EncryptedSegment]) -> list[Path]
     Parameters
     ----------
     folder
-        The folder, which is made if it does not exist. Files of the same names are overwritten.
+        The folder, which is made if it does not exist. Existing files are overwritten.
     segments
         RECS of any satellites and times.
     """

@@ -1,4 +1,4 @@
-"""The assistance folder: RECS, group delays, OSNMA keys and corrections as input of the processor.
+"""Read the assistance folder: RECS, group delays, OSNMA keys and corrections as input of the processor.
 
 `vestige.recording.assistance.assistance_files` lists the files that may be in the folder or in a direct subfolder. Only
 validated files are used. A key must lead to the public key or the Merkle tree. If certificates are given, one of these
@@ -39,7 +39,8 @@ from vestige.validated_key import ValidatedKey
 T = TypeVar("T")
 
 Message = tuple[Path, Callable[[Settings], Contents | None]]  # source and reader of the message
-FileCache = dict[Path, tuple[tuple[object, ...], Contents]]  # state of each file when it was read, and its content
+# state of each file at the time of reading, and content of the file
+FileCache = dict[Path, tuple[tuple[object, ...], Contents]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +78,7 @@ class AssistanceFolder:
     navigation
         Navigation data from the receiver's own message, if OSNMA tags verified these data.
     other_times
-        The RECS outside the window, if all RECS in the folder are outside; None otherwise.
+        RECS outside the window, if all RECS in the folder are outside the window; None otherwise.
     """
 
     assistance: Assistance
@@ -88,14 +89,17 @@ class AssistanceFolder:
     other_times: RecsOfOtherTimes | None = None
 
     def missing_for(self, span: tuple[GalileoTime, GalileoTime] | None) -> tuple[str, ...]:
-        """Return `missing` for a recording with a time span, with the times of the RECS if all RECS are outside."""
+        """Return the missing data for a recording with the time span `span`.
+
+        If all RECS of the folder lie outside the window, a line gives the times of these RECS.
+        """
         if span is None or self.other_times is None:
             return self.missing
         return (self.other_times.line(*span), *(line for line in self.missing if line != NO_RECS))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about data for which the folder itself is the only evidence; a verdict relies on such data."""
+        """Warnings about data on which a verdict relies, and for which the folder itself is the only evidence."""
         anchors = [file.path.name for file in self.files if file.kind in (FileKind.PUBLIC_KEY, FileKind.MERKLE_TREE)]
         corrections = [file for file in self.files if file.kind in (FileKind.RECEIVER, FileKind.IONOSPHERE)]
         trust = f"the only proof of the OSNMA keys is in the assistance folder itself ({', '.join(anchors)}); "
@@ -104,7 +108,7 @@ class AssistanceFolder:
 
 
 class _Problems:
-    """Collector of errors, which raises the first error if `strict`."""
+    """Collector of errors, which raises the first error if `strict` is true."""
 
     def __init__(self, *, strict: bool) -> None:
         self.collected: list[VestigeError] = []
@@ -150,18 +154,18 @@ def read_assistance(
         PEM public keys or X.509 certificates of the assistance server. If any key or certificate is given, unsigned
         files are not used.
     reference
-        Approximate time, at most 39 years off, which resolves 12-bit weeks if a file's name does not.
+        Approximate time with an error of at most 39 years, which resolves 12-bit weeks if a file's name does not.
     window
         First and last time of transmission of the RECS to keep; None to keep all RECS. A week of RECS fills gigabytes.
     strict
-        Whether the first problem is raised; otherwise problems are collected.
+        Whether the first problem is raised as an error; if false, problems are collected.
     cache
         Cache of the files that an earlier call read. The cache is updated, and RECS and BGD files that did not change
         are not read again.
     message
-        The recording, and a function that reads the message that the receiver itself decoded from the recording. Keys
-        in the message are used like keys of a file of navigation pages. Such keys may lead to the signed root keys of a
-        key file.
+        Path of the recording, and a function that reads the message that the receiver itself decoded from the
+        recording. Keys in the message are used like keys of a file of navigation pages. Keys in the message may lead to
+        the signed root keys of a key file.
 
     Raises
     ------
@@ -275,7 +279,7 @@ def _sorted_files(folder: Path, problems: _Problems) -> dict[FileKind, list[Path
 
 
 def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
-    """Return the trust anchors in the folder itself; None without trust anchors.
+    """Return the trust anchors in the folder itself, or None without trust anchors.
 
     Two Merkle trees in the folder are an error.
     """
@@ -286,7 +290,10 @@ def _folder_trust(files: Mapping[FileKind, Sequence[Path]]) -> FileTrust | None:
 
 
 def _trust_content(files: Mapping[FileKind, Sequence[Path]]) -> Iterator[AssistanceFile]:
-    """Yield the content of each file of public keys; a key that an earlier file contains refers to that file."""
+    """Yield the content of each file of trust anchors.
+
+    A key that an earlier file also contains is described by the name of the earlier file.
+    """
     tree = next(iter(files[FileKind.MERKLE_TREE]), None)
     named: dict[bytes, Path] = {}
     for kind, paths in files.items():
@@ -313,7 +320,7 @@ def _joined(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> Assis
         group_delays=_agreed("group delays", delays, problems),
         keys=_agreed("OSNMA keys", keys, problems),
         received=tuple(sorted({one for _, contents in read for one in contents.received}, key=lambda one: one.time)),
-        # the folder has at most one hardware bias
+        # `_agreed` returns at most one hardware bias
         hardware_bias_e1_e6_s=sum(_agreed("hardware bias", biases, problems), 0.0),
         ionosphere_e1_m=dict(_agreed("ionospheric delays", ionosphere, problems)),
     )
@@ -355,7 +362,7 @@ def _usable_keys(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> 
 
 
 def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problems) -> tuple[T, ...]:
-    """Return values in the order of their keys; a key for which two files give different values is left out."""
+    """Return values in the order of their keys, without keys for which two files give different values."""
     found: dict[Any, tuple[T, Path]] = {}
     contradicted = set()
     between: Counter[tuple[Path, Path]] = Counter()

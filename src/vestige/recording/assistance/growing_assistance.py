@@ -1,4 +1,4 @@
-"""An assistance folder that still receives files: RECS from the server, keys from the receiver.
+"""Read an assistance folder that still receives files: RECS from the server, keys from the receiver.
 
 The folder is read again when a file in the folder has changed. An unchanged RECS or BGD file is not read again. Only
 the RECS of the next quarter of an hour are kept, even if the samples already cover a much longer time. Reading takes at
@@ -19,10 +19,11 @@ from vestige.recording.assistance.folder import AssistanceFolder, FileCache, rea
 from vestige.records import Assistance
 from vestige.time import GalileoTime
 
-# RECS are read up to `AHEAD_S` ahead, and read again when less than `RENEWED_S` of this time is left.
+# RECS are read up to `AHEAD_S` in s ahead of the samples. RECS are read again when the samples come within `RENEWED_S`
+# in s of the last time up to which RECS were read.
 AHEAD_S, RENEWED_S = 900.0, 60.0
 BEHIND_S = 1.0
-PATIENCE_S = 5.0  # time after which a fault is reported; longer than the time to write a file
+PATIENCE_S = 5.0  # time in s after which a fault is reported, longer than the time to write a file
 REST = 4.0  # shortest pause after reading, as a multiple of the reading time
 
 _Stamp = tuple[frozenset[tuple[Path, int, int]], int]
@@ -38,7 +39,7 @@ class LiveMessage(Protocol):
         """Version of the content, a different number after each change."""
 
     def contents(self, settings: Settings) -> Contents | None:
-        """Return the content so far; None if there is no content."""
+        """Return the content that was decoded so far, or None if there is no content."""
 
 
 class GrowingAssistance:
@@ -77,7 +78,7 @@ class GrowingAssistance:
         return self._window[1]
 
     def look(self, first: GalileoTime, last: GalileoTime, *, at_once: bool = False) -> bool:
-        """Update `found` for the RECS from `first` to `last`; return whether something changed.
+        """Update `found` for the RECS from `first` to `last`, and return whether the folder or the message changed.
 
         If a file changes soon after the last reading, the change is read in a later call. With `at_once` the change is
         read in this call.
@@ -93,7 +94,7 @@ class GrowingAssistance:
                 self._read(self._window)
             else:
                 self._read((first + -BEHIND_S, first + ahead_s))
-            while not self._covers(first, last):  # the folder has no RECS for a long time, so the window grows
+            while not self._covers(first, last):  # the folder has no RECS in the window, so the window grows
                 ahead_s *= 4
                 self._read((first + -BEHIND_S, first + ahead_s))
             self._not_before_s = now_s + (1 + REST) * (time.monotonic() - now_s)

@@ -1,9 +1,10 @@
-"""RECS for a recording whose E6-C was not encrypted, so that all processing steps can run on a real signal.
+"""Make RECS for a recording whose E6-C was not encrypted, so that all processing steps can run on a real signal.
 
-The transmitted E6-C chips (primary ⊕ secondary code) take the place of the encrypted code sequence. These chips are
-encrypted under an OSNMA key, and become a RECS as a server would publish it. The times of transmission are whole
-deciseconds, because a period of E6-C's secondary code starts at each decisecond. The processor reads these files like
-the files of a server. Such a test cannot prove the secrecy of the chips, because anybody knows the open code.
+The transmitted E6-C chips (primary ⊕ secondary code) take the place of the encrypted code sequence. The transmitted
+chips are encrypted under an OSNMA key, and become a RECS as a server would publish. The times of transmission are whole
+deciseconds, because a period of E6-C's secondary code starts at each decisecond. The processor reads the files of these
+RECS like the files of a server. A test with such RECS cannot prove the secrecy of the chips, because anybody knows the
+open code.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ def transmit_times(
 ) -> tuple[GalileoTime, ...]:
     """Return the times of transmission, in whole deciseconds, of segments that the samples contain for all satellites.
 
-    The samples lie between the receiver-clock times `first` and `last`. `travel_s` are the apparent travel times of the
-    satellites in s. `duration_s` is the duration of a segment, and `interval_s` is the time between two segments.
+    The samples lie between the receiver-clock times `first` and `last`. `travel_s` are the apparent travel times from
+    the satellites in s. `duration_s` is the duration of a segment, and `interval_s` is the time between two segments.
     """
     travel = tuple(travel_s)
     step = round(interval_s * 10)
@@ -91,7 +92,7 @@ def open_code_warning(
     *,
     cipher_mode: CipherMode = CipherMode.CBC,
 ) -> str | None:
-    """Return a warning about RECS of the open E6-C code; None if no RECS contains that code.
+    """Return a warning about RECS of the open E6-C code, or None if no RECS contains this code.
 
     For each satellite the first RECS with a known key is decrypted. The warning names `folder`, the source of the RECS.
     """
@@ -131,9 +132,9 @@ def make_assistance(
     Raises `InputFileError` if the folder exists, or a file is not usable. Raises `VestigeError` if no satellite is
     found, no segment fits into the recording, or no key belongs to the time of the recording.
 
-    `keys_path` is a key file, or navigation pages with OSNMA. The key file and the trust anchors are copied into the
-    folder. Without `svids` RECS are made for the satellites that are found on E1. `progress` is called with the number
-    of satellites for which E1 was searched, and the number of all satellites.
+    `keys_path` is the path of a key file, or of a file of navigation pages with OSNMA. The key file and the trust
+    anchors are copied into the folder. Without `svids` RECS are made for the satellites that are found on E1.
+    `progress` is called with the number of satellites for which E1 was searched, and the number of all satellites.
     """
     with new_folder(output) as unfinished:
         name = KEYS_NAME if assistance_kind(keys_path) is None else keys_path.name

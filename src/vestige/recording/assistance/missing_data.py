@@ -1,4 +1,4 @@
-"""Data that an assistance folder lacks, one line for each kind."""
+"""List the data that an assistance folder lacks, one line for each kind of data."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""RECS of the assistance folder that were sent outside the recording, and the probable error of the start time.
+"""Describe the RECS that were sent outside the recording, and estimate the error of the start time.
 
 A common mistake is a start that was read from a UTC clock, but is written without `UTC`. Such a start is taken as GST,
-and is 18 s too early [IERS Bulletin C]. Then the folder has the right RECS, but the time window contains none of these
-RECS.
+and is 18 s too early [IERS Bulletin C]. With such a start, the folder has the right RECS, but the time window contains
+none of these RECS.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from vestige.constants import DAY_S
 from vestige.time import GalileoTime
 
 OTHER_TIMES = "no RECS for this time"  # beginning of the line for the user
-_CLOCK_S = 1.0  # largest error of a start that was typed in whole seconds
+_CLOCK_S = 1.0  # largest error in s of a start that was typed in whole seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +46,7 @@ class RecsOfOtherTimes:
 
     @classmethod
     def of(cls, times: Iterable[GalileoTime], window: tuple[GalileoTime, GalileoTime]) -> RecsOfOtherTimes | None:
-        """Return the RECS outside a window, given times of transmission; None if all RECS are in the window."""
+        """Return the RECS whose times of transmission lie outside a window, or None if all times lie in the window."""
         begin, end = window
         outside = [time for time in times if not begin <= time <= end]
         if not outside:

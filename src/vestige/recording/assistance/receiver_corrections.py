@@ -1,4 +1,4 @@
-"""Corrections from the user: front-end delay and ionosphere, as two small files in the assistance folder.
+"""Read and write the user's corrections for front-end delay and ionosphere, two files in the assistance folder.
 
 `receiver.toml` contains the calibrated delay of the E6 front end minus the delay of the E1 front end, in m or in s::
 
@@ -24,7 +24,8 @@ from vestige.recording.text_lines import numbered_lines
 
 RECEIVER_NAME, IONOSPHERE_NAME = "receiver.toml", "ionosphere.csv"
 CORRECTIONS_HEADER = "svid,slant_delay_e1_m"
-MAX_BIAS_S = 1e-3  # a larger value is probably in a wrong unit; the largest published bias is 5.4 µs
+# largest accepted bias in s, because a larger value is probably in a wrong unit; the largest published bias is 5.4 µs
+MAX_BIAS_S = 1e-3
 MAX_DELAY_M = 1000.0  # upper limit of the ionospheric delay on E1
 
 _UNIT_S = {"hardware_bias_e1_e6_s": 1.0, "hardware_bias_e1_e6_m": 1 / SPEED_OF_LIGHT_MPS}

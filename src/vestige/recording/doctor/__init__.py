@@ -1,1 +1,1 @@
-"""Examination of the signals in a recording, to find errors in its description."""
+"""Examine the signals in a recording, to find errors in the description of the recording."""

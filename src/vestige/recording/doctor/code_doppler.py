@@ -1,12 +1,13 @@
-"""Test of whether code and carrier of E1 have Dopplers of the same sign; opposite signs show a reversed spectrum.
+"""Test whether code and carrier of E1 have Dopplers of opposite sign, which shows a reversed spectrum.
 
 Theory of operation
 -------------------
 E1-B, E1-C and E6-B are real signals on a carrier. If the carrier is at 0 Hz, the conjugate samples contain the same
-signals with Dopplers of the opposite sign. However, the code rate changes by the factor 1 + f_d/f_c in either direction
-of the spectrum. So the code phases of two windows give a Doppler of each satellite that does not depend on this
-direction. The slope of the code Dopplers over the carrier Dopplers is +1, or −1 for a reversed spectrum. The slope does
-not change if the samples jump, because the code phases of all satellites jump by the same time.
+codes with carrier Dopplers of the opposite sign. However, the code rate changes by the factor 1 + f_d/f_c in either
+direction of the spectrum. So the code phases of two windows give a Doppler of each satellite that does not depend on
+the direction of the spectrum. The slope of the code Dopplers over the carrier Dopplers is +1, or −1 for a reversed
+spectrum. The slope does not change if the samples jump, because the code phases of all satellites jump by the same
+time.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from vestige.recording.doctor.reading import head
 from vestige.sample_processor.acquisition import Acquisition
 from vestige.sample_processor.e1_snapshot import E1Snapshot, measure_e1
 
-CODE_WINDOW_S = 0.06  # duration of samples for one code phase, the shortest for an E1 measurement
-# shortest and longest time between the windows; the code must stay within the bank of correlators
+CODE_WINDOW_S = 0.06  # duration in s of the samples for one code phase, the shortest for an E1 measurement
+# shortest and longest time in s between the windows; the code must stay within the bank of correlators
 APART_S = (0.02, 0.2)
 CODE_SIGMA_S = 2e-8  # standard deviation of one code phase in a window of `CODE_WINDOW_S` at 40 dBHz
 SIGNIFICANCE = 4.0  # smallest number of standard deviations between a slope of 0 and a slope of 1
@@ -37,16 +38,18 @@ class E1Satellite:
     svid: int
     doppler_hz: float
     cn0_dbhz: float
-    snapshot: E1Snapshot | None  # measurement; None if the samples are too short, and then Doppler and C/N0 are coarse
+    snapshot: E1Snapshot | None  # measurement; None if the samples are too short, so that Doppler and C/N0 are coarse
 
 
 def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bool:
-    """Return whether the code phases change as if all Dopplers had the opposite sign; False if the test is uncertain.
+    """Return whether the code phases change as if all carrier Dopplers had the opposite sign.
+
+    If the test is uncertain, the result is False.
 
     Parameters
     ----------
     file
-        The E1 file, with the description that was used for the measurement of the satellites.
+        E1 file, with the description that was used for the measurement of the satellites.
     satellites
         At least two satellites with a measurement. For windows 100 ms apart, the root of the sum of the squared
         Dopplers must be about 2 kHz or more.
@@ -89,7 +92,10 @@ def code_runs_backwards(file: BandFile, satellites: Sequence[E1Satellite]) -> bo
 
 
 def _at(one: E1Satellite, snapshot: E1Snapshot, ahead_s: float) -> Acquisition:
-    """Predict the acquisition in samples that start `ahead_s` after the measurement, to half a chip after 0.2 s."""
+    """Predict the acquisition in samples that start `ahead_s` after a measurement.
+
+    After 0.2 s the predicted code phase has an error of up to half a chip.
+    """
     period_s = E1_CODE_PERIOD_S
     phase_s = snapshot.transmit_phase_s + ahead_s
     return Acquisition(

@@ -1,11 +1,12 @@
-"""Test of whether the samples are continuous: code phases at beginning, middle and end must agree.
+"""Test whether the samples are continuous: code phases at beginning, middle and end must agree.
 
 Theory of operation
 -------------------
 The time of transmission of a signal grows by (1 + f_d/f_c) s in a second of the receiver's counter. E1-C shows the time
-of transmission modulo the 100 ms of its secondary code. The times at two positions of the file and the mean Doppler
-give the jump of the signal relative to the counter. Missing samples make the signals of all satellites jump ahead.
-Repeated samples make the signals jump back. The test does not find a loss of a multiple of 100 ms.
+of transmission modulo the 100 ms of its secondary code. The times of transmission at two positions of the file and the
+mean Doppler give the jump of the signal relative to the counter. Missing samples make the signals of all satellites
+jump ahead. Repeated samples make the signals jump back. The test does not find a loss or repetition of a whole multiple
+of 100 ms.
 """
 
 from __future__ import annotations
@@ -31,14 +32,15 @@ from vestige.sample_processor.search.e1_search import search_e1
 from vestige.signals.definitions import E6B
 from vestige.time import GalileoTime
 
-SHORTEST_S = 0.112  # duration of two windows for E1 measurements
-# smallest reported jump in s, and its increase for each second between two positions, because the oscillator drifts
+SHORTEST_S = 0.112  # shortest duration in s of E1 for the test: two windows for measurements
+# smallest reported jump in s, and the increase of this limit in s for each second between two positions, because the
+# oscillator drifts
 TOLERANCE_S = (1e-6, 1e-8)
 _SATELLITES = 3
-_DOPPLER_SPAN_HZ = 1000.0  # largest change of the Doppler during the recording
+_DOPPLER_SPAN_HZ = 1000.0  # largest change of a satellite's Doppler during the recording
 _NEAR_HZ = 250.0
 _NEAR_ENOUGH_S = 0.3
-_E6_S = 0.022  # duration of E6 samples in which a code phase is found
+_E6_S = 0.022  # duration in s of the E6 samples in which a code phase is searched for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,16 +54,17 @@ class MeasuredPlace:
 def examine_continuity(
     reader: SampleReader, e6: SampleReader | None, satellites: Sequence[E1Satellite], limit: TimeLimit
 ) -> Iterator[Finding]:
-    """Yield the findings that E1 or E6 jumps, or that the signals of E1 end.
+    """Yield the findings about jumps of E1 or E6, lost signals of E1, and samples that are not finite numbers.
 
     Parameters
     ----------
     reader
-        Reader of the E1 samples, with the description that shows the satellites.
+        Reader of the E1 samples, with the description with which the satellites were found.
     e6
-        Reader of the E6 samples, with the description that shows the satellites; None without E6.
+        Reader of the E6 samples, with the description with which the satellites were found; None without E6.
     satellites
-        Satellites at the beginning, the strongest first; the first three satellites are followed.
+        Satellites that were found at the beginning, the strongest first. Only the three strongest satellites are
+        measured again.
     """
     followed = [one for one in satellites if one.snapshot is not None][:_SATELLITES]
     if not followed:
@@ -141,7 +144,7 @@ def _e6_jump(
 def _e6_shift_s(reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
     """Return the jump of the E6 signals relative to the counter between two positions in s, positive if ahead.
 
-    The code phases of E6 and the Dopplers of E1 give this time. The result is None if the jump is below the tolerance,
+    The code phases of E6 and the Dopplers of E1 give the jump. The result is None if the jump is below the tolerance,
     or if no satellite is found at both positions.
     """
     before, after = _e6_phases(reader, earlier), _e6_phases(reader, later)
@@ -159,7 +162,7 @@ def _e6_shift_s(reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPla
 
 
 def _e6_phases(reader: SampleReader, place: MeasuredPlace) -> dict[int, tuple[GalileoTime, float]]:
-    """Return the time of a sample, and by satellite the time of transmission on E6-B in s, modulo 1 ms."""
+    """Return by SVID the time of a sample, and the time of transmission of E6-B at this sample in s, modulo 1 ms."""
     found: dict[int, tuple[GalileoTime, float]] = {}
     for svid, snapshot in place.snapshots.items():
         rate = reader.file.sample_rate_hz
@@ -226,7 +229,7 @@ def _near(batch: SampleBatch, one: E1Satellite) -> tuple[Acquisition, ...]:
 
 
 def _shift_s(earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
-    """Return the jump of the E1 signals relative to the counter in s, positive if ahead; None without a jump."""
+    """Return the jump of the E1 signals relative to the counter in s, positive if ahead, or None without a jump."""
     shifts = []
     span_s = 0.0
     for svid, before in earlier.snapshots.items():

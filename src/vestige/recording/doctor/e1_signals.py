@@ -1,4 +1,4 @@
-"""The satellites on E1, and the faults of the description of the samples if no satellite is found."""
+"""Find the satellites on E1, and the faults in the description of the samples if no satellite is found."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from vestige.sample_processor.e1_snapshot import E1_WINDOW_S, measure_e1
 from vestige.signals.definitions import CARRIER_HZ
 
 SVIDS = range(1, MAX_SVID + 1)
-READING_PFA = 1e-4  # probability that noise alone shows a satellite in one reading of the samples
+READING_PFA = 1e-4  # probability that noise alone looks like a satellite in a single reading of the samples
 WIDE_STEP_HZ = 10_000.0  # step of the Doppler centre if no satellite is found within ±5 kHz
-WIDE_HZ = 60_000.0  # largest Doppler centre
+WIDE_HZ = 60_000.0  # largest Doppler centre in a trial
 STANDING_HZ = 3_500.0  # largest median Doppler of all satellites if the receiver's clock is good
-_STRETCHES = 8  # number of code periods for the list of satellites, down to about 33 dBHz
-_TRY_STRETCHES = 2  # number of code periods for each reading, down to about 38 dBHz
+_STRETCHES = 8  # number of code periods for the list of satellites, which finds signals down to about 33 dBHz
+_TRY_STRETCHES = 2  # number of code periods for each trial of a reading, which finds signals down to about 38 dBHz
 _STRONGER_DB = 0.5  # smallest gain in C/N0 with which a reading replaces an earlier, simpler reading
-_TRY_BINS = 2  # step of the Doppler bins; every second bin takes half of the time and loses 1 dB on average
+_TRY_BINS = 2  # step of the Doppler bins in a trial; every second bin takes half of the time and loses 1 dB on average
 _RATES = 8  # largest number of sampling rates to try
 
 Progress = Callable[[str, int, int], None]
@@ -44,7 +44,7 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Result:
-    """Result of the examination of E1: satellites, the file description that shows them, and findings."""
+    """Result of the examination of E1: the file with the description that fits, satellites, and findings."""
 
     file: BandFile
     satellites: tuple[E1Satellite, ...]  # satellites, the strongest first
@@ -52,18 +52,19 @@ class E1Result:
 
 
 def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: Progress) -> E1Result:
-    """Return the satellites in the first 100 ms of E1; if no satellite is found, search with other descriptions.
+    """Return the satellites in the first 100 ms of E1, found with a changed description if the given description fails.
 
     Parameters
     ----------
     file
-        The samples of E1 as described.
+        File of the E1 samples, with the given description.
     other
-        The samples of E6, which may contain E1.
+        File of the E6 samples, which may contain E1 by mistake; None without E6.
     try_s
-        Processor time for which other descriptions are tried, in s.
+        Processor time in s for the trials of other descriptions.
     progress
-        Called with the name of the step, the number of satellites done and the number of all satellites.
+        Function that is called with the name of the step, the number of finished satellites and the number of all
+        satellites.
     """
     findings: list[Finding] = []
     sibling = better_sibling(file)
@@ -141,7 +142,7 @@ def _satellite(batch: SampleBatch, found: Acquisition) -> E1Satellite:
 
 
 def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading | None:
-    """Return the reading of complex samples as real, or the reverse, if the strongest signal gains power."""
+    """Return the reading of complex samples as real samples, or the reverse, if the strongest signal gains power."""
     best = max(found, key=lambda one: one.cn0_dbhz)
     # if I and Q are read as real samples at twice the rate, half of the signal's power is lost
     least = best.cn0_dbhz + 1.0
@@ -154,7 +155,7 @@ def _stronger_layout(file: BandFile, found: tuple[Acquisition, ...]) -> Reading 
 
 
 def _standing_offset(file: BandFile, found: tuple[Acquisition, ...]) -> Iterator[Finding]:
-    """Yield a finding if all Dopplers have the same sign and a large median, which true signals never have together."""
+    """Yield a finding of a wrong centre frequency if all Dopplers have one sign and a median above `STANDING_HZ`."""
     dopplers = sorted(one.doppler_hz for one in found)
     middle = dopplers[len(dopplers) // 2]
     if len(dopplers) >= 3 and abs(middle) > STANDING_HZ and dopplers[0] * dopplers[-1] > 0:
@@ -172,7 +173,7 @@ _Hit = tuple[Reading, tuple[Acquisition, ...]]
 def _first_that_fits(
     file: BandFile, other: BandFile | None, limit: TimeLimit, progress: Progress
 ) -> tuple[_Hit | None, list[str]]:
-    """Return the reading that shows signals, with its signals, and the kinds of mistakes that were tried completely."""
+    """Return the reading with signals, these signals, and the kinds of mistakes of which no reading has signals."""
     tried: list[str] = []
     for name, tells, hits in _groups(file, other):
         strongest: _Hit | None = None
@@ -192,8 +193,8 @@ def _first_that_fits(
 def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Callable[[], str], Iterator[_Hit | None]]]:
     """Yield for each kind of mistake its name, a function for the text of its tried values, and its readings.
 
-    Each reading comes with the signals that were found; None stands for a reading without signals. The text is known
-    only after the readings were tried.
+    Each reading is yielded with the signals that were found, or None is yielded for a reading without signals. The
+    function returns the right text only after all readings were tried.
     """
 
     def named(name: str, hits: Iterator[_Hit | None]) -> tuple[str, Callable[[], str], Iterator[_Hit | None]]:
@@ -221,9 +222,10 @@ def _tried(readings: Iterable[Reading]) -> Iterator[_Hit | None]:
 
 
 def _rates(file: BandFile, rates_hz: list[float]) -> Iterator[_Hit | None]:
-    """Yield the sampling rates that the repetition of the codes suggests, the likeliest first, until a rate fits.
+    """Yield the signals at each sampling rate that the repetition of the codes suggests, until a rate fits.
 
-    Each rate that is tried is appended to `rates_hz`.
+    The likeliest rate is tried first. None is yielded for a rate without signals. Each rate that is tried is appended
+    to `rates_hz`.
     """
     batch = head(file, E1_WINDOW_S)
     if batch is None:
@@ -242,7 +244,10 @@ def _rates(file: BandFile, rates_hz: list[float]) -> Iterator[_Hit | None]:
 
 
 def _centres(file: BandFile) -> Iterator[_Hit | None]:
-    """Yield the signals around each centre frequency in turn, until a centre frequency fits."""
+    """Yield the signals around each centre frequency, until a centre frequency fits.
+
+    None is yielded for a centre frequency without signals.
+    """
     batch = head(file, _window_s(_TRY_STRETCHES))
     for number in range(2 * int(WIDE_HZ / WIDE_STEP_HZ)):
         middle_hz = WIDE_STEP_HZ * (number // 2 + 1) * (-1) ** number

@@ -34,12 +34,12 @@ from vestige.sample_processor.e6_acquisition import (
 )
 from vestige.signals.definitions import E6B, E6C
 
-E6_WINDOW_S = 0.1  # duration of samples, one period of the secondary code
-BAND_OFFSET_S = 2e-6  # delay between E1 and E6 that is too large for ionosphere, satellite and receiver hardware
+E6_WINDOW_S = 0.1  # duration in s of the examined samples, one period of the secondary code
+BAND_OFFSET_S = 2e-6  # delay in s between E1 and E6 that is too large for ionosphere, satellite and receiver hardware
 _LOOKED_AT = 6  # number of satellites to search for, which are the strongest on E1
-_TRIED = 3  # number of satellites tried with each other description
+_TRIED = 3  # number of satellites that are searched for with each changed description
 _TRY_S = 0.012
-PREDICTED_SPAN_HZ = 400.0  # Doppler span around the prediction of E1
+PREDICTED_SPAN_HZ = 400.0  # Doppler span around the Doppler that E1 predicts
 _WIDE_HZ = 60_000.0  # Doppler span if the centre frequency may be wrong
 _BLIND_SPAN_HZ = 5000.0  # Doppler span without E1
 _BLIND_STRETCHES = 12
@@ -58,7 +58,7 @@ class E6Satellite:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6Result:
-    """Result of the examination of E6: satellites, the file description that shows them, and findings."""
+    """Result of the examination of E6: the file with the description that fits, satellites, and findings."""
 
     file: BandFile
     satellites: tuple[E6Satellite, ...]
@@ -68,16 +68,16 @@ class E6Result:
 def examine_e6(
     files: Sequence[BandFile], e1: Sequence[E1Satellite], try_s: float, *, span_hz: float = PREDICTED_SPAN_HZ
 ) -> E6Result:
-    """Return the satellites that E6-B and E6-C show, and the description that shows them.
+    """Return the satellites on E6, found with a changed description if the given description fails.
 
     Parameters
     ----------
     files
         The samples of E6 as described, or several possible descriptions if the search of E1 has found swapped bands.
     e1
-        Satellites of E1, the strongest first; if empty, all satellites are searched for.
+        Satellites on E1, the strongest first. If `e1` is empty, all satellites are searched for.
     try_s
-        Processor time for which other descriptions are tried, in s.
+        Processor time in s for the trials of other descriptions.
     span_hz
         Largest difference in Hz between the Dopplers on E6 and the predictions of E1.
     """
@@ -121,7 +121,7 @@ def expected_start_s(snapshot: E1Snapshot, batch: SampleBatch) -> float:
 
 
 def _shown(file: BandFile, sky: list[tuple[int, float]], span_hz: float) -> list[E6Acquisition]:
-    """Return E6-B of the first satellites of `sky` in the first samples of a file."""
+    """Return the acquired E6-B signals of the first satellites of `sky` in the first samples of a file."""
     batch = head(file, _TRY_S)
     if batch is None:
         return []
@@ -238,7 +238,7 @@ def _encryption(satellites: list[E6Satellite]) -> Iterator[Finding]:
 
 
 def _reversed(file: BandFile, sky: list[tuple[int, float]], span_hz: float) -> Reading | None:
-    """Return the reading with the reversed spectrum if more satellites then have their predicted Dopplers."""
+    """Return the reading with the reversed spectrum if this reading has more satellites at the predicted Dopplers."""
     telling = sorted(sky, key=lambda one: -abs(one[1]))[:_TRIED]
     if not telling or abs(telling[0][1]) < 3 * span_hz:
         return None

@@ -1,10 +1,10 @@
-"""Examination of a recording: its satellites, and the faults of its samples or of their description.
+"""Examine a recording: find the satellites, and the faults of the samples or of the description.
 
-The given description is tried first. If this description shows no signal, descriptions that differ by one mistake are
-tried. This search takes at most `TRY_S` of processor time in each band. On two idle cores this search lasts half as
-long. The examination uses the first 100 ms, and windows of 100 ms in the middle and at the end. All float32 samples are
-read, for at most `READ_S` of processor time. The reason is that every other command stops at a sample that is not a
-finite number.
+The given description is tried first. If no signal is found with the given description, descriptions that differ by one
+mistake are tried. The trials of other descriptions take at most `TRY_S` of processor time in each band. On two idle
+cores the trials last half as long. The examination uses the first 100 ms, and windows of 100 ms in the middle and at
+the end. All float32 samples are read, for at most `READ_S` of processor time, because every other command stops at a
+sample that is not a finite number.
 """
 
 from __future__ import annotations
@@ -34,23 +34,28 @@ from vestige.sample_processor.e1_snapshot import MIN_PERIODS
 from vestige.signals.definitions import E1C, E6C
 from vestige.time import GalileoTime
 
-TRY_S = 36.0  # processor time for descriptions that differ by one mistake
-READ_S = 10.0  # processor time in which samples of float32 are read, about 10 GB
-SHORTEST_E1_S = (MIN_PERIODS + 2) * E1C.period_s  # shortest E1 for a measurement of the time of transmission
+TRY_S = 36.0  # processor time in s for descriptions that differ by one mistake
+READ_S = 10.0  # processor time in s for reading float32 samples, about 10 GB
+# shortest duration in s of E1 for a measurement of the time of transmission
+SHORTEST_E1_S = (MIN_PERIODS + 2) * E1C.period_s
 SHORTEST_E6_S = min(length.n_chips for length in LENGTHS) / E6C.chip_rate_hz
-RECEIVED_KEY_S = 2 * SUBFRAME_S  # duration of E1 that always contains a whole subframe with its key
+RECEIVED_KEY_S = 2 * SUBFRAME_S  # duration in s of E1 that always contains a whole subframe with the subframe's key
 _GUESSED_HZ = 4000.0  # largest Doppler error if the centre frequency was estimated from the signals
-_SOME_TIME = GalileoTime(1200, 0)  # start of samples without a time tag; code phases do not need the true time
+# assumed start of samples without a time tag, because code phases do not need the true time
+_SOME_TIME = GalileoTime(1200, 0)
 _ENDS_ONLY = 2  # number of distinct values of a signal that is clipped to one bit
 # number of values of a front end with four bits or less, which stores many samples at its outermost values
 _FEW_VALUES = 16
 _READ_SAMPLES = 1 << 20  # number of samples in each read of the search for values that are not finite
-_LOOKED_AT_S = 0.02  # duration of the samples at each position that is tested for equal samples and clipping
+_LOOKED_AT_S = 0.02  # duration in s of the samples at each position that is tested for equal samples and clipping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examination:
-    """Result of the examination of a recording's signals; the tuple of a missing band is empty."""
+    """Result of the examination of a recording's signals.
+
+    The tuple of satellites of a missing band is empty.
+    """
 
     e1: tuple[E1Satellite, ...]  # satellites on E1, the strongest first
     e6: tuple[E6Satellite, ...]
@@ -67,9 +72,9 @@ def examine(
     Parameters
     ----------
     description
-        The recording as it is described.
+        Description of the recording.
     progress
-        Called with the name of the step, the number of its parts that are done and the number of all parts.
+        Function that is called with the name of the step, the number of finished parts and the number of all parts.
     """
     if any(file.start is None for file in description.bands.values()):
         description = redated(description, _SOME_TIME)
@@ -116,7 +121,10 @@ def _satellites(e6: E6Result | None) -> tuple[E6Satellite, ...]:
 
 
 def _e6_files(e6: BandFile, e1: BandFile | None, result: E1Result | None) -> list[BandFile]:
-    """Return the descriptions of E6 to try; if E1 was found in the E6 file, the E1 file is read as E6."""
+    """Return the descriptions of E6 to try.
+
+    If E1 was found in the E6 file, the E1 file is read as E6.
+    """
     if e1 is None or result is None or result.file.path == e1.path:
         return [e6]
     return [reading.file for reading in swapped_readings(e6, e1)]
@@ -218,7 +226,7 @@ def _short(reader: SampleReader) -> Iterator[Finding]:
 
 
 def _duration(description: RecordingDescription) -> Iterator[Finding]:
-    """Yield the purposes for which the recording is too short."""
+    """Yield a remark that names the purposes for which the recording is too short."""
     durations = [open_samples(file).duration_s for file in description.bands.values()]
     seconds = min(durations, default=math.inf)
     lacks = []

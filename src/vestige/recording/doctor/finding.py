@@ -1,4 +1,4 @@
-"""Findings about the signals of a recording: the evidence, and the change to make."""
+"""Define the findings about the signals of a recording: the evidence, and the change to make."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vestige.records import Band
 
 
 class FindingKind(StrEnum):
-    """Kind of a finding; the names appear in the JSON of `vestige inspect`."""
+    """Kind of a finding, with the name that appears in the JSON of `vestige inspect`."""
 
     NO_SIGNAL = "no signal"
     SWAPPED_BANDS = "swapped bands"
@@ -38,12 +38,12 @@ class Finding:
     kind: FindingKind
     band: Band | None
     is_fault: bool  # False for a remark on a recording that agrees with its description
-    evidence: str  # evidence of the finding, with its numbers
+    evidence: str  # evidence of the finding, with the measured numbers
     advice: str  # change to make, or action to take
 
     @property
     def line(self) -> str:
-        """The finding as one line."""
+        """Evidence and advice in one line."""
         return f"{self.evidence}; {self.advice}"
 
 
@@ -70,5 +70,5 @@ class TimeLimit:
 
     @property
     def is_over(self) -> bool:
-        """Whether the time is used up."""
+        """Whether the processor time is used up."""
         return time.process_time() - self._start_s > self.seconds

@@ -1,4 +1,4 @@
-"""Other descriptions of the same samples, each of which differs from the given description by one mistake."""
+"""Make other descriptions of the same samples, each of which differs from the given description by one mistake."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SIBLINGS: dict[SampleType, SampleType] = {"int8": "uint8", "uint8": "int8", "in
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """A way to read a band's samples."""
+    """Changed description with which the samples of a band can be read."""
 
     kind: FindingKind  # kind of the mistake in the given description
     file: BandFile
@@ -32,12 +32,12 @@ class Reading:
     change: str  # change to make in the description
 
     def fault(self, evidence: str) -> Finding:
-        """Return the finding that this reading fits the samples and the description does not."""
+        """Return the finding that the samples fit this reading, and not the given description."""
         return fault(self.kind, self.file.band, f"{self.file.band.value}: {evidence}", self.change)
 
 
 def head(file: BandFile, duration_s: float, first_s: float = 0.0) -> SampleBatch | None:
-    """Return up to `duration_s` of samples of a file from `first_s` on; None if the samples cannot be read.
+    """Return up to `duration_s` of samples of a file from `first_s` on, or None if the samples cannot be read.
 
     The result is also None if samples are not finite numbers, which happens if the format is wrong.
     """
@@ -212,7 +212,10 @@ def _components(file: BandFile) -> np.ndarray | None:
 
 
 def _implausibility(file: BandFile) -> float | None:
-    """Return the distance of the kurtosis from 3, the value of Gaussian noise; None if the values cannot be samples."""
+    """Return the distance of the kurtosis from 3, the kurtosis of Gaussian noise.
+
+    If the values cannot be samples, the result is None.
+    """
     values = _components(file)
     if values is None or values.size < 256:
         return None

@@ -1,1 +1,1 @@
-"""Recordings that grow while they are processed."""
+"""Read recordings that grow during the processing."""

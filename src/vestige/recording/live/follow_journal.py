@@ -1,11 +1,11 @@
-"""Journal of a receiver that follows a recording: after an interruption the receiver continues with the next snapshot.
+"""Keep the journal of a receiver that follows a recording, so that an interrupted receiver can continue.
 
 `verdicts.jsonl` has one line for each verdict and each change of state. `state.json` contains the number of valid bytes
 in `verdicts.jsonl` and the SHA-256 of these bytes. `state.json` also contains the last snapshot and the receiver's
 state, with a second SHA-256. `state.json` is replaced as a whole after the lines were written. If a run is killed
-between the two writes, the newest lines are not valid yet. The next run cuts these lines off, processes the snapshot
-again from the same state, and writes the same lines. No line is lost, and no line appears twice. If the valid lines or
-the state were changed, the journal raises an error and cuts nothing off.
+between the two writes, the newest lines are not valid yet. The next run cuts the invalid lines off, processes the
+snapshot again from the stored state, and writes the same lines. No line is lost, and no line appears twice. If the
+valid lines or the state were changed, the journal raises an error and cuts nothing off.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _hash_of(progress: FollowProgress | None) -> str:
 
 
 class FollowJournal:
-    """Journal folder that is open for a single writer; the object is a context manager.
+    """Context manager of a journal folder that is open for a single writer.
 
     `settings` has the name and the text of each setting on which the verdicts depend. A folder with other settings is
     refused.
@@ -127,7 +127,10 @@ class FollowJournal:
         return state
 
     def record(self, lines: Sequence[str], progress: FollowProgress) -> None:
-        """Store the lines of a snapshot and the progress; after an interruption, both or neither are valid."""
+        """Store the lines of a snapshot and the progress.
+
+        After an interruption, either lines and progress are both valid, or neither lines nor progress are valid.
+        """
         data = "".join(f"{line}\n" for line in lines).encode()
         with naming(self._folder / LINES):
             self._lines.write(data)
@@ -147,7 +150,7 @@ class FollowJournal:
             progress=progress,
             progress_sha256=_hash_of(progress),
         )
-        # JSON in which an infinite limit stays infinite
+        # `json.dumps` writes an infinite limit as `Infinity`, which `json.loads` reads as infinite
         text = json.dumps(self._adapter.dump_python(state, mode="json"))
         with replacement(self._folder / STATE) as part:
             part.write_text(text, encoding="utf-8")

@@ -4,9 +4,9 @@ Theory of operation
 -------------------
 A snapshot needs its RECS (downloaded days before), its samples, the E1 observations around its time, and the OSNMA key.
 The key is complete half a minute to a minute after the samples were taken. With a second channel or with
-accelerometers, the snapshot also waits for the keys and the accelerations of its time. Then the snapshot is the same as
-from the finished recording, bit for bit. The reason is that the snapshot's samples cover the range of every search, and
-later observations change nothing (`ObservationTrack.settled`).
+accelerometers, the snapshot also waits for the keys and the accelerations of its time. A snapshot with all data equals
+the snapshot from the finished recording, bit for bit. The reason is that the snapshot's samples cover the range of
+every search, and later observations change nothing (`ObservationTrack.settled`).
 
 Snapshots are yielded in the order of time, because the receiver state passes from each snapshot to the next. A snapshot
 that waits for its key delays the later snapshots, but the keys of later snapshots also come later. A missing key must
@@ -14,15 +14,16 @@ not stop the receiver. So a snapshot is yielded at the latest `wait_s` after its
 verdict states the missing key as its reason.
 
 If E1 is tracked in the samples, tracking also gives the observations, the keys and the time of the recording. A
-snapshot waits until a message has told the time. A key counts as missing if the key has not come when tracking is
-`wait_s` after the snapshot. This limit is in the time of the signal, so the limit does not depend on the speed at which
-a file is read.
+snapshot waits until a navigation message has given the time. A key counts as missing if tracking is `wait_s` past the
+snapshot and the key has not come. In tracking, `wait_s` is in the time of the signal, so this limit does not depend on
+the speed at which a file is read.
 
-Samples out of a pipe cannot be read again. After each look for new data, `LiveRecording.keep` gets the snapshots that
+Samples from a pipe cannot be read again. After each look for new data, `LiveRecording.keep` gets the snapshots that
 still need samples. Every decision about samples refers to the data at the latest look for new data.
 
 A file has no mark of its end. So a recording counts as finished after `idle_s` without new data, or at the end of a
-pipe. Then the remaining snapshots are yielded with the available data, as from a finished recording.
+pipe. After the end of the recording, the remaining snapshots are yielded with the available data, as from a finished
+recording.
 """
 
 from __future__ import annotations
@@ -62,29 +63,30 @@ class FollowedEpoch:
     sent: GalileoTime  # time of transmission of the snapshot's RECS
     snapshot: Snapshot
     assistance: Assistance  # assistance that is known so far
-    # OSNMA of the second channel so far, and the accelerations since the previous snapshot
+    # OSNMA that the second channel has received so far, and the accelerations since the previous snapshot
     channels: OtherChannels
     time_tag_error_s: float = 0.0  # error of the receiver clock in s, positive if ahead of Galileo System Time
 
 
 @dataclass(slots=True, kw_only=True)
 class Following:
-    """The snapshots of a recording that grows, for a single iteration."""
+    """Snapshots of a recording that grows, which can be iterated over only once."""
 
     live: LiveRecording
     folder: GrowingAssistance
     second: GrowingAssistance | None = None  # folder of OSNMA keys of the second channel
     accelerations: GrowingAccelerations | None = None  # file of inertial sensors
     time_uncertainty_s: float  # upper limit of the receiver clock's error in s
-    searchable: bool  # parameter of `RecordingSource`
-    cn0_estimator: str = NOISE_FLOOR  # parameter of `RecordingSource`
-    hardware_bias_s: float | None = None  # delay of E6 minus E1 in the receiver in s, in place of the folder's value
+    searchable: bool  # parameter `searchable` of `RecordingSource`
+    cn0_estimator: str = NOISE_FLOOR  # parameter `cn0_estimator` of `RecordingSource`
+    # delay of the receiver on E6 minus the delay on E1 in s, in place of the folder's value
+    hardware_bias_s: float | None = None
     patience: WaitLimits
     index: int = 0  # number of the next snapshot
     after: GalileoTime | None = None  # time of the last RECS that no longer needs a snapshot; None at first
 
     def __iter__(self) -> Iterator[FollowedEpoch]:
-        """Yield the snapshots in the order of time; errors of the files that are read are raised."""
+        """Yield the snapshots in the order of time, and raise the errors of files that cannot be read."""
         complete_since: dict[GalileoTime, float] = {}
         news_s = time.monotonic()
         while True:
@@ -120,7 +122,7 @@ class Following:
         self.live.say_held_up(self.patience.wait_s)
         changed |= self._look_at_folder(at_once=at_once)
         if self.second is not None:
-            # RECS of this folder are not needed, because the second channel gives only keys
+            # RECS of the second channel's folder are not needed, because the second channel gives only keys
             changed |= self.second.look(self.live.start, self.live.start)
         if self.accelerations is not None:
             changed |= self.accelerations.look()
@@ -168,12 +170,12 @@ class Following:
         return self._handed_out(sent)
 
     def _is_passed(self, sent: GalileoTime) -> bool:
-        """Return whether tracking has passed a snapshot by `wait_s`, so its key should have come."""
+        """Return whether tracking has passed a snapshot by `wait_s`, so that the snapshot's key should be known."""
         tracked = self.live.tracked
         return tracked is not None and self.live.complete(sent) and tracked - sent >= self.patience.wait_s
 
     def _is_ready(self, sent: GalileoTime) -> bool:
-        """Return whether all data for a snapshot that the finished recording will contain are available."""
+        """Return whether all data are available that the finished recording will contain for a snapshot."""
         return self.live.complete(sent) and self._has_keys(sent) and self._is_observed(sent) and self._is_sensed(sent)
 
     def _has_keys(self, sent: GalileoTime) -> bool:
@@ -181,7 +183,7 @@ class Following:
         known = {key.time for key in assistance.keys}
         if not all(one.key_time in known for one in segments_between(assistance, sent, sent)):
             return False
-        # The newest key that a finished recording compares belongs to the subframe in which the RECS was sent.
+        # The newest key that a finished recording compares with the second channel belongs to the subframe of the RECS.
         return self.second is None or any(sent - one.time < SUBFRAME_S for one in self.second.found.assistance.keys)
 
     def _is_observed(self, sent: GalileoTime) -> bool:

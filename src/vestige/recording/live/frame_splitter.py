@@ -1,9 +1,9 @@
-"""Samples of several channels from a common pipe: each channel is read as if the channel had its own pipe.
+"""Split the samples of several channels in a common pipe, so that each channel is read as if from its own pipe.
 
 A recorder with two front ends writes frames with one sample of each channel: `E1[0] E6[0] E1[1] E6[1] …`. Each channel
 has a thread that reads the channel. If a thread has no data for its channel, the thread reads the pipe for all
-channels. Bytes that the other threads have not taken yet are buffered, up to `WAITING_BYTES` for each channel. If this
-buffer is full, the reading thread waits for the other threads.
+channels. Bytes that the other threads have not taken yet are buffered, up to `WAITING_BYTES` for each channel. If the
+buffer of a channel is full, the reading thread waits for the other threads.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class FrameSplitter:
         self._changed = threading.Condition()
 
     def read(self, channel: int, at_most: int) -> bytes:
-        """Return the next bytes of a channel as soon as bytes are available; empty at the end.
+        """Return the next bytes of a channel as soon as bytes are available, or no bytes at the end of the pipe.
 
         Raises `OSError` if the pipe could not be read.
         """
@@ -87,7 +87,10 @@ class FrameSplitter:
         return any(len(part) >= WAITING_BYTES for part in self._parts.values())
 
     def _take(self) -> None:
-        """Read some frames; only one thread reads at a time, and this thread does not hold the lock while it reads."""
+        """Read some frames from the pipe, and append the samples to the buffers of the channels.
+
+        Only one thread reads at a time. The reading thread does not hold the lock during the read.
+        """
         block, error = b"", None
         try:
             block = self._read(_BLOCK_FRAMES * self._n_channels * self._sample_bytes)

@@ -1,10 +1,11 @@
-"""A recording that another process is still writing: the samples so far, in files or pipes.
+"""Read a recording that another process is still writing, from files or pipes.
 
-Only `look` finds new data. Between two calls of `look` the state of the object does not change. Any window of a file
-can be read at any time. For a pipe, `keep` gets the RECS that still need a snapshot, and drops all other samples.
+Only `look` finds new data. Between two calls of `look` the state of a `LiveRecording` does not change. Any window of a
+file can be read at any time. For a pipe, `keep` gets the RECS that still need a snapshot, and drops the samples that
+these RECS do not need.
 
-If E1 is tracked, a message tells the error of the samples' time tag. All times in this module are corrected for this
-error.
+If E1 is tracked, the navigation message gives the error of the samples' time tag. All times in this module are
+corrected for the error of the time tag.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ from vestige.time import GalileoTime
 
 BEFORE_S = SEGMENT_WINDOW_S - TRAVEL_TIME_S[0] + 0.1
 AFTER_S = SEGMENT_WINDOW_S + TRAVEL_TIME_S[1] + E1_WINDOW_S + 0.1
-OBSERVED_BEFORE_S = 2.0  # duration of observations that are kept before a RECS, for the interpolation
-MOVED_S = 0.1  # largest move of a kept window when a message tells the error of the time tag
+OBSERVED_BEFORE_S = 2.0  # duration in s of the observations that are kept before a RECS, for the interpolation
+MOVED_S = 0.1  # largest move in s of a kept window when a message gives the error of the time tag
 ROOM = 1.5  # smallest size of a buffer, as a multiple of the window of a RECS
 
 
@@ -55,16 +56,17 @@ class LiveRecording:
     tracking
         Tracking of E1, in place of a file of observations; None without tracking.
     told
-        Whether the time tag is known to have an error of at most 40 ms, without tracking.
+        Whether the time tag is known to have an error of at most 40 ms, even without tracking.
     uncertainty_s
         Half width in s of the search window around the expected time of a RECS in the samples.
     warn
-        Function that gets the faults of lines of observations, the dropped samples, and the waits of a pipe's writer.
+        Function that gets a warning of each faulty line of observations, of dropped samples, and of a pipe whose writer
+        has to wait.
 
     Attributes
     ----------
     n_dropped
-        Number of snapshots so far whose samples came out of a pipe and were dropped.
+        Number of snapshots so far whose samples came from a pipe and were dropped.
     full
         Whether a pipe cannot be read further before a waiting RECS has its snapshot.
     """
@@ -97,7 +99,7 @@ class LiveRecording:
         self._clock_s: tuple[float, float] | None = None  # smallest and largest clock error of the latest observations
         self._seen: tuple[int, ...] = ()
         self._told_held_up: set[Band] = set()
-        self._kept_error_s: float | None = None  # earliest known error of the time tag
+        self._kept_error_s: float | None = None  # first error of the time tag in s that tracking gave; None before
         self.n_dropped, self.full = 0, False
         self._look()
         self._tagged_start = SampleReader(
@@ -105,7 +107,7 @@ class LiveRecording:
         ).start  # raises an error if the recording has no time tag
 
     def look(self) -> bool:
-        """Look for new samples, track some of them, and return whether there is more to process."""
+        """Look for new samples, track some of the samples, and return whether new samples were found or tracked."""
         changed = self._look()
         if self.tracking is None:
             return changed
@@ -126,23 +128,23 @@ class LiveRecording:
         return seen != before
 
     def resume(self, after: GalileoTime, time_tag_error_s: float) -> None:
-        """Track only the samples that RECS after `after` need; `time_tag_error_s` is the time tag's error."""
+        """Track only the samples that RECS after `after` need, if the time tag has the error `time_tag_error_s`."""
         if self.tracking is not None and Band.E1 in self._readers:
             self.tracking.resume(after - self._readers[Band.E1].start + time_tag_error_s)
 
     @property
     def _trackable(self) -> SampleReader | StreamSamples:
-        """The E1 samples that are available."""
+        """E1 samples that are available for tracking."""
         stream = self._streams.get(Band.E1)
         return self._readers[Band.E1] if stream is None else StreamSamples(stream, self._read[Band.E1].end_sample)
 
     @property
     def time_tag_error_s(self) -> float:
-        """Error of the samples' time tag in s, positive if ahead of Galileo System Time; 0 while it is unknown."""
+        """Error of the samples' time tag in s, positive if ahead of Galileo System Time, or 0 if still unknown."""
         return 0.0 if self.tracking is None else self.tracking.time_tag_error_s or 0.0
 
     def observed(self) -> ObservationTrack | None:
-        """Return the observations for a snapshot that no longer waits; None to measure E1 in the samples.
+        """Return the observations for a snapshot that no longer waits, or None to measure E1 in the samples.
 
         Raises `InputFileError` if the recording has ended without any observation.
         """
@@ -160,7 +162,7 @@ class LiveRecording:
         return self.track
 
     def _tracked(self, tracking: LiveTracking) -> ObservationTrack | None:
-        """Return the tracked observations; None if these are too few, and E1 can be measured without tracking."""
+        """Return the tracked observations, or None if too little is tracked and E1 can be measured without tracking."""
         if tracking.time_tag_error_s is not None:
             return tracking.track
         if self.why_no_ranges:
@@ -173,7 +175,7 @@ class LiveRecording:
 
     @property
     def why_no_ranges(self) -> str:
-        """Reason why tracked E1 has no ranges yet; "" if it has ranges, or is not tracked."""
+        """Reason why tracked E1 has no ranges yet; "" if E1 has ranges, or is not tracked."""
         if self.tracking is None or self.tracking.is_told or self._told:
             return ""
         return (
@@ -258,7 +260,7 @@ class LiveRecording:
                 )
 
     def place(self, travel_s: Sequence[float]) -> None:
-        """Update the clock error from the apparent travel times; this error sets the windows of all RECS."""
+        """Update the limits of the clock error, on which the windows of RECS depend, from apparent travel times."""
         travel_s = [one - self.time_tag_error_s for one in travel_s]
         if travel_s:
             early, late = TRAVEL_TIME_S
@@ -294,7 +296,7 @@ class LiveRecording:
         return self._observations is not None and self._clock_s is None
 
     def recording(self, sent: GalileoTime) -> Recording:
-        """Return the recording in which to process the RECS of a time, and warn if the samples were dropped."""
+        """Return the recording for the snapshot of the RECS sent at `sent`, and warn if samples were dropped."""
         readers = dict(self._readers)
         for band, stream in self._streams.items():
             found = stream.cut(*self._window(sent, band))
@@ -314,7 +316,7 @@ class LiveRecording:
         self._warn(VestigeError(f"RECS of {sent}: the E6 samples were dropped: {full}the RECS came too late"))
 
     def wait(self, timeout_s: float) -> None:
-        """Wait until another look is useful, at most the given time."""
+        """Wait until another look for new data is useful, but at most `timeout_s`."""
         if self.is_behind:
             return
         stream = self._streams.get(Band.E6) or next(iter(self._streams.values()), None)
@@ -353,7 +355,7 @@ class LiveRecording:
         return self._samples(sent, band, error_s, (-self._before_s - margin_s, self._after_s + margin_s))
 
     def _window(self, sent: GalileoTime, band: Band) -> tuple[int, int]:
-        """Return the number of the first sample, and of the last sample plus 1, that a RECS of a time may need."""
+        """Return the number of the first sample that a RECS may need, and the number of the last such sample plus 1."""
         return self._samples(sent, band, self.time_tag_error_s, self._span_s)
 
     def _samples(self, sent: GalileoTime, band: Band, late_s: float, span_s: tuple[float, float]) -> tuple[int, int]:
@@ -364,7 +366,7 @@ class LiveRecording:
 
     @property
     def _span_s(self) -> tuple[float, float]:
-        """Start and end of the samples that a RECS may need, in s after its transmission."""
+        """Start and end of the samples that a RECS may need, in s after the transmission of the RECS."""
         early_s, late_s = self._clock_s or (0.0, 0.0)
         return -self._before_s - early_s, self._after_s + late_s
 

@@ -1,9 +1,9 @@
-"""Tracking of E1 while its samples arrive: observations, the message, and the error of the time tag.
+"""Track E1 while samples arrive, to get observations, the navigation message and the error of the time tag.
 
-The tracking receiver takes `TRACKED_STRETCH_S` of samples at a time. The result is the same as for the finished
+The tracking receiver processes `TRACKED_STRETCH_S` of samples at a time. The results are the same as for the finished
 recording, because the stretches begin at the same samples. Pseudoranges are ambiguous by multiples of 100 ms until a
-message has told the time. Observations wait for the time from the message, which resolves the ambiguity. Observations
-that no RECS needs any more are dropped.
+navigation message has given the time. Observations wait for the time from the message, which resolves the ambiguity.
+Observations that no RECS needs any more are dropped.
 """
 
 from __future__ import annotations
@@ -32,10 +32,11 @@ from vestige.sample_processor.tracking.tracking_receiver import (
 )
 from vestige.time import GalileoTime
 
-AT_ONCE_S = 2.0  # duration of samples that are tracked at once, before other input is read
-# largest duration of observations that wait for the time, which a message usually tells after 30 s
+AT_ONCE_S = 2.0  # duration in s of the samples that are tracked at once, before other input is read
+# largest duration in s of the observations that wait for the time, which a message usually gives after 30 s
 WITHOUT_PERIODS_S = 200.0
-RETRACKED_S = 600.0  # time before the last verdict at which tracking resumes, to get a root key, orbits and the time
+# time in s before the last verdict at which tracking resumes, to get a root key, orbits and the time
+RETRACKED_S = 600.0
 
 
 class TrackableSamples(Protocol):
@@ -51,13 +52,13 @@ class TrackableSamples(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class StreamSamples:
-    """Samples out of a pipe, for tracking."""
+    """E1 samples from a pipe, for tracking."""
 
     stream: SampleStream
     end_sample: int  # number of the last sample plus 1, at the latest look for new data
 
     def read(self, first: int, count: int) -> SampleBatch:
-        """Return samples of a stretch; if some of these samples were dropped, return the part after the gap."""
+        """Return `count` samples from number `first` on, or the part after the gap if some samples were dropped."""
         found = self.stream.cut(first, first + count)
         while found is None:
             first = self.stream.next_after(first)
@@ -84,7 +85,7 @@ class LiveTracking:
     Attributes
     ----------
     track
-        Observations as a function of time, for the times that are kept.
+        Observations as a function of time, from the epochs that are kept.
     time_tag_error_s
         Error of the samples' time tag in s, positive if ahead of Galileo System Time; None until a message tells the
         time.
@@ -120,7 +121,7 @@ class LiveTracking:
 
     @property
     def is_told(self) -> bool:
-        """Whether a message has told the time."""
+        """Whether a navigation message has given the time."""
         return self.time_tag_error_s is not None
 
     @property
@@ -129,7 +130,10 @@ class LiveTracking:
         return (self.end_sample - self._first) / self._file.sample_rate_hz
 
     def resume(self, seconds: float) -> None:
-        """Begin tracking `seconds` − `RETRACKED_S` after the first sample; earlier samples already have verdicts."""
+        """Begin tracking `seconds` − `RETRACKED_S` after the first sample.
+
+        The RECS in earlier samples already have verdicts.
+        """
         stretches = max(math.floor((seconds - RETRACKED_S) / TRACKED_STRETCH_S), 0)
         self._first = self.end_sample = self._file.first_sample + stretches * self._count
 
@@ -167,7 +171,7 @@ class LiveTracking:
             self.take(self._receiver.track(batch, self._pool), self._told_s())
 
     def take(self, stretch: TrackedStretch, told_s: float | None) -> None:
-        """Take the observations of a stretch of samples, and the error of the time tag after the stretch."""
+        """Add the observations of a stretch of samples, and store the error of the time tag after the stretch."""
         for epoch in stretch.epochs:
             if epoch.observations:
                 self.first_observed = self.first_observed or epoch.time
@@ -193,7 +197,7 @@ class LiveTracking:
 
 
 class _KeptEpochs:
-    """Observations with resolved times that are still needed, for an `ObservationTrack`."""
+    """Observations that an `ObservationTrack` still needs, and observations that wait for the time."""
 
     def __init__(self) -> None:
         self._without_code_periods: deque[ObservationEpoch] = deque(maxlen=round(WITHOUT_PERIODS_S * EPOCHS_PER_S))
@@ -205,7 +209,7 @@ class _KeptEpochs:
         self._without_code_periods.extend(epochs)
 
     def add(self, epochs: Sequence[ObservationEpoch]) -> None:
-        """Keep epochs with resolved times; the time from a satellite's own message counts for this satellite."""
+        """Keep epochs whose times are already resolved by each satellite's own message."""
         self._placed.extend(epochs)
 
     def place(self, time_tag_error_s: float) -> None:

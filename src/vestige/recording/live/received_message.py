@@ -1,8 +1,8 @@
-"""The message that tracking decodes while a recording grows: OSNMA keys and ephemerides, in limited memory.
+"""Collect OSNMA keys and ephemerides from the message that tracking decodes while a recording grows.
 
-Each page is verified when the page arrives, so a new key needs only the computation of its own subframe. Keys and pages
-older than `KEPT_S` are dropped, because a RECS needs a key that is sent in the minutes after the RECS. Signed root keys
-and the chain are kept.
+Each page is verified when the page arrives, so a new key needs only the computation for the subframe of the key. A RECS
+needs a key that is sent in the minutes after the RECS. So keys and pages older than `KEPT_S` are dropped, which limits
+the memory. Signed root keys and the chain are kept.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from vestige.navigation.inav.page import InavPage
 from vestige.recording.assistance.assistance_files import Contents, FileTrust, Settings, contents_of_receiver
 from vestige.recording.tracked.message_navigation import EphemerisCollector, authenticated_orbits
 
-KEPT_S = 240.0  # largest age of keys and demodulated pages; longer than the wait of a RECS for its key
+KEPT_S = 240.0  # largest age in s of keys and demodulated pages, longer than the wait of a RECS for its key
 ISSUES = 3  # number of ephemeris issues of a satellite that are kept, half an hour of a real message
 
 
 class ReceivedMessage:
-    """Navigation message in the pages of a growing recording so far, used as `LiveMessage` of an assistance folder.
+    """Navigation message that was decoded so far from a growing recording, as `LiveMessage` of an assistance folder.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class ReceivedMessage:
         return self._begun + self._n_subframes + (0 if self._receiver is None else self._receiver.n_subframes)
 
     def take(self, pages: Iterable[InavPage]) -> None:
-        """Take the next pages with good checksums."""
+        """Process the next pages, whose checksums are valid."""
         new = tuple(pages)
         for page in new:
             self._pages.append(page)
@@ -63,13 +63,13 @@ class ReceivedMessage:
             self._forget()
 
     def finish(self) -> None:
-        """Mark the message as complete; the last subframe is processed even if the subframe is incomplete."""
+        """Mark the message as complete, and process the last subframe even if this subframe is incomplete."""
         if self._receiver is not None:
             self._receiver.finish()
             self._n_subframes += 1
 
     def contents(self, settings: Settings) -> Contents | None:
-        """Return the keys, root keys and demodulated keys so far; None before the first page.
+        """Return the keys, root keys and demodulated keys so far, or None before the first page.
 
         Raises `AuthenticationError` if there is no trust anchor for the keys.
         """
@@ -91,7 +91,10 @@ class ReceivedMessage:
         return authenticated_orbits(self._collector.ephemerides, proven)
 
     def _receiver_for(self, trust: FileTrust) -> OsnmaReceiver:
-        """Return the receiver of a trust anchor; a new receiver gets the pages that are kept."""
+        """Return the OSNMA receiver with a trust anchor.
+
+        A new OSNMA receiver processes the kept pages.
+        """
         if self._receiver is None or trust != self._trust:
             if self._receiver is not None:
                 self._n_subframes += self._receiver.n_subframes

@@ -1,1 +1,1 @@
-"""Navigation data: ephemerides and I/NAV pages."""
+"""Read navigation data: ephemerides and I/NAV pages."""

@@ -1,4 +1,4 @@
-"""Reader of navigation pages in files of any supported format."""
+"""Read navigation pages from files of any supported format."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from vestige.recording.observations import sbf
 from vestige.recording.samples import test_vector_csv
 from vestige.time import GalileoTime
 
-_HEAD_BYTES = 1 << 16  # length of the longest SBF block, so that the first bytes of an SBF file contain a sync
+_HEAD_BYTES = 1 << 16  # length of the longest SBF block, so that the first bytes of an SBF file contain a sync word
 
 
 def read_pages(
     path: Path, *, start: GalileoTime | None = None, counts: sbf.SbfCounts | None = None
 ) -> Iterator[InavPage]:
-    """Yield the E1-B I/NAV pages of an SBF or a test-vector CSV file; the content tells the format.
+    """Yield the E1-B I/NAV pages of an SBF file or a test-vector CSV file.
 
-    `start` is the start of the first page of a test vector. By default this start is read from the navigation words. An
-    SBF file contains the times of its pages. `counts` receives the numbers of blocks of an SBF file.
+    The content of the file tells the format. `start` is the start of the first page of a test vector. By default this
+    start is read from the navigation words. An SBF file contains the times of its pages. `counts` receives the numbers
+    of blocks of an SBF file.
 
     Raises `InputFileError` if the file has another format, or is so damaged that nothing can be read.
     """

@@ -1,4 +1,4 @@
-"""RINEX 3 and 4 navigation files with Galileo broadcast ephemerides [RINEX].
+"""Read and write RINEX navigation files of versions 3 and 4 with Galileo broadcast ephemerides [RINEX].
 
 A record has eight lines. The first line has the satellite, the time of clock (toc) and the clock polynomial. The other
 lines have up to four numbers each. Records of other systems and of F/NAV are skipped, because the clock of F/NAV
@@ -80,7 +80,10 @@ def read_rinex_navigation(path: Path) -> tuple[Ephemeris, ...]:
 
 
 def parse_rinex_navigation(path: Path, lines: Iterator[tuple[int, str]]) -> tuple[Ephemeris, ...]:
-    """Return the ephemerides in numbered lines from any source; error messages name `path`."""
+    """Return the ephemerides in numbered lines from any source.
+
+    Error messages name `path` as the source of the lines.
+    """
     found: dict[tuple[int, int, GalileoTime], Ephemeris] = {}
     for record in _records(path, lines):
         ephemeris = _ephemeris(path, record)
@@ -227,7 +230,10 @@ def write_rinex_navigation(
 
 
 def rinex_navigation_text(ephemerides: Iterable[Ephemeris], *, ionosphere: BroadcastIonosphere | None = None) -> str:
-    """Return the text that `write_rinex_navigation` writes; the errors are the same."""
+    """Return the text that `write_rinex_navigation` writes.
+
+    Raises `ValueError` for the same reasons as `write_rinex_navigation`.
+    """
     records = [line for ephemeris in ephemerides for line in _written(ephemeris)]
     if not records:
         raise ValueError("a navigation file needs an ephemeris")

@@ -1,1 +1,1 @@
-"""Observations of E1 tracking, in files of several formats."""
+"""Read and write observations of E1 tracking in files of several formats."""

@@ -1,4 +1,4 @@
-"""Accelerations of the receiver from inertial sensors, in a CSV file that is complete or still being written.
+"""Read accelerations of the receiver from a CSV file of inertial sensors, complete or still being written.
 
 The first line names the columns. Times are on the receiver's clock, like the times of the observations::
 
@@ -36,7 +36,8 @@ ACCELERATION_COLUMNS: Mapping[str, tuple[float, float]] = {
 }
 GRAVITY_MPS2 = 9.8  # gravity is 9.78 m/s² at the equator and 9.83 m/s² at the poles
 _GRAVITY_TOLERANCE_MPS2 = 0.2
-_GRAVITY_S = 20.0  # no receiver accelerates at 1 g in one direction for half of this time
+# shortest duration in s of a test for gravity; no receiver accelerates at 1 g in one direction for half of this time
+_GRAVITY_S = 20.0
 _TOLD = 4  # number of values of a row that are kept: elapsed time and three accelerations
 
 
@@ -50,14 +51,14 @@ def read_accelerations(path: Path) -> Accelerations:
     for number, line in numbered_lines(path):
         table.take(number, line)
     if not table.begun:
-        check_header(path, "", ACCELERATION_COLUMNS)  # an empty file fails here
+        check_header(path, "", ACCELERATION_COLUMNS)  # this call raises the error of an empty file
     if table.n_rows < 2:
         raise InputFileError(path, "file", f"{table.n_rows} rows", "two or more")
     return table.accelerations()
 
 
 class GrowingAccelerations:
-    """A growing file of accelerations; the file need not exist yet.
+    """Growing file of accelerations, which need not exist yet.
 
     `warn` gets the fault of each damaged row, which is left out.
     """
@@ -87,7 +88,10 @@ class GrowingAccelerations:
 
     @property
     def found(self) -> Accelerations:
-        """Accelerations that are known so far; raises `InputFileError` if these accelerations include gravity."""
+        """Accelerations that are known so far.
+
+        Raises `InputFileError` if the accelerations include gravity.
+        """
         return self._table.accelerations()
 
     def release(self, time: GalileoTime) -> None:

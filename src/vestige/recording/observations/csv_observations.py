@@ -1,4 +1,4 @@
-"""E1 observations as CSV: a line for each satellite and epoch; the column names contain the units.
+"""Read and write E1 observations as CSV: a line for each satellite and epoch, with the units in the column names.
 
 The first line names the columns, in any order::
 
@@ -43,7 +43,9 @@ def is_csv_observations(first_line: str) -> bool:
 
 
 class CsvParser:
-    """An `EpochParser` of CSV observations; an epoch is complete when a line of the next epoch comes.
+    """`EpochParser` of CSV observations.
+
+    An epoch is complete when a line of the next epoch comes.
 
     Raises `InputFileError` if a line does not agree with the header, a value is impossible, a satellite appears twice
     in an epoch, or time does not advance.
@@ -92,7 +94,7 @@ class CsvParser:
     def finish(self) -> ObservationEpoch | None:
         """Return the last epoch."""
         if not self._columns:
-            _columns(self._path, "")  # an empty file fails here
+            _columns(self._path, "")  # this call raises the error of an empty file
         return self._epoch()
 
     def _epoch(self) -> ObservationEpoch | None:

@@ -1,11 +1,11 @@
-"""E1 observations from E1 samples, for recordings without an observation file.
+"""Compute E1 observations from E1 samples, for recordings without an observation file.
 
 `measure_e1` gives each satellite's time of transmission modulo 100 ms, the period of E1-C's secondary code. The travel
 times of satellites in view differ by less than 25 ms, so the unknown multiple of 100 ms is common to all satellites.
-The chosen multiple puts the median travel time nearest to 86 ms, the median travel time from Galileo's orbit. This
-choice is right if the error of the recording's time tag is below `TIME_TAG_TOLERANCE_S`. The choice is also right if
-the error is known from the hand-over search (`time_tag_search`). A receiver with a tracking loop reads the time of week
-from I/NAV instead.
+The chosen multiple puts the median travel time nearest to 86 ms, the median travel time from Galileo's orbit. The
+choice of the multiple is right if the error of the recording's time tag is below `TIME_TAG_TOLERANCE_S`. The choice is
+also right if the error is known from the hand-over search (`time_tag_search`). A receiver with a tracking loop reads
+the time of week from I/NAV instead.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from vestige.sample_processor.e1_snapshot import MIN_SECONDARY_MARGIN_DB, NOISE_
 from vestige.time import GalileoTime
 
 TIME_TAG_TOLERANCE_S = (
-    0.04  # half the secondary code period, less the 9 ms by which a median travel time may differ from 86 ms
+    # limit in s: half of the secondary code's period, less the 9 ms by which a median travel time may differ from 86 ms
+    0.04
 )
 
 
@@ -33,7 +34,7 @@ def observe(
     cn0_estimator: str = NOISE_FLOOR,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[GalileoTime, dict[int, E1Observation]]:
-    """Return a time and the E1 observations of `svids` at that time; satellites that are not found are left out.
+    """Return the time in the middle of a batch, and the E1 observations of the found satellites at this time.
 
     The best duration of the batch is 100 ms. `time_tag_error_s` is the known error of the batch's time tag in s,
     positive if the time tag is ahead of Galileo System Time. `progress` is called with the number of satellites
@@ -50,7 +51,7 @@ def observe(
 
 
 def place_travel_times(phases_s: Mapping[int, float], median_s: float = MEDIAN_TRAVEL_TIME_S) -> dict[int, float]:
-    """Return travel times in s from travel times modulo 100 ms, with a common multiple for all satellites.
+    """Return travel times in s from travel times modulo 100 ms, with a common multiple of 100 ms for all satellites.
 
     `phases_s` are the times of reception minus the times of transmission in s, modulo 100 ms. `median_s` is the
     expected median travel time in s, with an error below 50 ms.

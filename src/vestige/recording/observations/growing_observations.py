@@ -1,4 +1,4 @@
-"""E1 observations from a file that a receiver is still writing.
+"""Read E1 observations from a file that a receiver is still writing.
 
 A line is read when its end is written. A RINEX epoch is complete when its last record is written. A CSV epoch is
 complete when the next epoch begins. A complete line that is damaged is left out and reported.

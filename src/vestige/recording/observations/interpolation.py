@@ -1,24 +1,25 @@
-"""E1 observations at a moment between the epochs of a file.
+"""Interpolate E1 observations to a moment between the epochs of a file.
 
 A snapshot begins with its RECS, at a time between two epochs of the E1 receiver. Let a and b be two epochs, and T the
 time from a to b. The carrier phase gives the motion between the epochs to a fraction of a wavelength. So the
-interpolated pseudorange follows the phase. With u = (t - t_a)/T:
+interpolated pseudorange follows the phase. At the time t the share u = (t - t_a)/T of the interval has passed, and the
+values are:
 
 * Doppler f and its rate are linear in u. The Doppler is exact for constant acceleration.
 * Phase φ is the cubic through φ_a and φ_b with the slopes -f_a and -f_b (Hermite). The phase is exact for constant
   acceleration and constant jerk. Without a phase, or across a cycle slip, φ is the integral of the Doppler, which is
-  exact for constant acceleration. Then no phase is returned.
+  exact for constant acceleration, and no phase is returned.
 * Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)). P is the weighted mean of the two pseudoranges after
   each pseudorange was moved along the phase to the time t.
 
 Missing values are computed first. A missing Doppler comes from the slope of the phases at neighbouring epochs: the
 slope of a parabola through three phases, or of a line through two phases. A missing Doppler rate comes from the
-Dopplers of the same epochs. A Doppler rate that cannot be computed is set to zero. The error is then small. In half a
-snapshot of 16 ms, a Doppler rate of 50 Hz/s turns the carrier by less than 0.002 cycles.
+Dopplers of the neighbouring epochs. A Doppler rate that cannot be computed is set to zero, which causes a small error.
+In half a snapshot of 16 ms, a Doppler rate of 50 Hz/s turns the carrier by less than 0.002 cycles.
 
 A satellite is left out if the epoch before or after the requested time is missing, or if these epochs are too far
 apart. A satellite is also left out if it has no Doppler, or if code and carrier disagree because the receiver's clock
-was set in between.
+was set between the epochs.
 """
 
 from __future__ import annotations
@@ -35,9 +36,12 @@ from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 WAVELENGTH_M = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
-SAME_TIME_S = 1e-8  # largest distance of an epoch that is used without interpolation; the range error is below 0.01 mm
+# largest distance in s of an epoch that is used without interpolation; the range error is below 0.01 mm
+SAME_TIME_S = 1e-8
 SLIP_CYCLES, SLIP_HZ = 1.0, 5.0  # allowed difference of phase and integrated Doppler: a constant, plus a rate times T
-CODE_CARRIER_M = 150.0  # half an E1 chip: more than noise and multipath, less than a step of the receiver's clock
+# largest difference of code and carrier in m, half an E1 chip: more than noise and multipath, less than a step of the
+# receiver's clock
+CODE_CARRIER_M = 150.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +84,10 @@ def is_final(epochs: Sequence[ObservationEpoch], time: GalileoTime, *, max_gap_s
 
 
 def _is_final(track: list[tuple[float, E1Observation]], last: float, max_gap_s: float) -> bool:
-    """Return whether further epochs change nothing for a satellite; `last` is the value of t at the last epoch."""
+    """Return whether further epochs do not change the observation of a satellite.
+
+    `last` is the time of the last epoch, in s after the requested moment.
+    """
     here = next((index for index, (t, _) in enumerate(track) if t >= -SAME_TIME_S), None)
     if here is None:
         return last - track[-1][0] > max_gap_s
@@ -89,13 +96,14 @@ def _is_final(track: list[tuple[float, E1Observation]], last: float, max_gap_s: 
     observation = track[here][1]
     if not math.isnan(observation.doppler_hz + observation.doppler_rate_hz_per_s):
         return True
-    # The next point gives missing values of this point. The point after that point gives values of the next point.
+    # The point after `here` gives missing values of the point at `here`. The second point after `here` gives missing
+    # values of the point after `here`.
     known_next = len(track) > here + 1 and not math.isnan(track[here + 1][1].doppler_hz)
     return known_next or len(track) > here + 2 or last - track[-1][0] > max_gap_s
 
 
 def _at_zero(points: list[_Point], max_gap_s: float) -> E1Observation | None:
-    """Return the observation at t = 0."""
+    """Return the observation at the requested moment, t = 0, or None if the satellite is left out."""
     for index, point in enumerate(points):
         if abs(point.t) <= SAME_TIME_S:
             complete = _complete(points, index, max_gap_s)
@@ -156,7 +164,7 @@ def _complete(points: list[_Point], index: int, max_gap_s: float) -> E1Observati
 
 
 def _doppler(points: list[_Point], index: int, max_gap_s: float) -> float:
-    """Return the observed Doppler at `index`, else the Doppler from the phases around `index`; NaN without phases."""
+    """Return the observed Doppler at `index`, or the Doppler from the phases around `index`, or NaN without phases."""
     here = points[index]
     if not math.isnan(here.observation.doppler_hz):
         return here.observation.doppler_hz

@@ -1,4 +1,4 @@
-"""Parser of E1 observation files, epoch by epoch, and the limits of their values."""
+"""Define the parser of E1 observation files, epoch by epoch, and the limits of valid values."""
 
 from __future__ import annotations
 
@@ -27,14 +27,17 @@ LIMITS = {
 
 @runtime_checkable
 class EpochParser(Protocol):
-    """Parser that takes the lines of an observation file one by one, and gives each epoch when it is complete.
+    """Parser that takes the lines of an observation file one by one, and gives each epoch when the epoch is complete.
 
-    After an error the parser can continue with the next line; the bad line is left out.
+    After an error the parser leaves out the wrong line, and can continue with the next line.
     """
 
     @property
     def begun(self) -> bool:
-        """Whether the header was read; an error in the header means that the file has another format."""
+        """Whether the header was read.
+
+        An error in the header means that the file has another format.
+        """
         ...
 
     def take(self, number: int, line: str) -> ObservationEpoch | None:
@@ -42,12 +45,18 @@ class EpochParser(Protocol):
         ...
 
     def finish(self) -> ObservationEpoch | None:
-        """Return the epoch that the end of the file completes, or None; raise an error if the file was cut off."""
+        """Return the epoch that the end of the file completes, or None.
+
+        Raises `InputFileError` if the file was cut off.
+        """
         ...
 
 
 def read_epochs(path: Path, parser: EpochParser) -> Iterator[ObservationEpoch]:
-    """Yield the epochs of a whole file; the parser and `numbered_lines` may raise their errors."""
+    """Yield the epochs of a whole file.
+
+    Raises the errors of the parser and of `numbered_lines`.
+    """
     for number, line in numbered_lines(path):
         epoch = parser.take(number, line)
         if epoch is not None:

@@ -1,4 +1,4 @@
-"""E1 observation files of any format, and the observations at any time.
+"""Read E1 observation files of any format, and interpolate the observations to any time.
 
 The first line of a file tells its format. Files are read epoch by epoch, so a day of observations needs no more memory
 than a minute of observations.
@@ -36,13 +36,16 @@ INTERVAL_EPOCHS = 16  # number of epochs used to find the interval
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationFile:
-    """A file of E1 observations; each iteration gives its epochs in time order."""
+    """File of E1 observations, whose iterators yield the epochs in time order."""
 
     path: Path
     kind: str
 
     def __iter__(self) -> Iterator[ObservationEpoch]:
-        """Yield the epochs; the parser of the file's format may raise its errors."""
+        """Yield the epochs in time order.
+
+        Raises the errors of the parser of the file's format.
+        """
         return read_epochs(self.path, OBSERVATION_READERS[self.kind][1](self.path))
 
 
@@ -80,7 +83,7 @@ class ObservationTrack:
     Parameters
     ----------
     file
-        File of the observations. A file that still grows gives the epochs so far, and the next epochs later.
+        File of the observations. A file that still grows gives the epochs so far, and new epochs in later calls.
     max_gap_s
         Longest time in s over which to interpolate; by default twice the interval between the first epochs.
     """
@@ -107,7 +110,9 @@ class ObservationTrack:
         self._dropped: GalileoTime | None = None
 
     def at(self, time: GalileoTime) -> dict[int, E1Observation]:
-        """Return the observations at a receiver-clock time by SVID; see `interpolation` for the method.
+        """Return by SVID the observations that are interpolated to a receiver-clock time.
+
+        The module `interpolation` describes the method.
 
         Raises `InputFileError` if the part of the file that has to be read is damaged.
         """
@@ -125,7 +130,7 @@ class ObservationTrack:
         return max_gap_s > 0 and is_final(tuple(self._window), time, max_gap_s=max_gap_s)
 
     def _read_around(self, time: GalileoTime, reach: float) -> None:
-        """Read the epochs within `reach` of `time`: neighbours of the two nearest epochs give missing values."""
+        """Read the epochs within `reach` of `time`, because neighbours of the nearest epochs give missing values."""
         reach = max(reach, SAME_TIME_S)  # `reach` is 0 if the file has a single epoch, which gives no interval
         if self._dropped is not None and time - self._dropped <= reach:
             self._restart()

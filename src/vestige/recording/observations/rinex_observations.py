@@ -1,4 +1,4 @@
-"""Reader of Galileo E1 observations in RINEX 3 and 4 observation files [RINEX], an epoch at a time.
+"""Read Galileo E1 observations in RINEX 3 and 4 observation files [RINEX], an epoch at a time.
 
 Epochs in RINEX are calendar times on the receiver's clock in the time system of the header. GPS, Galileo, QZSS and
 NavIC time count the same seconds. The differences between these times, some nanoseconds, are part of the receiver's
@@ -56,7 +56,7 @@ class _Header:
     last_system: str = ""
 
     def take(self, number: int, line: str) -> None:
-        """Read a header record; the method skips records that are not needed."""
+        """Read a header record, or skip a record that is not needed."""
         label = line[60:80].strip()
         if label == "SYS / # / OBS TYPES":
             self._take_types(number, line)
@@ -111,12 +111,13 @@ def is_rinex_observations(first_line: str) -> bool:
 
 
 class RinexParser:
-    """An `EpochParser` of RINEX observations; the last record of an epoch completes the epoch.
+    """`EpochParser` of RINEX observations.
 
-    After an error the parser skips everything until the next epoch record. Epochs without a Galileo satellite are
-    empty. A field that is blank or zero was not measured. Doppler rates are NaN, because RINEX has no Doppler rates. A
-    satellite has a cycle slip after a power failure, or if its loss-of-lock indicator is set. A satellite also has a
-    cycle slip if its observations come from another signal than in the previous epoch.
+    The last record of an epoch completes the epoch. After an error the parser skips everything until the next epoch
+    record. Epochs without a Galileo satellite are empty. A field that is blank or zero was not measured. Doppler rates
+    are NaN, because RINEX has no Doppler rates. A satellite has a cycle slip after a power failure, or if its
+    loss-of-lock indicator is set. A satellite also has a cycle slip if its observations come from another signal than
+    in the previous epoch.
 
     Raises `InputFileError` if the file has another format, is cut off, or time does not advance. Raises
     `UnsupportedError` for RINEX 2, compact RINEX, GLONASS time and scaled observations.
@@ -153,7 +154,10 @@ class RinexParser:
         return epoch
 
     def finish(self) -> ObservationEpoch | None:
-        """Return None, because `take` has returned all epochs; raise an error if the file was cut off."""
+        """Return None, because `take` has returned all epochs.
+
+        Raises `InputFileError` if the file was cut off.
+        """
         if self._header is None:
             _first_line(self._path, "")
         if not self._signals:
@@ -237,7 +241,10 @@ def _epoch(
     signals: dict[str, dict[str, int]],
     taken: dict[int, str],
 ) -> ObservationEpoch:
-    """Return the epoch; `taken` has the previous signal of each satellite, and the function updates `taken`."""
+    """Return the epoch of records of observations.
+
+    `taken` contains the previous signal of each satellite, and is updated.
+    """
     observations: dict[int, E1Observation] = {}
     slipped = set()
     for number, line in records:

@@ -1,4 +1,4 @@
-"""Writer of Galileo E1 observations as a RINEX observation file, version 3.05 [RINEX].
+"""Write Galileo E1 observations as a RINEX observation file, version 3.05 [RINEX].
 
 RINEX keeps epochs to 0.1 µs, ranges to a millimetre, phases to a thousandth of a cycle and Doppler to a millihertz.
 RINEX has no Doppler rate. An epoch between two steps of 0.1 µs is refused, because the pseudorange belongs to the exact
@@ -72,7 +72,7 @@ def _header(position: tuple[float, float, float], first: GalileoTime) -> list[tu
 
 
 def _calendar(time: GalileoTime) -> tuple[datetime, str]:
-    """Return the calendar time, cut to the minute, and the seconds as text with seven decimals."""
+    """Return the calendar time in whole seconds, and the second of the minute as text with seven decimals."""
     ticks = round(time.fraction * TICKS_PER_S)
     if abs(time.fraction * TICKS_PER_S - ticks) > TICK_TOLERANCE:
         raise ValueError(f"epoch {time} + {time.fraction} s is not a multiple of 0.1 µs, the step of RINEX")

@@ -1,8 +1,9 @@
-"""Reader of I/NAV pages in Septentrio Binary Format (SBF), block GALRawINAV.
+"""Read I/NAV pages in Septentrio Binary Format (SBF), block GALRawINAV.
 
 A block is `$@ | CRC-16 2 | id 2 | length 2 | time of week in ms 4 | week 2 | …`, little endian. The CRC covers
 everything after the CRC field. GALRawINAV (id 4023) adds `SVID + 70 | CRC passed | Viterbi count | source | 2 bytes |
-32 bytes of navigation bits`. The time of the block is the **end** of the page, and its week is the GPS week [SBF].
+32 bytes of navigation bits`. The time of a block is the **end** of the page, and the week of a block is the GPS week
+[SBF].
 
 The reader does not trust the length or the content of a block. Data without a valid CRC are skipped byte by byte until
 the next block.
@@ -24,12 +25,12 @@ from vestige.navigation.inav.page import PAGE_S, InavPage
 from vestige.time import GalileoTime
 
 SYNC = b"$@"
-GAL_RAW_INAV = 4023  # block number [SBF]
+GAL_RAW_INAV = 4023  # number of the block GALRawINAV [SBF]
 
 _HEADER = struct.Struct("<2sHHH")
 _INAV = struct.Struct("<IHBBBB2x8I")  # fields after the header: TOW, WNc, SVID, CRC passed, Viterbi count, source, bits
 _CHUNK_BYTES = 1 << 20
-_E1B, _E5B = 17, 21  # source of the page [SBF]
+_E1B, _E5B = 17, 21  # numbers of the sources E1-B and E5b of a page [SBF]
 _MIXED = 0x20  # flag in the source for pages that combine E1-B and E5b [SBF]
 _SVID_OFFSET = 70  # number of a satellite in SBF minus its SVID [SBF]
 _WEEK_OFFSET = 1024  # WNc counts from 1980, Galileo weeks from 1999 [SBF]
@@ -41,14 +42,14 @@ _UNUSED_BITS = 22  # number of unused bits at the end of the 8 words
 class SbfCounts:
     """Counts of the blocks and bytes that a reader found."""
 
-    blocks: int = 0  # blocks with a good CRC, of any kind
-    bad_blocks: int = 0  # apparent blocks with a wrong CRC or length, or cut off by the end of the file
-    skipped_bytes: int = 0  # bytes outside good blocks
-    e1b: int = 0  # GALRawINAV blocks of E1-B; only these become pages
+    blocks: int = 0  # number of blocks of any kind with a good CRC
+    bad_blocks: int = 0  # number of apparent blocks with a wrong CRC or length, or cut off by the end of the file
+    skipped_bytes: int = 0  # number of bytes outside blocks with a good CRC
+    e1b: int = 0  # number of GALRawINAV blocks of E1-B, the only blocks that become pages
     e5b: int = 0
     mixed: int = 0
     other: int = 0
-    no_time: int = 0  # E1-B blocks without a time, or with an impossible satellite number
+    no_time: int = 0  # number of E1-B blocks without a time, or with an impossible satellite number
 
 
 def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:

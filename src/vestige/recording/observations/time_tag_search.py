@@ -1,4 +1,4 @@
-"""Search for the error of a recording's time tag in the samples: a hand-over search over the time tag's uncertainty.
+"""Search the samples of a recording for the error of the time tag, by hand-over at all times that the tag allows.
 
 E1 samples give a satellite's time of transmission modulo 100 ms, the period of the secondary code. No open code
 resolves this ambiguity, but the chips of a RECS are sent only once. So each signal on E1 is handed over at all periods

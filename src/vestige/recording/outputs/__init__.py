@@ -1,1 +1,1 @@
-"""Positions and the receiver's integrity in formats that other programs read."""
+"""Write positions and the receiver's integrity in formats that other programs read."""

@@ -1,4 +1,4 @@
-"""The receiver's integrity as the MAVLink message GNSS_INTEGRITY, for autopilots and ground stations.
+"""Write the receiver's integrity as the MAVLink message GNSS_INTEGRITY, for autopilots and ground stations.
 
 Message 441 of the dialect `development` has fields for authentication, spoofing, jamming and RAIM. `gnss_integrity`
 fills these fields from a verdict. pymavlink encodes the message.
@@ -131,7 +131,7 @@ def _raim(block: VerdictBlock) -> RaimState:
 
 
 def _outcome(block: VerdictBlock, name: CheckName) -> tuple[bool, bool]:
-    """Return whether a check was run in the last epoch, and whether it failed in that epoch."""
+    """Return whether a check was run in the last epoch, and whether the check failed in this epoch."""
     if name not in block.checks:
         return False, False
     return bool(block.checks[name].run[-1].any()), bool(block.failed[name][-1].any())
@@ -142,7 +142,7 @@ def _centimetres(sigma_m: float) -> int:
 
 
 class MavlinkOutput:
-    """Output that sends GNSS_INTEGRITY by pymavlink, or writes a telemetry log; a context manager.
+    """Context manager that sends GNSS_INTEGRITY by pymavlink, or writes a telemetry log.
 
     Parameters
     ----------

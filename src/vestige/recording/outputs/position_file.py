@@ -1,8 +1,8 @@
-"""Authentic positions in a file for other programs: NMEA 0183, CSV, GeoJSON or KML, chosen by the suffix of its name.
+"""Write authentic positions for other programs as NMEA 0183, CSV, GeoJSON or KML, as the suffix of the file says.
 
-Only a position whose ranges and orbits are authentic is written as a fix. For other snapshots, NMEA gets a sentence
-without a fix, and the other formats get nothing. The file is complete after every position, so a program may read the
-file while it grows.
+Only a position whose ranges and orbits are authentic is written as a fix. For all other snapshots, an NMEA file gets
+sentences without a fix, and a file in another format gets nothing. The file is complete after every position, so a
+program may read the file while it grows.
 """
 
 from __future__ import annotations
@@ -38,7 +38,10 @@ POSITION_COLUMNS = (
 
 
 def authentic_fix(position: AuthenticPosition | None) -> AuthenticPosition | None:
-    """Return a position if its orbits are authentic, else None; an `AuthenticPosition` always has authentic ranges."""
+    """Return a position if its orbits are authentic, else None.
+
+    An `AuthenticPosition` always has authentic ranges.
+    """
     return position if position is not None and position.orbits_authenticated else None
 
 
@@ -120,7 +123,8 @@ class PositionFormat:
     Attributes
     ----------
     entry
-        Function that returns the text of a snapshot. The function gets None as the position only if `without_fix`.
+        Function that returns the text of a snapshot. The function gets None as the position only if `without_fix` is
+        true.
     head
         Text before the first position.
     separator
@@ -167,7 +171,7 @@ POSITION_FORMATS = {
 
 
 class PositionFile:
-    """A growing file of authentic positions; a context manager.
+    """Context manager of a growing file of authentic positions.
 
     New positions are appended to an existing file.
 
@@ -220,7 +224,10 @@ class PositionFile:
         return begins and self._stream.read() == tail
 
     def write(self, time: GalileoTime, position: AuthenticPosition | None) -> None:
-        """Write one snapshot; `PositionFormat.text` explains the parameters."""
+        """Write one snapshot.
+
+        `PositionFormat.text` explains the parameters.
+        """
         text = self._format.text(time, position)
         if not text:
             return

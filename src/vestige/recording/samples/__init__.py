@@ -1,1 +1,1 @@
-"""Files and streams of samples."""
+"""Read and write files and streams of samples."""

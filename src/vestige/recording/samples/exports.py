@@ -1,4 +1,4 @@
-"""Files for independent receivers that read a recording, in a subfolder of the recording for each receiver.
+"""Write files with which independent receivers read a recording, into a subfolder for each receiver.
 
 | program | files |
 |---|---|
@@ -6,11 +6,12 @@
 | PocketSDR | rescaled samples, I and −Q, a tag file for each band, options of the loops; command lines in README.txt |
 | GalileoSASlib | unchanged int16 samples, named by their start time, and a table of keys; see `saslib_export` |
 
-The options avoid several faults. gnss-sdr acquires E6 only by E6-B, and tracks E6-B while E6-C is encrypted. Without
-`bit_transition_flag` the Doppler on E6 is mostly wrong by 500 Hz, because E6-B may change its sign every millisecond.
-With a Doppler step of 125 Hz, the Doppler on E1 is wrong by 125 Hz. PocketSDR accepts no sample beyond ±7 and
-conjugates its input. The default phase loop of PocketSDR has a bandwidth of 5 Hz. This loop loses a satellite whose
-range oscillates with 5 m/s², as in `scenarios/quick.toml`. A loop with a bandwidth of 10 Hz keeps lock.
+The options in the files avoid several faults of gnss-sdr and PocketSDR. gnss-sdr acquires E6 only by E6-B, and tracks
+E6-B while E6-C is encrypted. Without `bit_transition_flag` the Doppler on E6 is mostly wrong by 500 Hz, because E6-B
+may change its sign every millisecond. With a Doppler step of 125 Hz, the Doppler on E1 is wrong by 125 Hz. PocketSDR
+accepts no sample beyond ±7 and conjugates its input. The default phase loop of PocketSDR has a bandwidth of 5 Hz. A
+loop with a bandwidth of 5 Hz loses a satellite whose range oscillates with 5 m/s², as in `scenarios/quick.toml`. A loop
+with a bandwidth of 10 Hz keeps lock.
 """
 
 from __future__ import annotations
@@ -226,7 +227,7 @@ def export_gnss_sdr(recording: Recording, folder: Path, sky: ExportedSky) -> tup
 
 
 def export_pocketsdr(recording: Recording, folder: Path, sky: ExportedSky) -> tuple[Path, ...]:
-    """Write samples, tag files, options and a README.txt of commands for PocketSDR into `folder`; return their paths.
+    """Write samples, tag files, options and a README.txt for PocketSDR into `folder`, and return their paths.
 
     The samples are int8 I and −Q of rms 2, clipped at ±7.
     """
@@ -270,10 +271,11 @@ EXPORTS: Mapping[str, Export] = {
     "pocketsdr": export_pocketsdr,
     "saslib": lambda recording, folder, sky: export_saslib(recording, folder, sky.svids),
 }
-COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}  # bytes of each sample in a copy that an export makes
+# number of bytes of each sample in a copy that an export makes
+COPY_BYTES = {"gnss-sdr": 0, "pocketsdr": 2, "saslib": 0}
 
 _CI8 = SampleFormat(component="int8", layout="iq")
-_OPEN = {Band.E1: 2, Band.E6: 1}  # number of components without encryption, B first
+_OPEN = {Band.E1: 2, Band.E6: 1}  # number of components without encryption in each band, B before C
 
 
 def check_export(name: str, form: SampleFormat, sample_rate_hz: float) -> None:

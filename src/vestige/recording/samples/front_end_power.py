@@ -1,4 +1,4 @@
-"""Status of a front end from its samples: their power, and whether the samples clip.
+"""Compute the status of a front end from samples: the power of the samples, and whether the samples clip.
 
 The power is the power of the stored numbers. The gain is not known (NaN). Behind a gain control whose gain was not
 recorded, the power of the numbers tells nothing about the power of the received signals.
@@ -14,7 +14,8 @@ import numpy as np
 from vestige.recording.samples.sample_format import SampleFormat, SampleType
 from vestige.records import FrontEndStatus, SampleBatch
 
-# A larger share of numbers at the ends of the scale means clipping. Gaussian noise has 0.3 % if the scale ends at 3 σ.
+# A larger share of numbers at the ends of the scale means clipping. Gaussian noise has a share of 0.3 % if the scale
+# ends at 3 σ.
 CLIPPED = 0.01
 _END_OF_SCALE: Mapping[SampleType, float] = {"int8": 127.0, "uint8": 127.0, "int16": 32767.0, "uint16": 32767.0}
 

@@ -1,4 +1,4 @@
-"""Reader of ION GNSS SDR Metadata, revision 1.0 [IONSDR]: an `.sdrx` or `.xml` file beside the samples of a recording.
+"""Read ION GNSS SDR Metadata, revision 1.0 [IONSDR]: an `.sdrx` or `.xml` file beside the samples of a recording.
 
 The standard describes samples by nested elements: `file` → `lane` → `block` → `chunk` → `lump` → `stream` → `band`. An
 element without content refers to the top-level element of the same name and `id`. The table shows which contents
@@ -20,7 +20,8 @@ attribute of a unit is `format` in some files and `units` in others. The reader 
 library's form, because programs use the library.
 
 The standard has no sample counter and no upper limit of the clock's error. Files of two bands must have the same time
-tag, so the first samples of both files belong to the same moment. The upper limit is the option `--time-uncertainty`.
+tag, so the first samples of both files belong to the same moment. The option `--time-uncertainty` gives the upper
+limit.
 """
 
 from __future__ import annotations
@@ -195,12 +196,12 @@ class _Document:
 
 
 def _name(element: Element) -> str:
-    """Return the name of an element without namespace, in lower case; a comment has no name."""
+    """Return the name of an element without namespace, in lower case, or an empty text for a comment."""
     return element.tag.rpartition("}")[2].lower() if isinstance(element.tag, str) else ""
 
 
 def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
-    """Return the band files of the streams of a `file`, None for a stream that contains neither carrier."""
+    """Return the band files of the streams of a `file`, with None for a stream that contains neither carrier."""
     for name in ("next", "previous"):
         if document.text(element, name, ""):
             document.refuse(element, f"a sequence of files ({name})")
@@ -226,7 +227,10 @@ def _band_files(document: _Document, element: Element) -> list[BandFile | None]:
 def _band_file(
     document: _Document, element: Element, lane: Element, chunk: Element, stream: Element, place: tuple[int, int]
 ) -> BandFile | None:
-    """Return the band file of a stream, None without a carrier; `place` is the stream's number and the stream count."""
+    """Return the band file of a stream, or None if the stream contains neither carrier.
+
+    `place` is the number of the stream in its lump, and the number of all streams in the lump.
+    """
     path = document.path
     form, q_negated = _form(document, chunk, stream, place)
     rate_hz = document.hertz(document.one(lane, "system"), "freqbase") * document.count(stream, "ratefactor")

@@ -1,4 +1,4 @@
-"""Writer of ION GNSS SDR Metadata, revision 1.0 [IONSDR]: an `.sdrx` file beside the samples of an existing recording.
+"""Write ION GNSS SDR Metadata, revision 1.0 [IONSDR]: an `.sdrx` file beside the samples of an existing recording.
 
 Names and units have the form of the working group's library, which other programs use. `ion_metadata` can read the
 file. The sample counter and the upper limit of the clock's error are lost, because the standard has no elements for
@@ -73,7 +73,9 @@ _BAND = """\
 
 
 def has_ion_encoding(component: SampleType) -> bool:
-    """Return whether the standard's library has a code for numbers of a type; there is no code for float32.
+    """Return whether the standard's library has a code for numbers of a type.
+
+    The library has no code for float32.
 
     Examples
     --------
@@ -92,7 +94,7 @@ def write_ion_metadata(path: Path, description: RecordingDescription) -> None:
     path
         The `.sdrx` file, in the folder of the sample files.
     description
-        The recording. Each band needs a time tag.
+        Description of the recording. Each band needs a time tag.
 
     Raises
     ------

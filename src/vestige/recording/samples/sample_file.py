@@ -1,4 +1,4 @@
-"""Samples read from a file in pieces of any size; only the requested piece is in memory.
+"""Read samples from a file in pieces of any size, with only the requested piece in memory.
 
 Pieces are requested by sample numbers on the counter that both bands share. At equal sampling rates, a sample number
 means the same moment on E1 and E6. The samples have the same bits whether they are read in pieces or at once.
@@ -29,13 +29,13 @@ BLOCK_SAMPLES = 1 << 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleReader:
-    """Reader of the samples of a band; `open_samples` returns a reader."""
+    """Reader of the samples of a band, as returned by `open_samples`."""
 
     file: BandFile
     n_samples: int  # number of whole samples in the file
     notes: tuple[str, ...] = ()  # unusual features of the file, one line each
     skipped: int = 0  # number of skipped samples at the beginning of the file
-    # the stored samples, if they come from a stream that cannot be read again
+    # bytes of the samples, if the samples come from a stream that cannot be read again; None for a file
     held: bytes | None = field(default=None, repr=False)
 
     @property
@@ -67,7 +67,10 @@ class SampleReader:
         return self.time_of(self.first_sample)
 
     def time_of(self, sample: int) -> GalileoTime:
-        """Return the receiver-clock time of a sample number on the shared counter; raises the errors of `start`."""
+        """Return the receiver-clock time of a sample number on the shared counter.
+
+        Raises `InputFileError` if the start is unknown.
+        """
         if self.file.start is None:
             raise InputFileError(self.file.described_in, "start time", "nothing", "a time tag, or a start to be given")
         return samples_later(self.file.start, sample - self.file.first_sample, self.file.sample_rate_hz)
@@ -105,7 +108,10 @@ class SampleReader:
         return stored
 
     def read(self, first: int, count: int) -> SampleBatch:
-        """Return `count` samples from number `first` on; raises the errors of `samples` and `start`."""
+        """Return a batch of `count` samples from number `first` on.
+
+        Raises the errors of `samples` and `start`.
+        """
         return SampleBatch(
             band=self.band,
             samples=self.samples(first, count),
@@ -116,12 +122,12 @@ class SampleReader:
         )
 
     def blocks(self, size: int = BLOCK_SAMPLES) -> Iterator[SampleBatch]:
-        """Yield all samples in batches of `size`; the last batch may be shorter."""
+        """Yield all samples in batches of `size` samples, of which the last batch may be shorter."""
         for first in range(self.first_sample, self.end_sample, size):
             yield self.read(first, min(size, self.end_sample - first))
 
     def hash_agrees(self) -> bool | None:
-        """Read the file, and return whether its hash agrees with the description; None if no hash is stated."""
+        """Read the file, and return whether its hash agrees with the description, or None if no hash is stated."""
         if self.file.sha512 is None:
             return None
         try:

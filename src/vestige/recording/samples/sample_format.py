@@ -1,4 +1,4 @@
-"""Sample formats of the files that vestige reads and writes, and their conversion to complex64.
+"""Define the sample formats that vestige reads and writes, and convert stored samples to complex64 and back.
 
 The reader is exact: an integer becomes the float32 of the same value, without scaling. 32-bit integers and 64-bit
 floats are not supported, because float32 cannot represent them exactly.
@@ -74,7 +74,7 @@ class SampleFormat:
 
     @property
     def alone(self) -> SampleFormat:
-        """The same format without the other channels."""
+        """Format of the channel's samples in a file without other channels."""
         return replace(self, channels=1, channel=0)
 
     @property
@@ -98,7 +98,8 @@ def _sigmf_formats() -> dict[str, SampleFormat]:
             for big_endian in (False, True):
                 form = SampleFormat(component=component, layout=layout, big_endian=big_endian)
                 table.setdefault(form.sigmf_datatype, form)
-                table.setdefault(form.sigmf_datatype.removesuffix("_le"), form)  # no suffix: little endian
+                # a datatype without suffix is little-endian
+                table.setdefault(form.sigmf_datatype.removesuffix("_le"), form)
     return table
 
 

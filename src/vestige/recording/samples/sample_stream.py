@@ -1,4 +1,4 @@
-"""Buffer of the last seconds of samples from a pipe; windows of samples are cut from the buffer.
+"""Buffer the last seconds of samples from a pipe, and cut windows of samples from the buffer.
 
 A thread reads the pipe, so that the recorder does not wait while a snapshot is processed. The samples are buffered in
 blocks until `keep` names the samples that are still needed. When `capacity_bytes` are buffered, the thread stops
@@ -23,7 +23,7 @@ from vestige.errors import InputFileError
 from vestige.recording.description import BandFile
 from vestige.recording.samples.sample_file import SampleReader
 
-BLOCK_BYTES = 1 << 16  # capacity of a pipe; blocks are kept or dropped as a whole
+BLOCK_BYTES = 1 << 16  # largest size of a block, the capacity of a pipe; blocks are kept or dropped as a whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +61,8 @@ class SampleStream:
         self.capacity_bytes = capacity_bytes
         self.can_wait = can_wait
         self._source = source
-        self._origin = file.header_bytes - file.first_sample * file.form.sample_bytes  # byte of sample number 0
+        # number of the byte in the stream at which sample 0 begins or would begin
+        self._origin = file.header_bytes - file.first_sample * file.form.sample_bytes
         self._blocks: deque[_Block] = deque()
         self._n_kept = 0  # number of bytes in the blocks
         self._end_byte = 0
@@ -72,7 +73,7 @@ class SampleStream:
         threading.Thread(target=self._fill, name="samples", daemon=True).start()
 
     def look(self) -> StreamState:
-        """Return the state of the stream now.
+        """Return the present state of the stream.
 
         Raises `InputFileError` if reading failed.
         """
@@ -85,7 +86,7 @@ class SampleStream:
             return StreamState(end_sample=self.file.first_sample + read, ended=self._ended)
 
     def cut(self, first: int, end: int) -> SampleReader | None:
-        """Return the available samples from number `first` to before `end`; None if a sample in the range was dropped.
+        """Return the available samples from `first` to `end` − 1, or None if a sample in this range was dropped.
 
         Samples before the start of the stream, and samples that were not read yet, are left out.
         """
@@ -140,7 +141,7 @@ class SampleStream:
             return not self._crowded
 
     def wait(self, timeout_s: float) -> None:
-        """Wait at most the given time; return earlier if the stream ends, or if a buffer that had room becomes full."""
+        """Wait at most `timeout_s`, or until the stream ends or a buffer that had room becomes full."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended or (self._full and not self._crowded), timeout_s)
 

@@ -1,4 +1,4 @@
-"""Files of a recording for GalileoSASlib [SASLIB]: keys, and samples whose file names tell their start time.
+"""Write keys and samples of a recording for GalileoSASlib [SASLIB], which reads the start time in the file name.
 
 GalileoSASlib needs int16 I,Q and a file name with the UTC of the first sample, `YYYYMMDD_HHMMSSZ`. The keys are a table
 with two columns. `epoch` is the start of the key's subframe in seconds since the start of Galileo System Time (week ·
@@ -41,7 +41,7 @@ GalileoSASlib, version 1.0:
 def export_saslib(recording: Recording, folder: Path, svids: Iterable[int]) -> tuple[Path, ...]:
     """Write samples, keys and a README.txt for GalileoSASlib into `folder`, and return their paths.
 
-    The samples are the same files under another name, and take no additional space if the disk has hard links.
+    The files of samples are hard links to the files of the recording, or copies if the file system has no hard links.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def export_saslib(recording: Recording, folder: Path, svids: Iterable[int]) -> t
 
 
 def check_saslib_form(form: SampleFormat) -> None:
-    """Raise `UnsupportedError` if GalileoSASlib cannot read samples of this format."""
+    """Raise `UnsupportedError` if GalileoSASlib cannot read samples of the format `form`."""
     if form != _SC16:
         raise UnsupportedError(
             f"--export saslib: GalileoSASlib reads int16 I,Q, not {form}; write it with --format int16"
@@ -86,7 +86,7 @@ def check_saslib_form(form: SampleFormat) -> None:
 
 
 def _samples(reader: SampleReader, folder: Path) -> Path:
-    """Link the samples of a band under a name with their start time."""
+    """Link the sample file of a band under a name with the start time of the samples, and return this path."""
     file = reader.file
     check_saslib_form(file.form)
     if file.spectral_inversion or file.header_bytes:
@@ -94,6 +94,6 @@ def _samples(reader: SampleReader, folder: Path) -> Path:
     path = folder / f"{Band(file.band).value}_{reader.start.utc:%Y%m%d_%H%M%SZ}.sc16"
     try:
         os.link(file.path, path)
-    except OSError:  # a file system without hard links
+    except OSError:  # the file system has no hard links
         shutil.copyfile(file.path, path)
     return path

@@ -1,4 +1,4 @@
-"""Reader of SigMF recordings: a metadata file for each band, a collection, or a folder of metadata files.
+"""Read SigMF recordings: a metadata file for each band, a collection, or a folder of metadata files.
 
 The `core` fields are read according to the specification, and the `sigmf` library's schema checks these fields.
 Frequencies refer to the stored samples. In a real IF recording, `core:frequency` is the frequency of the local
@@ -19,7 +19,7 @@ capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digit
 ======= ============================== =============================================================================
 
 The time tags of two bands must agree with the counter. Many recorders write `core:datetime` only to the millisecond. So
-a time tag that only this field gives may be wrong by a millisecond if both files state a `core:global_index`. Without
+a time tag from `core:datetime` alone may be wrong by a millisecond if both files state a `core:global_index`. Without
 `core:global_index` the time tags must be equal, because nothing else relates the bands in time.
 """
 
@@ -58,7 +58,7 @@ from vestige.time import GalileoTime
 
 META, DATA, COLLECTION, ARCHIVE = ".sigmf-meta", ".sigmf-data", ".sigmf-collection", ".sigmf"
 NAMESPACE, NAMESPACE_VERSION = "vestige", "1.0.0"
-_MAX_BYTES = 1 << 26  # largest size of metadata; thousands of annotations need a few megabytes
+_MAX_BYTES = 1 << 26  # largest number of bytes of metadata; thousands of annotations need a few megabytes
 
 EXACT_AGREEMENT_S = 1e-9
 DATETIME_AGREEMENT_S = 1e-3
@@ -179,7 +179,7 @@ def _metadata(path: Path) -> dict[str, Any]:
 
 
 def _stream(path: Path) -> _Stream | None:
-    """Return the recording that a metadata file describes, or None if its spectrum contains neither carrier."""
+    """Return the recording that a metadata file describes, or None if the spectrum contains neither carrier."""
     metadata = _metadata(path)
     top: dict[str, Any] = metadata["global"]
     captures: list[dict[str, Any]] = metadata["captures"] or [{"core:sample_start": 0}]

@@ -1,8 +1,8 @@
-"""Writer of SigMF recordings, batch by batch in limited memory.
+"""Write SigMF recordings batch by batch, with limited memory.
 
 The samples go to a `.part` file that gets its final name when the recording is complete. The metadata are written last.
-So a recording with metadata is always complete, and a killed run leaves no metadata. A later run can continue
-from the `.part` file: see `kept` of `SigmfWriter`.
+So a recording with metadata is always complete. A killed run leaves no metadata. The parameter `kept` of `SigmfWriter`
+lets a later run continue from the `.part` file.
 """
 
 from __future__ import annotations
@@ -31,37 +31,38 @@ Counted = Callable[[Num[np.ndarray, " n_components"]], int]
 
 
 class SigmfWriter:
-    """Writer of the samples of a band, for a `with` statement.
+    """Writer of a SigMF recording of one band, for use in a `with` statement.
 
-    Raises `InputFileError` if a recording with the same name exists. Also raises `InputFileError` if the kept samples
-    are fewer than stated, or differ from this recording.
+    Raises `InputFileError` if the recording `base` exists already. Also raises `InputFileError` if the `.part` file has
+    fewer samples than `kept` states, or begins with other samples than the first batch in `kept`.
 
     Parameters
     ----------
     base
-        Path of the recording without suffix; `base.sigmf-data` and `base.sigmf-meta` are made.
+        Path of the recording without suffix. The writer makes the files `base.sigmf-data` and `base.sigmf-meta`.
     form
         Format of the stored samples, see `sample_format.encode`.
     scale
-        Stored value of 1.0.
+        Number that is stored for a real or imaginary part of 1.0.
     spectral_inversion
-        Whether to store the conjugate, and to state in the metadata that the spectrum is inverted.
+        Whether the writer stores the complex conjugate of each sample, and states an inverted spectrum in the metadata.
     bandwidth_hz
         Two-sided bandwidth of the front end in Hz.
     time_uncertainty_s
         Upper limit of the receiver clock's error against Galileo System Time in s.
     description
-        A line of text for the user.
+        Description of the recording for the user, a line of text.
     kept
-        Data to resume after a killed process: the first batch of the recording, made again, and the number of samples
-        that are on the disk. Later samples in the file are cut off.
+        Data with which the writer continues the `.part` file of a killed process: the first batch of the recording,
+        made again, and the number of samples to keep. Later samples in the file are cut off.
     counted
-        Function that takes stored components, including kept components, and returns the number of components to count.
+        Function that gets stored components (real or imaginary parts) and returns how many of these components count in
+        `count_share`. The function also gets the components of kept samples.
 
     Attributes
     ----------
     count_share
-        Share of the components that `counted` counted, from 0 to 1.
+        Share of the stored components that `counted` counted, from 0 to 1.
     """
 
     def __init__(
@@ -96,7 +97,7 @@ class SigmfWriter:
         self._counted, self._n_counted = counted, 0
         self._stream: BinaryIO
         if kept is None:
-            self._part.unlink(missing_ok=True)  # the file may be there from a killed run
+            self._part.unlink(missing_ok=True)  # a killed run may have left the file
             self._stream = self._part.open("xb")  # mode "x" does not follow a link that an attacker prepared
         else:
             self._stream = self._part.open("r+b")
@@ -115,7 +116,7 @@ class SigmfWriter:
             self._stream.close()
 
     def _go_on(self, first: SampleBatch, n_samples: int) -> None:
-        """Keep the first `n_samples` samples of the file, and cut off the other samples."""
+        """Keep the first `n_samples` samples of the `.part` file, and cut off all later samples."""
         begin = self._encoded(first)
         left = n_samples * self._form.sample_bytes
         found = 0
@@ -136,17 +137,17 @@ class SigmfWriter:
         self._first, self._count = first, n_samples
 
     def flush(self) -> None:
-        """Write all samples so far to the disk."""
+        """Write all samples that were appended so far to the disk."""
         self._stream.flush()
         os.fsync(self._stream.fileno())
 
     @property
     def count_share(self) -> float:
-        """Share of the components so far that `counted` counted."""
+        """Share of the components stored so far that `counted` counted, from 0 to 1."""
         return self._n_counted / max(self._count * self._form.components_per_sample, 1)
 
     def _look_at(self, raw: bytes) -> None:
-        """Hash and count the components in the file."""
+        """Add stored bytes to the hash of the file, and count the components in these bytes with `counted`."""
         self._hash.update(raw)
         if self._counted is not None:
             self._n_counted += self._counted(np.frombuffer(raw, self._form.dtype))
@@ -157,8 +158,8 @@ class SigmfWriter:
     def append(self, batch: SampleBatch) -> None:
         """Write the samples of the next batch.
 
-        Raises `ValueError` if the batch has another band, rate or centre frequency, or does not begin at the sample
-        after the previous batch.
+        Raises `ValueError` if band, rate or centre frequency of the batch differ from those of the first batch, or if
+        the batch does not begin at the sample after the previous batch.
         """
         if self._first is None:
             self._first = batch
@@ -209,7 +210,10 @@ class SigmfWriter:
 
 
 def write_sigmf(base: Path, batches: Iterable[SampleBatch], *, form: SampleFormat, **options: Any) -> Path:
-    """Write a whole recording of a band, and return the path of its metadata; `SigmfWriter` explains the options."""
+    """Write a whole recording of one band, and return the path of the metadata file.
+
+    The options are parameters of `SigmfWriter`.
+    """
     with SigmfWriter(base, form=form, **options) as writer:
         for batch in batches:
             writer.append(batch)
@@ -217,10 +221,10 @@ def write_sigmf(base: Path, batches: Iterable[SampleBatch], *, form: SampleForma
 
 
 def write_collection(base: Path, metas: Sequence[Path]) -> Path:
-    """Write `base.sigmf-collection`, which names recordings in the same folder, and return its path.
+    """Write the file `base.sigmf-collection`, which lists recordings, and return the path of the file.
 
-    Raises `InputFileError` if a collection of that name exists. Raises `ValueError` if a recording is in another
-    folder.
+    Raises `InputFileError` if the file exists already. Raises `ValueError` if a recording is not in the folder of
+    `base`.
     """
     path = base.with_name(base.name + COLLECTION)
     _refuse_existing(path)

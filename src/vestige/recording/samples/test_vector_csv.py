@@ -1,8 +1,8 @@
-"""Reader and writer of the CSV files with I/NAV pages of the official OSNMA test vectors.
+"""Read and write the CSV files with I/NAV pages of the official OSNMA test vectors.
 
-The first line is `SVID,NumNavBits,NavBitsHEX`. Each further line has all pages of a satellite, 60 hexadecimal digits
-each, a page every 2 s. All lines begin at the same time. The file does not state the time of the first page, but words
-0 and 5 of the satellites tell the time.
+The first line is `SVID,NumNavBits,NavBitsHEX`. Each further line has all pages of one satellite. A page has 60
+hexadecimal digits and lasts 2 s. The first pages of all satellites have the same time. The file does not state this
+time, but words 0 and 5 of the pages contain the time.
 """
 
 from __future__ import annotations
@@ -21,17 +21,19 @@ from vestige.navigation.inav.words import time_in_word
 from vestige.time import GalileoTime
 
 HEADER = "SVID,NumNavBits,NavBitsHEX"
-_MAX_FILE_BYTES = 500_000_000  # largest size: a week of 27 satellites; the file is read at once
+_MAX_FILE_BYTES = 500_000_000  # largest file, a week of 27 satellites, because the whole file is read into memory
 
 _UNPLACED = GalileoTime(0, 1)
 
 
 def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[InavPage]:
-    """Yield the pages of a test-vector file in the order of time; for each time the pages of all satellites.
+    """Yield the pages of a test-vector file in the order of time.
 
-    `start` is the start of the first page. By default the start is read from the navigation words.
+    Pages with equal times come in the order of the satellites in the file. `start` is the time at which the first page
+    begins. If `start` is None, words 0 and 5 of the pages give this time.
 
-    Raises `InputFileError` if the file has another format, or its start is unknown.
+    Raises `InputFileError` if the file is not a test-vector CSV, or if `start` is None and the words give no clear
+    time.
     """
     satellites = _read_lines(path)
     if start is None:
@@ -46,19 +48,21 @@ def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[I
 
 
 def write_test_vector(path: Path, pages: Mapping[int, Sequence[InavPage]]) -> None:
-    """Write the pages of some satellites, which begin at the same time and have no gap.
+    """Write the pages of several satellites to a test-vector file.
+
+    The first pages of all satellites must have the same time, and no page of a satellite may be missing.
 
     Parameters
     ----------
     path
-        The file, which is overwritten.
+        Path of the file, which is overwritten.
     pages
-        Pages of each satellite, by SVID, in the order of time.
+        Pages of each satellite in the order of time, by SVID.
 
     Raises
     ------
     ValueError
-        If a page is missing, or the satellites do not begin at the same time.
+        If a page is missing, or if the first pages of the satellites have different times.
     """
     write_test_vector_in_parts(path, {svid: len(of_one) for svid, of_one in pages.items()}, [pages])
 
@@ -66,17 +70,22 @@ def write_test_vector(path: Path, pages: Mapping[int, Sequence[InavPage]]) -> No
 def write_test_vector_in_parts(
     path: Path, n_pages: Mapping[int, int], parts: Iterable[Mapping[int, Sequence[InavPage]]]
 ) -> None:
-    """Write the pages of some satellites in parts, so that only one part is in memory at a time.
+    """Write the pages of several satellites to a test-vector file part by part, so that little memory is needed.
 
     Parameters
     ----------
     path
-        The file, which is overwritten.
+        Path of the file, which is overwritten.
     n_pages
-        Number of pages of each satellite, by SVID.
+        Number of pages of each satellite in all parts together, by SVID.
     parts
-        Successive pages, by SVID, in the order of time. All parts together correspond to `pages` of
-        `write_test_vector`, which has the same errors.
+        Successive pages of each satellite in the order of time, by SVID. The first pages of all satellites must have
+        the same time.
+
+    Raises
+    ------
+    ValueError
+        If a page is missing, if the first pages have different times, or if the number of pages is not `n_pages`.
     """
     places, done, start = dict[int, int](), dict.fromkeys(n_pages, 0), None
     with path.open("wb") as stream:
@@ -99,7 +108,7 @@ def write_test_vector_in_parts(
 
 
 def _read_lines(path: Path) -> dict[int, bytes]:
-    """Return the pages of each satellite."""
+    """Return the bytes of all pages of each satellite, by SVID."""
     try:
         lines = read_bytes(path, at_most=_MAX_FILE_BYTES).decode("ascii").splitlines()
     except UnicodeDecodeError as error:
@@ -141,7 +150,7 @@ def _read_line(path: Path, number: int, line: str) -> tuple[int, bytes]:
 
 
 def _start(path: Path, satellites: Mapping[int, bytes]) -> GalileoTime:
-    """Return the start of the first page: the start that most of the words with a time give."""
+    """Return the time at which the first page begins, according to most of the words with a time."""
     votes: Counter[int] = Counter()
     for svid, data in satellites.items():
         for index in range(len(data) // PAGE_BYTES):

@@ -1,1 +1,1 @@
-"""Products of tracking a recording: observations, navigation pages, ephemerides."""
+"""Track E1 in a recording, and store observations, navigation pages and ephemerides."""

@@ -1,4 +1,4 @@
-"""Ephemerides from the navigation pages of a recording."""
+"""Collect ephemerides from the navigation pages of a recording."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from vestige.navigation.inav.page import InavPage
 from vestige.navigation.inav.word_table import EPHEMERIS_WORDS, PARITY_WORDS, WORD_LAYOUTS
 from vestige.navigation.inav.words import word_type
 
-_MIXED_S = 120  # largest age in s of words that are combined; an issue is sent within half of this time
+_MIXED_S = 120  # largest age in s of words that are combined; all words of an issue are sent within 60 s
 
 
 class EphemerisCollector:
-    """Collector of the ephemerides in the messages of all satellites, page by page.
+    """Collector that takes navigation pages one by one and keeps the ephemerides of all satellites.
 
     Words 1 to 4 that were lost are restored from the parity words 17 to 20 [OS-ICD, FEC2]. Word 5, which contains the
-    health, must have been received.
+    health of the signals, must have been received.
 
     Parameters
     ----------
     most_issues
-        Number of the newest issues of a satellite that are kept; None keeps all issues.
+        Number of newest issues that are kept for each satellite; None keeps all issues.
     """
 
     def __init__(self, most_issues: int | None = None) -> None:
         self._most = most_issues
-        self._held: dict[int, dict[int, tuple[int, int]]] = {}  # satellite: word type: time and word
+        self._held: dict[int, dict[int, tuple[int, int]]] = {}  # time and bits of words, by satellite and word type
         self._found: dict[tuple[int, int], Ephemeris] = {}  # ephemeris by satellite and issue
 
     @property
@@ -39,7 +39,7 @@ class EphemerisCollector:
         return tuple(self._found[key] for key in sorted(self._found))
 
     def take(self, page: InavPage) -> None:
-        """Take the next page with a good checksum."""
+        """Take the word of the next page, whose checksum must be good."""
         if page.is_alert:
             return
         kind, now = word_type(page.word), page.time.gst_seconds
@@ -85,12 +85,12 @@ def authenticated_orbits(
 ) -> tuple[tuple[Ephemeris, ...], frozenset[int]]:
     """Return the ephemerides to use, and the satellites whose ephemerides OSNMA tags have verified.
 
-    If tags have verified one issue of a satellite, its issues that are not verified are left out.
+    If tags have verified an issue of a satellite, all issues of the satellite that no tag has verified are left out.
 
     Parameters
     ----------
     found
-        Ephemerides in the message.
+        Ephemerides from the navigation messages.
     proven
         Navigation data that tags have verified.
     """

@@ -1,10 +1,10 @@
-"""Tracking of E1 in a recording from the first sample to the last.
+"""Track E1 in a recording from the first sample to the last sample.
 
-The result is the same as from a receiver beside the recorder: observations and the navigation pages. The pages tell the
-time. Before the first page with a time, pseudoranges refer to the time tag of the samples, modulo 100 ms. When the
-whole recording is tracked, the message corrects these pseudoranges. A satellite whose own message has told the time is
-never corrected by the messages of other satellites. So a replay with a delay of seconds stays visible in the
-observations.
+The results are observations and navigation pages, as from a receiver that runs beside the recorder. The pages contain
+Galileo System Time. Before the first page with a time, pseudoranges refer to the time tag of the samples, and are known
+modulo 100 ms. After the whole recording is tracked, the time from the message corrects these pseudoranges. If the
+message of a satellite contained the time, the messages of other satellites never correct the range of this satellite.
+So a replay with a delay of seconds stays visible in the observations.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from vestige.sample_processor.tracking.settings import TrackingSettings
 from vestige.sample_processor.tracking.tracking_receiver import EPOCHS_PER_S, TRACKED_STRETCH_S, TrackingReceiver
 from vestige.time import GalileoTime
 
-_LOOK_S = 0.02  # time between two checks of a pipe
-MIN_TRACKED_S = 2.0  # shortest tracked recording, because loops need time to settle
+_LOOK_S = 0.02  # time in s between two checks whether a pipe has new samples
+MIN_TRACKED_S = 2.0  # shortest recording in s that is tracked, because the tracking loops need time to settle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,10 +36,11 @@ class TrackedRecording:
     epochs
         Observations in the order of time, on the clock of the recording.
     pages
-        I/NAV pages with good checksums, with the time that the message tells.
+        I/NAV pages with good checksums, and with times from the message.
     time_tag_error_s
         Error of the samples' time tag in s, from the message; positive if the time tag is ahead of Galileo System Time.
-        The travel time makes the error uncertain by 10 ms. None if no message contained the time.
+        The value is uncertain by 10 ms, because the travel time of the signal is not known. The value is None if no
+        message contained the time.
     """
 
     epochs: tuple[ObservationEpoch, ...]
@@ -60,25 +61,25 @@ def track_recording(
     workers: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> TrackedRecording:
-    """Return the result of tracking E1 of a recording.
+    """Track E1 in a recording, and return the observations, the navigation pages and the error of the time tag.
 
     Parameters
     ----------
     recording
         Recording with E1 samples.
     settings
-        Loop settings, the same for all channels.
+        Settings of the tracking loops, which are equal for all channels; None for the default settings.
     epochs_per_s
-        Number of observations per second.
+        Number of observation epochs per second.
     workers
-        Number of threads.
+        Number of threads that track the channels.
     progress
         Function that is called with the name of the step, the finished amount and the whole amount.
 
     Raises
     ------
     ValueError
-        If the recording has no E1.
+        If the recording has no E1 samples.
     VestigeError
         If the sampling rate is too low for tracking, or the samples cannot be read.
     """
@@ -103,21 +104,21 @@ def track_batches(
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> TrackedRecording:
-    """Return the result of tracking E1 samples that come in pieces, for example from a pipe.
+    """Track E1 samples that come in pieces, for example from a pipe, and return observations and navigation pages.
 
     Parameters
     ----------
     batches
-        Consecutive pieces of samples.
+        Consecutive pieces of E1 samples.
     settings, epochs_per_s, workers
-        These are arguments of `track_recording`.
+        Arguments with the same meaning as in `track_recording`.
     progress
-        Function that is called with the number of tracked pieces of `TRACKED_STRETCH_S`.
+        Function that is called with the number of pieces of `TRACKED_STRETCH_S` that are tracked.
 
     Raises
     ------
     VestigeError
-        If the rate is too low for tracking, or the samples cannot be read.
+        If the sampling rate is too low for tracking, or the samples cannot be read.
     """
     receiver = TrackingReceiver(settings=settings or TrackingSettings(), epochs_per_s=epochs_per_s, workers=workers)
     epochs: list[ObservationEpoch] = []
@@ -140,19 +141,19 @@ def track_batches(
 
 
 def tracked_batches(reader: SampleReader) -> Iterator[SampleBatch]:
-    """Yield all samples in pieces of the size that the tracking receiver uses."""
+    """Yield all samples of a recording in pieces of `TRACKED_STRETCH_S`, as the tracking receiver uses them."""
     return reader.blocks(round(TRACKED_STRETCH_S * reader.file.sample_rate_hz))
 
 
 def streamed_batches(stream: SampleStream) -> Iterator[SampleBatch]:
-    """Yield samples from a pipe in pieces of the size of `tracked_batches`, and drop yielded samples from the buffer.
+    """Yield samples from a pipe in pieces of `TRACKED_STRETCH_S`, and drop yielded samples from the buffer.
 
     Raises `InputFileError` if reading fails.
 
     Parameters
     ----------
     stream
-        Samples whose writer can wait, with room for two pieces of `TRACKED_STRETCH_S`.
+        Stream whose writer can wait, and whose buffer has room for two pieces of `TRACKED_STRETCH_S`.
     """
     first, count = stream.file.first_sample, round(TRACKED_STRETCH_S * stream.file.sample_rate_hz)
     while True:
@@ -175,9 +176,9 @@ def early_recs_warning(count: int, first: GalileoTime) -> str:
     Parameters
     ----------
     count
-        Number of these RECS, at least 1.
+        Number of RECS that came before tracking began, at least 1.
     first
-        Time of the first epoch with an observation, by the clock of the signal.
+        Galileo System Time of the first epoch with an observation.
 
     Examples
     --------
@@ -191,7 +192,7 @@ def early_recs_warning(count: int, first: GalileoTime) -> str:
 
 
 def tracked_since(first: GalileoTime, time_tag_error_s: float) -> GalileoTime:
-    """Return the earliest time of transmission at which a RECS has observations.
+    """Return the earliest time of transmission for which a RECS has E1 observations.
 
     Parameters
     ----------
@@ -204,12 +205,14 @@ def tracked_since(first: GalileoTime, time_tag_error_s: float) -> GalileoTime:
 
 
 def with_code_periods(epoch: ObservationEpoch, time_tag_error_s: float) -> ObservationEpoch:
-    """Return an epoch with each travel time moved by whole periods of the secondary code to a possible value.
+    """Return an epoch whose pseudoranges are corrected by whole periods of the secondary code.
+
+    The correction makes each travel time as near as possible to the expected travel time.
 
     Parameters
     ----------
     epoch
-        Observations whose pseudoranges are right except for whole periods of 100 ms.
+        Observations whose pseudoranges are right except for a multiple of the period of 100 ms.
     time_tag_error_s
         Error of the receiver's clock in s, positive if the clock is ahead of Galileo System Time.
     """

@@ -1,12 +1,12 @@
-"""Products of tracking a recording as files for other programs.
+"""Write the products of tracking a recording as files for other programs.
 
 | file | content |
 |---|---|
 | `observations.rnx` | RINEX 3.05 observations of E1-C, ten epochs a second or the requested number |
-| `navigation.rnx` | RINEX navigation: the ephemerides in the message |
-| `inav_pages.csv` | I/NAV pages in the format of the official OSNMA test vectors; a missing page is zero |
-| `taps.csv` | correlators of E1-C over 100 ms: time, satellite, then in-phase and quadrature part of each correlator |
-| `power.csv` | C/N0 and power of E1-C over 100 ms, and the power of all samples, for each satellite |
+| `navigation.rnx` | RINEX navigation file with the ephemerides from the navigation messages |
+| `inav_pages.csv` | I/NAV pages in the format of the official OSNMA test vectors; all bits of a missing page are zero |
+| `taps.csv` | E1-C correlators over 100 ms: time, satellite, and in-phase and quadrature part of each correlator |
+| `power.csv` | C/N0 and power of E1-C over 100 ms for each satellite, and the mean power of all E1 samples |
 """
 
 from __future__ import annotations
@@ -30,11 +30,13 @@ from vestige.time import GalileoTime
 
 OBSERVATIONS_NAME, NAVIGATION_NAME = "observations.rnx", "navigation.rnx"
 PAGES_NAME, TAPS_NAME, POWER_NAME = "inav_pages.csv", "taps.csv", "power.csv"
-_CLOCK_IS_SET_S = 1.0  # a clock with a larger error is set to the message's second in the files
+_CLOCK_IS_SET_S = 1.0  # largest clock error that stays in the files; a larger error is corrected by whole seconds
 
 
 def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float) -> tuple[Path, ...]:
-    """Write the files of the module's table that have content, and return their paths.
+    """Write the results of tracking as files, and return the paths of the files.
+
+    Only files that have content are written.
 
     Parameters
     ----------
@@ -73,7 +75,7 @@ def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float
 def clock_set_s(tracked: TrackedRecording) -> int:
     """Return the whole seconds by which the clock of the recording is ahead of Galileo System Time.
 
-    The result is negative if the clock is behind, and 0 if the error is too small to be corrected.
+    The result is negative if the clock is behind. The result is 0 if the error is at most 1 s.
     """
     error_s = tracked.time_tag_error_s or 0.0
     return round(error_s) if abs(error_s) > _CLOCK_IS_SET_S else 0
@@ -88,7 +90,7 @@ def _with_clock_set(epoch: ObservationEpoch, offset_s: int) -> ObservationEpoch:
 
 
 def _earlier(time: GalileoTime, seconds: int) -> GalileoTime:
-    """Return the time that is earlier by whole seconds, with exactly the same fraction of a second."""
+    """Return a time moved back by whole seconds, without a change of the fraction of a second."""
     return GalileoTime.normalized(time.week, time.second - seconds, time.fraction)
 
 
@@ -107,15 +109,16 @@ def _write_taps(path: Path, epochs: Sequence[ObservationEpoch], offset_s: int) -
 def signal_power_db(prompt: complex, samples_power_db: float, sample_rate_hz: float) -> float:
     """Return the power of E1-C in dB relative to one squared unit of the sample values; NaN without a signal.
 
-    The sum of N noise samples of power p has a variance of N p/2 per dimension. A signal of power C gives a prompt of
-    √C N. So the prompt z in standard deviations has a mean square of 2 C N/p + 2.
+    The sum of N noise samples of power p has a variance of N p/2 per dimension. A signal of power C adds √C N to the
+    prompt. So the prompt z in standard deviations has a mean square of 2 C N/p + 2.
 
     Parameters
     ----------
     prompt
-        Prompt correlator over 100 ms, in standard deviations of the noise per dimension if the samples were noise.
+        Prompt correlator over 100 ms. The unit is the standard deviation per dimension that a correlator would have if
+        the samples were noise alone.
     samples_power_db
-        Mean power of the samples in the same unit.
+        Mean power of the samples in dB relative to one squared unit of the sample values.
     sample_rate_hz
         Sampling rate in Hz.
 

@@ -5,11 +5,11 @@ Theory of operation
 If a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and finds two
 peaks, as under spoofing. But these peaks are never present at the same time. So for two peaks of a satellite the power
 of every single period is measured at both code phases. If the noise has variance 1 per dimension, the power is
-chi-squared with ν = 2 · components degrees of freedom. The distribution is non-central by λ while the signal is
-present. Each peak may be present in all periods, only before some period k, or only from period k on. λ follows from
-the mean power of the peak in the periods in which the peak is present. The most likely pattern is chosen. If
-one peak is present before k and the other peak from k on, the peaks belong to one signal. The stronger peak then
-represents this signal.
+chi-squared with ν = 2 · components degrees of freedom. While the signal is present, the distribution has the
+non-centrality λ. Each peak may be present in all periods, only before some period k, or only from period k on. The mean
+power of the peak in the periods in which the peak is present gives λ. The most likely pattern is chosen. If one peak is
+present before k and the other peak from k on, the peaks belong to one signal. The stronger peak then represents this
+signal.
 
 If a second signal appears or ends while the first signal stays, there are two signals.
 """
@@ -39,9 +39,9 @@ class Jump:
     Attributes
     ----------
     at_s
-        Time of the jump after the first sample in s, exact to a code period.
+        Time of the jump in s after the first sample, with an error of up to one code period (4 ms).
     by_s
-        Increase of the delay in s, modulo 4 ms, from −2 to 2 ms; negative if samples are missing.
+        Increase of the delay in s, known modulo 4 ms and stated from −0.002 to 0.002; negative if samples are missing.
     """
 
     svid: int
@@ -96,7 +96,7 @@ def _patterns(n: int) -> Iterator[tuple[tuple[Bool[np.ndarray, " n"], Bool[np.nd
 
 
 def _log_likelihood(power: Float64[np.ndarray, " n"], on: Bool[np.ndarray, " n"], freedom: int) -> float:
-    """Return the logarithm of the likelihood ratio of powers: a signal in some periods against no signal.
+    """Return the log-likelihood ratio of powers: a signal in the periods where `on` is true, against noise alone.
 
     The likelihood ratio is the density of the non-central chi-squared distribution over the density of the central
     distribution.
@@ -112,7 +112,7 @@ def _log_likelihood(power: Float64[np.ndarray, " n"], on: Bool[np.ndarray, " n"]
 def _powers(
     batch: SampleBatch, found: Acquisition, signals: tuple[SignalDefinition, ...]
 ) -> Float64[np.ndarray, " periods"]:
-    """Return the power of every period at a found signal, in units of the noise variance per dimension."""
+    """Return the power of every code period at the peak of a found signal, in units of the noise variance."""
     rows = []
     for signal in signals:
         taps, noise = period_taps(batch, signal, found.svid, found.code_start_s, found.doppler_hz)

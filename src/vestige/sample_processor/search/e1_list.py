@@ -1,8 +1,8 @@
-"""Measurements of all signals on E1 at one time, which `vestige search e1` lists.
+"""Measure all signals on E1 at one time, for the list of `vestige search e1`.
 
-`search_e1` finds signals on a grid of 125 Hz and a quarter of a chip. This module measures each signal (`measure_e1`)
-over the same samples, and refers all signals to the first sample. If samples are missing, every signal jumps.
-Then only the longer part, before or after the jump, is used, so that all signals come from the same part.
+`search_e1` finds signals on a grid of 125 Hz and a quarter of a chip. This module measures each signal in the samples
+of the search with `measure_e1`, and refers all signals to the first sample. If samples are missing, every signal jumps
+to another code phase. Then only the longest part without a jump is used, and all signals are measured in this part.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vestige.sample_processor.search.e1_jump import Jump
 from vestige.sample_processor.search.e1_search import search_e1
 from vestige.signals.definitions import E1C
 
-GUARD_S = 2 * E1_CODE_PERIOD_S  # margin around a jump, whose time is known to a code period
+GUARD_S = 2 * E1_CODE_PERIOD_S  # margin before and after a jump, because its time is known only to 4 ms
 _MOST_JUMPS = 4  # largest number of jumps in 100 ms; with more jumps, the remaining parts are too short
 _SAME_CHIPS = 1.0  # largest distance in chips from the found to the measured code phase of the same signal
 
@@ -41,15 +41,18 @@ class E1Signal:
 
     @property
     def is_measured(self) -> bool:
-        """Whether the values are measured; else the values come from the search: Doppler to ±63 Hz, C/N0 to 4 dB."""
+        """Whether `measure_e1` measured the signal.
+
+        Otherwise the values come from the search, whose error is up to 63 Hz in Doppler and 4 dB in C/N0.
+        """
         return self.transmit_phase_s is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E1Signals:
-    """The signals of all satellites at the time of the first sample of `batch`."""
+    """Signals of all satellites on E1 at the time of the first sample of `batch`."""
 
-    batch: SampleBatch  # the samples that were used, which contain no jump
+    batch: SampleBatch  # samples that were used, which contain no jump
     signals: tuple[E1Signal, ...]  # signals sorted by satellite, and for each satellite from strong to weak
     jumps: tuple[Jump, ...]  # jumps that the search found in the given samples
 
@@ -63,14 +66,14 @@ def list_e1(
     periods: int = MAX_STRETCHES,
     progress: Callable[[int, int], None] | None = None,
 ) -> E1Signals:
-    """Return every signal of `svids` on E1 at one time.
+    """Return every signal of the satellites `svids` on E1, all for the time of the first sample that is used.
 
     Parameters
     ----------
     batch
-        E1 samples, at least 8 ms; up to 100 ms are used, and 60 ms without a jump are needed for measured values.
+        E1 samples, at least 8 ms; up to 100 ms are used. `measure_e1` needs 60 ms without a jump.
     overall_pfa, doppler_span_hz, periods, progress
-        These are arguments of `search_e1`.
+        Arguments with the same meaning as in `search_e1`.
     """
     jumps: list[Jump] = []
     wanted = tuple(svids)

@@ -1,4 +1,4 @@
-"""All signals of a satellite on E1, from strong to weak: the first step of the hand-over search [WFO, Sec. III-E].
+"""Find all signals of a satellite on E1, from strong to weak: the first step of the hand-over search [WFO, Sec. III-E].
 
 Theory of operation
 -------------------
@@ -10,18 +10,19 @@ from the powers, the strongest first. The following parts of a taken signal are 
   of BOC(1,1) and CBOC at ±½ chip. The code Doppler of a wrong bin widens the peak by 0.6 chip over 100 ms and 10 kHz;
 * the Doppler side lobes of the signal (−13 dB, −18 dB, …) at its code phase: the same cells at *every* Doppler;
 * the code side lobes of the signal, at any code phase. These side lobes have at most −20 dB for one code period of a
-  memory code at a wrong Doppler, or with a symbol that changes. So a signal that is `CROSS_CORRELATION_DB` below the
-  taken signal is left out.
+  memory code at a wrong Doppler, or with a symbol that changes. So a signal that is more than `CROSS_CORRELATION_DB`
+  below the taken signal is left out.
 
 At most `MAX_SIGNALS` signals of a satellite are taken. More peaks are interference: a swept jammer correlates with the
 code at a thousand code phases.
 
-A peak may be present only while a stronger peak is absent. Such a peak is the same signal after a jump, because samples
-are missing (`e1_jump`). A jump turns one peak into two peaks. If there are `MAX_SIGNALS` peaks, the search does not
-look for jumps.
+If a peak is present only while a stronger peak is absent, the two peaks are one signal before and after a jump. A
+signal jumps where samples are missing (`e1_jump`). If `MAX_SIGNALS` peaks were found, the search does not look for
+jumps.
 
-The search cannot separate a second signal within 2 chips (586 m) in code phase modulo 4 ms. The correlator bank and the
-range checks detect such a signal. The search also does not find a signal 16 dB below the strongest signal.
+The search cannot separate a second signal within 2 chips (586 m) in code phase modulo 4 ms. The bank of correlators and
+the range checks detect such a signal. The search also does not find a signal that is more than 16 dB weaker than the
+strongest signal.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def search_e1(
     overall_pfa
         Probability that noise alone gives any signal.
     doppler_span_hz, doppler_center_hz
-        Half width and middle of the searched Dopplers.
+        Half width and middle of the searched Dopplers, in Hz.
     periods
         K, largest number of code periods that are added non-coherently; 1 needs 8 ms of samples.
     signals
@@ -76,7 +77,7 @@ def search_e1(
     progress
         Function that is called with the number of finished satellites and the number of all satellites.
     jumped
-        Function that is called with every jump of a signal whose second peak was left out.
+        Function that is called with each jump because of which a weaker peak was left out.
     """
     found = search_cells(
         batch,

@@ -1,7 +1,7 @@
-"""The exact value of a cell of the exhaustive search, from the samples in complex128, and the peak of that cell.
+"""Compute the exact value of a cell of the exhaustive search in complex128, and the peak of the signal in the cell.
 
 A sum over chips n = 165 p + q at many frequencies is computed as two small matrix products. The first product is over q
-within short pieces, and the second over the pieces. So no large table of exponentials is needed.
+within short pieces, and the second product is over the pieces. So no large table of exponentials is needed.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def exact_peak(
     Parameters
     ----------
     bins_hz
-        Doppler bins relative to `cell.middle_hz`.
+        Doppler bins relative to `cell.middle_hz`, in Hz.
     threshold
         Threshold on the magnitude, in standard deviations of the noise per dimension.
     """
@@ -101,7 +101,7 @@ def wiped_chips(source: SampleSource, cell: Cell) -> tuple[Complex128[np.ndarray
 def doppler_spectrum(
     wiped: Complex128[np.ndarray, " chips"], frequencies_hz: Float64[np.ndarray, " bins"]
 ) -> Complex128[np.ndarray, " bins"]:
-    """Return Σ_n wiped_n e^{−j2π f n / R_c} at any frequencies."""
+    """Return Σ_n wiped_n e^{−j2π f n / R_c} at the given frequencies f."""
     pieces = wiped.reshape(-1, _PIECE)
     turn = -2j * np.pi / CHIP_RATE_HZ
     inner = pieces @ np.exp(turn * np.outer(np.arange(_PIECE), frequencies_hz))

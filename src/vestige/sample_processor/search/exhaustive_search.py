@@ -1,4 +1,4 @@
-"""The exhaustive search: every half chip of the time uncertainty and every Doppler bin in E6 [WFO, Sec. III-D].
+"""Search E6 at every half chip of the time uncertainty and in every Doppler bin [WFO, Sec. III-D].
 
 Theory of operation
 -------------------
@@ -9,15 +9,16 @@ Therefore even an interrupted search finds the earliest signal first, which is t
 interrupted search can be continued.
 
 **Code Doppler.** A replica without code Doppler slides by f_d/f_c · R_c · T chips, 0.32 chip at 5 kHz and 16 ms, and
-loses up to 0.72 dB. If the loss exceeds 0.3 dB, the span is cut into passes. Each pass removes the Doppler of its own
-middle from carrier *and* code. A span of ±5 kHz needs two passes for 8 ms and three passes for 16 ms. The remaining
-loss is at most 0.24 dB.
+loses up to 0.72 dB. If the loss exceeds 0.3 dB, the Doppler span is cut into passes. Each pass removes the Doppler of
+its own middle from carrier *and* code. A span of ±5 kHz needs two passes for 8 ms and three passes for 16 ms. The
+remaining loss is at most 0.24 dB.
 
-**Decision.** If a power comes within an engine's loss and `SCREEN_MARGIN_DB` of the threshold, the cell is computed
-again. The exact value is the largest magnitude over all Doppler bins, computed in complex128. This magnitude is divided
-by the standard deviation of the noise in the same samples (Σ|chip|², see `vestige.sample_processor.correlator`). Only
-the exact value is compared with the threshold. Then Doppler and code phase are interpolated. The margin is needed
-because noise differs between an engine's sum and the exact sum. The margin costs a few exact cells per hour.
+**Decision.** A cell is computed again if its power is above the threshold lowered by the engine's loss and by
+`SCREEN_MARGIN_DB`. The exact value is the largest magnitude over all Doppler bins, computed in complex128. This
+magnitude is divided by the standard deviation of the noise in the same samples (Σ|chip|², see
+`vestige.sample_processor.correlator`). Only the exact value is compared with the threshold. Then Doppler and code phase
+are interpolated. The margin is needed because noise differs between an engine's sum and the exact sum. The margin costs
+a few exact cells per hour.
 """
 
 from __future__ import annotations
@@ -40,11 +41,12 @@ from vestige.sample_processor.search.peak import Peak, separated, shortened
 from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
-# 3 σ of the difference between an engine's sum and the exact sum, at the threshold of a search over 30 s
+# 3 σ of the difference in dB between an engine's sum and the exact sum, at the threshold of a search over 30 s
 SCREEN_MARGIN_DB = 1.0
 _CLUSTER_CHIPS = 2.0  # largest distance in chips between two neighbouring offsets of a cluster
-_CELLS_OF_CLUSTER = 4  # cells tried per cluster: the exact sum may be just below the threshold in the strongest cell
-_TRIANGLE_CHIPS = 1.25  # distance in chips at which a peak ends: up to ¼ chip off its cell, plus 1 chip
+# number of cells tried in a cluster, because the exact value of the strongest cell may be just below the threshold
+_CELLS_OF_CLUSTER = 4
+_TRIANGLE_CHIPS = 1.25  # distance in chips from a cell to the end of its peak: ¼ chip to the peak, then 1 chip
 _AHEAD = 2  # number of blocks per worker that are read in advance
 
 
@@ -77,7 +79,7 @@ class SearchState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExhaustiveSearch:
-    """A search over code offsets and Doppler.
+    """Exhaustive search of E6 over code offsets and Doppler, with its settings.
 
     Attributes
     ----------
@@ -87,7 +89,7 @@ class ExhaustiveSearch:
         Half width of the Doppler search, which goes from −span to +span.
     engine
         `fft` is the reference, `segment` is fast, `cuda` is for a GPU. `auto` takes the fastest engine that this
-        machine runs. With every engine, only exactly computed cells decide. `segment` misses a few of the weakest
+        machine can run. With every engine, only exactly computed cells decide. `segment` misses a few of the weakest
         signals (`theory/screen_loss.py`).
     workers
         Number of threads; None for all cores. The result does not depend on this number.
@@ -106,7 +108,7 @@ class ExhaustiveSearch:
 
     @property
     def n_chips(self) -> int:
-        """Number of chips that are correlated."""
+        """Number of chips in the integration time, which are correlated."""
         return round(self.integration_s * CHIP_RATE_HZ)
 
     @property
@@ -137,10 +139,10 @@ class ExhaustiveSearch:
         *,
         after: SearchState | None = None,
     ) -> Iterator[SearchState]:
-        """Yield the state of the search after each block; a caller that stops early keeps the signals so far.
+        """Yield the state of the search after each block.
 
-        After an interrupt from the keyboard, the method lets the workers end their blocks, yields once more, and raises
-        the interrupt again.
+        A caller that stops early has the signals that were found so far. After an interrupt from the keyboard, the
+        method lets the workers end their blocks, yields once more, and raises the interrupt again.
 
         Parameters
         ----------
@@ -153,14 +155,15 @@ class ExhaustiveSearch:
         threshold
             Threshold on the magnitude, in standard deviations of the noise per dimension.
         after
-            State from which the search continues. Samples and arguments must be the same, except for `workers`.
+            State from which an interrupted search continues. Samples and arguments, except for `workers`, must be equal
+            to the samples and arguments of the interrupted search.
 
         Raises
         ------
         ValueError
             If a code is too short.
         EngineUnavailableError
-            If the engine does not run on this machine.
+            If the engine cannot run on this machine.
         """
         chips = tuple(shortened(one, self.n_chips) for one in codes)
         if any(one.n_chips < self.n_chips for one in chips):
@@ -213,7 +216,7 @@ class ExhaustiveSearch:
 def _next(
     state: SearchState, block: _Block, found: list[Peak], magnitude: float, done: Float64[np.ndarray, " blocks"]
 ) -> SearchState:
-    """Return the state after one more block; `done` is the number of hypotheses after each block."""
+    """Return the state after one more block; `done` is the number of hypotheses tested after each block."""
     return SearchState(
         done=float(done[state.blocks]),
         total=state.total,
@@ -250,7 +253,7 @@ class _Block:
     ) -> tuple[list[Peak], float]:
         """Return the peaks of the block, and the magnitude of its strongest cell."""
         chips = self._chips(source)
-        noise = chip_variance(chips) * self.search.n_chips  # noise variance per dimension
+        noise = chip_variance(chips) * self.search.n_chips  # noise variance of a sum over the code, per dimension
         if noise == 0:
             return [], 0.0
         screen = threshold**2 * noise * 10 ** (-(engine.loss_db + SCREEN_MARGIN_DB) / 10)
@@ -265,7 +268,8 @@ class _Block:
     def _decide(self, source: SampleSource, code: ChipSequence, offsets: list[float], threshold: float) -> list[Peak]:
         """Return the peaks of a cluster: its cells whose exact value is above the threshold, the strongest first.
 
-        Cells on the triangle of a peak are not tested again. Beyond the triangle there may be another signal.
+        Cells on the correlation triangle of a peak are not tested again. Beyond the triangle there may be another
+        signal.
         """
         peaks: list[Peak] = []
         rest, tries = offsets, _CELLS_OF_CLUSTER
@@ -288,7 +292,10 @@ class _Block:
         return CHIP_RATE_HZ * (1 + self.middle_hz / CARRIER_HZ[source.read(source.first_sample, 1).band])
 
     def _chips(self, source: SampleSource) -> Int16[np.ndarray, "2 2 n"]:
-        """Return the chips of the block by grid, real and imaginary part; σ = `CHIP_SIGMA`, zeros after the samples."""
+        """Return the samples of the block, summed into chips on each grid and scaled to σ = `CHIP_SIGMA`.
+
+        The second axis has the real and the imaginary part. Chips after the end of the samples are zero.
+        """
         n = self.count + self.search.n_chips
         head = source.read(source.first_sample, 1)
         rate, code_rate = head.sample_rate_hz, self._code_rate(source)

@@ -1,4 +1,4 @@
-"""Samples summed into half chips, the first step of the hand-over search and the exhaustive search in E6.
+"""Sum samples into half chips, the first step of the hand-over search and of the exhaustive search in E6.
 
 A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t². The carrier is removed from the
 sample, and the sample is added to half chip ⌊2u⌋. The correlator at a delay of any multiple of half a chip is then a
@@ -24,7 +24,7 @@ _UNSIGNED_BITS = np.uint64(_PHASE_BITS)
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _wipe(x, cos, sin, places, turn_re, turn_im, slope, curve, y_re, y_im):
-    """Remove the carrier, the block's phase and the small angle slope · k + curve · k² from samples."""
+    """Remove the carrier, the block's phase and the angle slope · k + curve · k² from sample k after the middle."""
     for i in range(y_re.size):
         a, b = x[2 * i], x[2 * i + 1]
         re = a * cos[i] + b * sin[i]
@@ -51,7 +51,7 @@ def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, fi
     if_hz, doppler_rate
         Carrier frequency in the samples at t = 0 in Hz, and the change of this frequency in Hz/s.
     first_half
-        Number of the half chip in the first element.
+        Number of the half chip in the first element of `out_re` and `out_im`.
     """
     out_re[:] = 0
     out_im[:] = 0
@@ -85,7 +85,7 @@ def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, fi
         dp = np.int64(np.round(halves_per_sample * 2.0**_PHASE_BITS))
         first = np.int64(base) - first_half
         if first >= 0 and first + ((p + n * dp) >> _PHASE_BITS) < n_halves:
-            # unsigned, so that no index counts from the end
+            # the index is unsigned, because a signed index could count from the end
             start, phase, step = np.uint64(first), np.uint64(p), np.uint64(dp)
             for i in range(n):
                 j = start + (phase >> _UNSIGNED_BITS)
@@ -108,11 +108,11 @@ def chip_sums(halves, even, odd):
     Parameters
     ----------
     halves
-        float32[2 · n + 1 or more], one dimension of the half-chip sums.
+        float32[2 · n + 1 or more], real or imaginary part of the half-chip sums.
     even
-        float32[n].
+        float32[n], chips that begin at even half chips.
     odd
-        float32[n], or float32[0] if `odd` is not needed.
+        float32[n], chips that begin at odd half chips; float32[0] if these chips are not needed.
     """
     total = 0.0
     for first in range(0, even.size, BLOCK):

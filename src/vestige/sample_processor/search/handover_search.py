@@ -1,9 +1,10 @@
-"""The hand-over search: E6 at every position that is possible for one signal on E1 [WFO, Sec. III-E].
+"""Search E6 at every position that is possible for one signal on E1: the hand-over search [WFO, Sec. III-E].
 
 Theory of operation
 -------------------
-A signal on E1 gives code phase and Doppler. A multiple of the signal's period remains unknown: 4 ms, or 100 ms if the
-phase of the secondary code is known. So the first chip of a RECS can arrive at τ_m after a known moment, where
+A signal on E1 gives code phase and Doppler. The time of transmission remains unknown by a multiple of a period. The
+period is 4 ms, or 100 ms if the phase of the secondary code is known. So the first chip of a RECS can arrive at τ_m
+after a known moment, where
 
     u(τ) = R_c (1 + f_d/f_c) τ + ½ R_c (ḟ_d/f_c) τ²        u(τ_m) = m · period · R_c
 
@@ -99,9 +100,9 @@ def search_handover(
     Parameters
     ----------
     source
-        E6 samples. A position is searched only if the samples contain the whole segment.
+        E6 samples. A position is searched only if the samples contain all chips at this position.
     line
-        Possible arrival times from one signal on E1.
+        Possible arrival times of the chips, from one signal on E1.
     first_start, last_start
         Time uncertainty: earliest and latest arrival of the first chip.
     threshold
@@ -147,7 +148,7 @@ def handover_positions(
 def _squares(
     source: SampleSource, line: CandidateEpochs, places: Int64[np.ndarray, " places"], taps: int
 ) -> Iterator[tuple[Int64[np.ndarray, " places"], Float64[np.ndarray, "places taps"]]]:
-    """Yield groups of positions with the squared magnitudes of their hypotheses over the noise variance."""
+    """Yield groups of positions, and the squared magnitudes of the positions at all taps over the noise variance."""
     n_rows = _rows(line.chips)
     stride = round(line.period_s / E1_CODE_PERIOD_S)
     size = _CHUNK if stride < n_rows else 1  # distant positions share no rows
@@ -163,7 +164,7 @@ def _squares(
 
 @dataclass(frozen=True, slots=True)
 class _Replica:
-    """A RECS with zeros around it, and the start of each quarter at each tap, on each of the two grids of chips.
+    """Chips of a RECS between zeros, and the start of each quarter at each tap, on each of the two grids of chips.
 
     At a tap that is later by a chip, the quarters begin a chip earlier in the code.
     """

@@ -1,4 +1,4 @@
-"""A signal that a search in E6 found, with its interpolated position."""
+"""Interpolate the position of a signal that a search in E6 found."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vestige.signals.definitions import E6C
 from vestige.time import GalileoTime
 
 _FINE_CHIPS = np.arange(-25, 26) / 20  # taps 0.05 chip apart; the peak is within a chip of its cell
-_MARGIN_S = 1e-6  # duration of additional samples on each side of the segment
+_MARGIN_S = 1e-6  # duration in s of additional samples before and after the chips
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,13 +26,13 @@ class Peak:
     start_time
         Receiver-clock time at which the first chip arrives.
     doppler_hz
-        Carrier Doppler on E6 at `start_time`.
+        Carrier Doppler on E6 at `start_time`, in Hz.
     magnitude
         Magnitude at the interpolated position, in standard deviations of the noise per dimension.
     threshold
         Detection threshold in the unit of the magnitude; the tested grid cell exceeded this threshold.
     cn0_dbhz
-        C/N0 of E6-C that corresponds to the magnitude.
+        C/N0 of E6-C in dBHz that corresponds to the magnitude.
     """
 
     svid: int
@@ -84,7 +84,7 @@ def peak_at(source: SampleSource, handover: Handover, threshold: float) -> Peak 
 
 
 def shortened(chips: ChipSequence, n_chips: int) -> ChipSequence:
-    """Return the first `n_chips` of a sequence."""
+    """Return the sequence of the first `n_chips` chips of a longer sequence."""
     return ChipSequence.of(
         svid=chips.svid,
         transmit_time=chips.transmit_time,

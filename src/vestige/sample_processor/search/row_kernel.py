@@ -1,4 +1,4 @@
-"""Samples summed into rows of chips, and each row multiplied by a code at many offsets, for the hand-over search.
+"""Sum samples into rows of chips, and multiply each row by a code at many offsets, for the hand-over search.
 
 All taps and all quarters of a RECS are the same code at different offsets. So a single code of 330 kB replaces the
 matrix of replicas that a matrix product would need. Each row is summed from the samples, and then multiplied by the
@@ -23,7 +23,7 @@ _INVERSION_STEPS = 4  # number of steps of the inversion of u(t); each step give
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
 def _add_products(re, im, code_0, code_1, code_2, code_3, out_re, out_im):
-    """Add the products of one row's block with the code at four offsets."""
+    """Add the products of one block of a row with the code at four offsets."""
     re_0 = re_1 = re_2 = re_3 = im_0 = im_1 = im_2 = im_3 = np.float32(0.0)
     for j in range(re.size):
         x, y = re[j], im[j]
@@ -47,7 +47,7 @@ def _add_products(re, im, code_0, code_1, code_2, code_3, out_re, out_im):
 
 @njit(cache=True, nogil=True)
 def _add_block(re, im, code, first, offsets, out_re, out_im):
-    """Add the products of the row's block from chip `first` on at every offset."""
+    """Add the products of the code with the block that begins at chip `first` of a row, at every offset."""
     for k in range(0, offsets.size, OFFSETS_AT_ONCE):
         _add_products(
             re,
@@ -79,17 +79,17 @@ def row_products(
     Parameters
     ----------
     x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate
-        These are arguments of `half_chip_sums`. Chip 0 is the first chip of row 0.
+        Arguments with the same meaning as in `half_chip_sums`. Chip 0 is the first chip of row 0.
     first_row
-        Number of the row in the first element.
+        Number of the first row in `out`, `odd` and `noise`.
     code
-        float32; the code has at least n chips after every offset.
+        float32, chips of the code, with at least `n` chips after every offset.
     offsets, odd_offsets
         int64[multiple of `OFFSETS_AT_ONCE`], offsets for the chips and for the chips half a chip later; may be empty.
     out, odd
-        float32[2, rows, offsets], real and imaginary part.
+        float32[2, rows, offsets], real and imaginary part of the products.
     noise
-        float64[rows].
+        float64[rows], Σ|chip|² of each row.
     """
     re, im = np.empty(2 * n + 1, np.float32), np.empty(2 * n + 1, np.float32)
     even, late = np.empty((2, _BLOCK), np.float32), np.empty((2, _BLOCK), np.float32)

@@ -1,4 +1,4 @@
-"""Samples in memory as input of a search; samples of a file are read in pieces (`vestige.recording`)."""
+"""Give a search samples that are in memory; `vestige.recording` reads the samples of a file in pieces."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from vestige.records import SampleBatch
 
 @dataclass(frozen=True, slots=True)
 class BatchSource:
-    """A batch as a sample source."""
+    """Batch of samples in memory as a `SampleSource`."""
 
     batch: SampleBatch
 

@@ -1,4 +1,4 @@
-"""Expected run time of an exhaustive search, from a short measurement on this machine."""
+"""Predict the run time of an exhaustive search from a short measurement on this machine."""
 
 from __future__ import annotations
 

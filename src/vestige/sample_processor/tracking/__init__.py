@@ -1,1 +1,1 @@
-"""Tracking of E1: loops that follow code and carrier of each satellite, and the message of the satellite."""
+"""Track E1 with loops that follow code and carrier of each satellite, and read the message of the satellite."""

@@ -1,4 +1,4 @@
-"""One tracking channel, which follows a satellite on E1 from its acquisition to its loss."""
+"""Track one satellite on E1 in a channel, from the acquisition to the loss of the signal."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def correlator_lags(settings: TrackingSettings, sample_rate_hz: float) -> list[i
 def code_discriminator_scale(settings: TrackingSettings, sample_rate_hz: float, bandwidth_hz: float) -> float:
     """Return the factor that turns the code discriminator over A² into the code error in chips, for small errors.
 
-    The discriminator is |L|² − |E|² or Re((L − E) P*), depending on the settings.
+    A is the amplitude of the prompt. The discriminator is |L|² − |E|² or Re((L − E) P*), depending on the settings.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class TrackedPeriods:
     periods
         `PERIOD` record of each code period.
     banks
-        complex64[period, correlator] of E1-C, with the secondary chip removed.
+        complex64[period, correlator], correlators of E1-C without the secondary chip.
     """
 
     periods: np.ndarray
@@ -118,14 +118,15 @@ class TrackedPeriods:
 
 
 class Channel:
-    """The loops of one satellite.
+    """Tracking loops of one satellite on E1.
 
     Parameters
     ----------
     found
-        Result of an acquisition; the channel starts at the first sample of that acquisition.
+        Measurement of the acquired signal in `batch`. The channel starts at the first code period that begins in
+        `batch`.
     batch
-        Samples of the acquisition. Only the rate, the centre frequency and the counter of these samples are used.
+        Samples of the acquisition. Only rate, centre frequency, start time and counter of these samples are used.
     settings
         Settings of loops and correlators.
     bandwidth_hz
@@ -226,23 +227,23 @@ class Channel:
 
     @property
     def lost(self) -> bool:
-        """Whether the signal is lost; `run` then has no effect."""
+        """Whether the signal is lost; `run` has no effect after the loss."""
         return bool(self._state["mode"][0] == LOST)
 
     @property
     def doppler_hz(self) -> float:
-        """Doppler from the integrator of the carrier loop."""
+        """Doppler in Hz from the integrator of the carrier loop."""
         return float(self._state["doppler_hz"][0])
 
     def run(self, samples: Complex64[np.ndarray, " n"], first: int) -> TrackedPeriods:
-        """Track some samples, and return the code periods that end in the samples; see `track_together`."""
+        """Track the given samples, and return the code periods that end in these samples; see `track_together`."""
         return track_together([self], samples, first)[0]
 
 
 def track_together(
     channels: Sequence[Channel], samples: Complex64[np.ndarray, " n"], first: int
 ) -> list[TrackedPeriods]:
-    """Track the same samples with some channels; return the code periods of each channel that end in the samples.
+    """Track samples with several channels, and return the code periods of each channel that end in the samples.
 
     The result of a channel does not depend on the other channels. Together the channels are faster, because they share
     the running sums of the samples.

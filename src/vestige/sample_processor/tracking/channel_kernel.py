@@ -1,4 +1,4 @@
-"""The compiled loops of a tracking channel: code periods of one satellite, one after the other.
+"""Track satellites in compiled loops, code period by code period.
 
 Theory of operation
 -------------------
@@ -43,15 +43,15 @@ from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY, PL
 
 CODE_LENGTH = 4092.0  # number of chips of the codes of E1-B and E1-C
 PULL_IN, TRACKING, LOST = 0, 1, 2  # modes of a channel
-ARCTAN = PLL_DISCRIMINATORS.index("arctan")  # the discriminator that ignores errors of half a cycle
+ARCTAN = PLL_DISCRIMINATORS.index("arctan")  # index of the discriminator that ignores errors of half a cycle
 _LARGEST_RATE = 1.001  # largest code rate over the nominal code rate: a Doppler of 1.6 MHz on E1
-_AMPLITUDE_TIME_S = 0.2  # time over which the amplitude of the prompt is smoothed
+_AMPLITUDE_TIME_S = 0.2  # time constant in s with which the amplitude of the prompt is smoothed
 _CN0_SHARE = 0.1  # share of the newest 100 ms in the smoothed signal and noise, for a time constant of 1 s
-_TURNED = 0.3  # share of the amplitude; a smaller in-phase part shows that the carrier has slipped or is about to slip
+_TURNED = 0.3  # share of the amplitude; if the in-phase part is smaller, the carrier has slipped or is about to slip
 _IN_PHASE_SHARE = 0.2  # share of a new prompt in the smoothed in-phase part, for a time constant of 20 ms
 _LOCK_SHARE = 0.3  # share of a new value in the smoothed phase lock, for a time constant of 0.3 s
 
-# state that a channel carries from period to period
+# fields of the state that a channel keeps from one code period to the next code period
 CHANNEL_STATE = np.dtype(
     [
         ("first_sample", "i8"),  # first sample of the present code period
@@ -59,35 +59,35 @@ CHANNEL_STATE = np.dtype(
         ("data", "c16"),  # prompt of E1-B, from `first_sample` to `next_sample`
         ("code_phase", "f8"),  # code phase of `first_sample`, in chips
         ("code_rate", "f8"),  # code rate in chips per sample
-        ("carrier_cycles", "f8"),  # carrier phase of `first_sample`
+        ("carrier_cycles", "f8"),  # carrier phase of `first_sample`, in cycles
         ("carrier_step", "f8"),  # carrier frequency in cycles per sample
-        ("doppler_hz", "f8"),  # integrator of the carrier loop
+        ("doppler_hz", "f8"),  # Doppler in the integrator of the carrier loop
         ("doppler_rate", "f8"),  # second integrator of an order-3 loop, in Hz/s
         ("code_drift", "f8"),  # integrator of the code loop in chips/s; not used by order 1
-        ("period", "i8"),  # number of the present code period; 0 starts a secondary code
+        ("period", "i8"),  # number of the present code period; a secondary code begins at multiples of 25
         ("mode", "i8"),
         ("integrated", "i8"),  # number of code periods in the present integration
         ("pulled_in", "i8"),  # number of integrations since the channel started
         ("amplitude", "f8"),  # smoothed amplitude of the prompt of an integration
         ("last_re", "f8"),
         ("last_im", "f8"),
-        ("sum_re", "f8"),  # sum of the prompts of the present secondary code
+        ("sum_re", "f8"),  # real part of the sum of the prompts in the present secondary code
         ("sum_im", "f8"),
-        ("sum_in_phase", "f8"),  # sum of the squares of the in-phase parts of the prompts
+        ("sum_in_phase", "f8"),  # sum of the squared in-phase parts of the prompts in the present secondary code
         ("summed", "i8"),
         ("signal", "f8"),  # square of the mean in-phase part, smoothed
         ("noise", "f8"),  # variance of the in-phase part, smoothed; 0 before the first value
         ("cn0_dbhz", "f8"),
         ("phase_lock", "f8"),  # phase lock of the last secondary code
         ("mean_lock", "f8"),  # smoothed phase lock
-        ("bad", "i8"),  # number of secondary codes in a row below the thresholds
+        ("bad", "i8"),  # number of secondary codes in a row whose C/N0 or phase lock is below the threshold
         ("slipped", "i8"),  # whether the phase of the last secondary code is unreliable
         ("in_phase", "f8"),  # in-phase part of the prompts, smoothed over 20 ms
         ("turned", "i8"),  # whether `in_phase` was far below the amplitude in the present secondary code
     ]
 )
 
-# constants of a channel
+# fields of the constants of a channel
 CONSTANTS = np.dtype(
     [
         ("sample_rate_hz", "f8"),
@@ -114,14 +114,14 @@ CONSTANTS = np.dtype(
     ]
 )
 
-# results of a code period
+# fields of the results of one code period
 PERIOD = np.dtype(
     [
         ("number", "i8"),
         ("first_sample", "i8"),
         ("code_phase", "f8"),  # code phase of the first sample, in chips
         ("code_rate", "f8"),  # code rate in chips per sample
-        ("carrier_cycles", "f8"),  # carrier phase of the first sample
+        ("carrier_cycles", "f8"),  # carrier phase of the first sample, in cycles
         ("carrier_step", "f8"),  # carrier frequency in cycles per sample
         ("doppler_rate", "f8"),
         ("data", "c16"),  # prompt of E1-B
@@ -136,7 +136,7 @@ PERIOD = np.dtype(
 def track_channels(
     x, x_first, shift, secondary, replicas, lags, starts, slots, constants, states, pilots, totals, periods, banks, done
 ):
-    """Correlate all samples with the replicas of some channels, and update the loops of the channels.
+    """Correlate the given samples with the replicas of several channels, and update the loops of these channels.
 
     All channels process a piece of the samples before any channel goes to the next piece, because the channels share
     the running sums.
@@ -199,7 +199,7 @@ def track_channels(
 def _track_piece(
     work, piece_first, piece_end, shift, secondary, replicas, lags, starts, slots, c, s, pilot, total, periods, banks
 ):
-    """Track a channel to the end of a piece of samples; return the number of code periods that end in the piece."""
+    """Track a channel to the end of a piece of samples, and return the number of code periods that end in the piece."""
     n_done = 0
     while s.mode != LOST and s.next_sample < piece_end:
         if not abs(s.code_rate * c.sample_rate_hz / c.chip_rate_hz - 1.0) < _LARGEST_RATE - 1.0:
@@ -260,7 +260,7 @@ def _update(c, s, total):
     """Update the loops with the bank of one integration."""
     early, prompt, late = total[c.early], total[c.prompt], total[c.late]
     t = c.interval_s
-    # the mean in-phase part contains no noise, but is no measure of the amplitude while the phase is not locked
+    # the in-phase part has no bias from noise, but measures the amplitude only while the phase is locked
     size = np.hypot(prompt.real, prompt.imag) if s.mode == PULL_IN else prompt.real
     if c.phase_kind == ARCTAN:
         size = abs(size)  # the in-phase part is negative while the loop is locked half a cycle away
@@ -304,7 +304,7 @@ def _update(c, s, total):
 
 @njit(cache=True, nogil=True)
 def _phase_error(kind, prompt, amplitude):
-    """Return the phase error in cycles.
+    """Return the phase error of the carrier in cycles, from the discriminator `kind`.
 
     The normalized quadrature is linear in the noise, while an arctangent increases the noise of weak signals.
     """
@@ -324,8 +324,8 @@ def _phase_error(kind, prompt, amplitude):
 def _lock(c, s, prompt):
     """Add a prompt to the sums of its secondary code; after 25 prompts compute C/N0, phase lock and loss of signal.
 
-    Return whether the carrier was then turned by half a cycle. A loop with the arctangent also locks half a cycle away
-    from the carrier. Then the prompts have the opposite sign of the known secondary code.
+    Return whether the phase of the replica's carrier was moved by half a cycle. A loop with the arctangent can lock
+    half a cycle away from the carrier. In this case the prompts have the opposite sign of the known secondary code.
     """
     s.sum_re += prompt.real
     s.sum_im += prompt.imag

@@ -1,4 +1,4 @@
-"""Observables of a channel at any moment: pseudorange, carrier phase, Doppler, C/N0."""
+"""Compute the observables of a channel at any moment: time of transmission, carrier phase, Doppler and C/N0."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 from vestige.signals.definitions import E1C
 from vestige.time import GalileoTime
 
-DOPPLER_SPAN_S = 0.1  # duration of carrier phase from which a Doppler is computed
-HISTORY_S = 0.4  # duration of the code periods that are kept for observables
+DOPPLER_SPAN_S = 0.1  # duration in s of the carrier phase from which a Doppler is computed
+HISTORY_S = 0.4  # duration in s of the code periods that are kept for observables
 _WEEKS = 4096  # number of weeks after which the week number of the message starts again [OS-ICD, 5.1.2]
-_PERIOD_MS = 4  # duration of a code period
+_PERIOD_MS = 4  # duration of a code period in ms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +36,7 @@ class Observables:
     doppler_hz
         Mean Doppler in Hz over `DOPPLER_SPAN_S` around the moment.
     cn0_dbhz
-        C/N0 of E1-C.
+        C/N0 of E1-C in dBHz.
     """
 
     transmit_s: Float[np.ndarray, " n"]
@@ -46,7 +46,7 @@ class Observables:
 
 
 class ChannelTrack:
-    """A channel with its message and its recent history.
+    """Tracking channel with its navigation message and its code periods of the last `HISTORY_S`.
 
     Parameters
     ----------
@@ -55,12 +55,12 @@ class ChannelTrack:
     sample_rate_hz
         Sampling rate in Hz.
     center_frequency_hz
-        Radio frequency at 0 Hz in the samples.
+        Radio frequency in Hz that is at 0 Hz in the samples.
 
     Attributes
     ----------
     zero
-        Time of transmission of code period 0; None until a message has given this time.
+        Time of transmission of the channel's code period 0; None until a page of the channel has given this time.
     """
 
     def __init__(self, channel: Channel, sample_rate_hz: float, center_frequency_hz: float) -> None:
@@ -78,7 +78,7 @@ class ChannelTrack:
         return self.channel.svid
 
     def take(self, tracked: TrackedPeriods) -> list[ReceivedPage]:
-        """Store the tracked periods; return the pages that the periods complete."""
+        """Store tracked code periods, and return the message pages that end in these periods."""
         kept = np.searchsorted(self._past["first_sample"], self._oldest(tracked), side="left")
         past = np.empty(self._past.size - kept + tracked.periods.size, PERIOD)
         past[: self._past.size - kept], past[self._past.size - kept :] = self._past[kept:], tracked.periods
@@ -98,7 +98,7 @@ class ChannelTrack:
         return float(self.channel.first_sample) - DOPPLER_SPAN_S / 2 * self._rate_hz
 
     def newest(self) -> tuple[int, float] | None:
-        """Return the first sample of the newest code period, and its time of transmission, even without lock.
+        """Return the first sample of the newest code period and the sample's time of transmission, even without lock.
 
         The time is in s after the transmission of the channel's code period 0. The result is None if no period was
         tracked yet.
@@ -110,7 +110,7 @@ class ChannelTrack:
         return int(period["first_sample"]), float(sent_s)
 
     def learn_time(self, page: ReceivedPage, near: GalileoTime) -> GalileoTime | None:
-        """Return the time of transmission of a page, and store this time; None if the word of the page has no time.
+        """Return the time of transmission of a page from its word, and set `zero`; None if the word has no time.
 
         Parameters
         ----------
@@ -136,7 +136,7 @@ class ChannelTrack:
         return start
 
     def observables(self, samples: Float[np.ndarray, " n"]) -> Observables:
-        """Return the observables of the channel at some moments.
+        """Return the observables of the channel at the given moments.
 
         Parameters
         ----------
@@ -173,7 +173,7 @@ class ChannelTrack:
         return np.sum(self._banks[max(end - PERIODS_PER_SECONDARY, 0) : max(end, 0)], axis=0)
 
     def _cycles(self, samples: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the cycles of the carrier less the cycles of its nominal frequency."""
+        """Return the carrier phase at the given samples in cycles, minus the phase of the nominal frequency."""
         past = self._past
         row: Int64[np.ndarray, " n"] = np.maximum(np.searchsorted(past["first_sample"], samples, side="right") - 1, 0)
         turned = past["carrier_cycles"][row] + (samples - past["first_sample"][row]) * past["carrier_step"][row]

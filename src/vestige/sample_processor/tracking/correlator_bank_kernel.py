@@ -1,8 +1,8 @@
-"""The compiled inner loops of a tracking channel, which correlate samples with the replicas of E1-C and E1-B.
+"""Correlate samples with the replicas of E1-C and E1-B, in the compiled inner loops of a tracking channel.
 
 Theory of operation
 -------------------
-**Running sums.** A replica has one value from one edge of the code to the next edge. The replica BOC(1,1) has an edge
+**Running sums.** A replica is constant from one edge of the code to the next edge. The replica BOC(1,1) has an edge
 every half chip, so a segment contains about six samples at 12.5 MHz. A correlator needs only the sum of the samples of
 each segment, which is the difference of two running sums. The running sums are computed once for all satellites. The
 work for a satellite grows with the number of edges, and not with the sampling rate.
@@ -19,7 +19,7 @@ integer.
 
 **Precision.** Running sums are float32 and start again after at most `PIECE` samples. At 12.5 MHz the rounding of the
 sums is 116 dB below the noise of a code period. If the samples have a constant offset as strong as the noise, the
-rounding is 81 dB below.
+rounding is 81 dB below the noise.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"
@@ -64,10 +64,10 @@ def bank_replicas(
 
 
 def bank_vectors(lags: Int64[np.ndarray, " k"]) -> tuple[Int64[np.ndarray, " n"], Int64[np.ndarray, " k"]]:
-    """Return the first sample of each vector of the passes of `bank_sums`, and the position of each lag in the sums.
+    """Return the first sample of each vector of `bank_sums`, and the position of each lag in the sums of `bank_sums`.
 
-    A vector contains two samples, and consecutive correlators share a vector. The first pass contains the lag 0 in
-    `DATA_VECTOR`.
+    A vector contains two samples, and consecutive correlators share a vector. Each call of `bank_sums` processes
+    `VECTORS` vectors. In the first call, the vector `DATA_VECTOR` contains the lag 0.
     """
     dense = bool(np.all(np.diff(lags) == 1))
     wanted = sorted({int(lag) // 2 * 2 if dense else int(lag) for lag in lags} | {0}, key=abs)
@@ -79,7 +79,7 @@ def bank_vectors(lags: Int64[np.ndarray, " k"]) -> tuple[Int64[np.ndarray, " n"]
 
 @njit(cache=True, nogil=True)
 def bank_workspace():
-    """Return arrays for `running_sums` and `add_to_bank`: running sums, edges, carrier, and sums of a pass."""
+    """Return arrays for `running_sums` and `add_to_bank`: running sums, edges, carrier, and sums of `bank_sums`."""
     return (
         np.zeros(2 * (PIECE + 1 + 2 * _PAD), np.float32),
         np.empty(_SEGMENTS + 1, np.int32),
@@ -90,7 +90,7 @@ def bank_workspace():
 
 @njit(cache=True, nogil=True)
 def piece_length(step, lags):
-    """Return the largest number of samples whose segments fit the workspace.
+    """Return the largest number of samples of a piece whose segments fit the workspace.
 
     The argument `step` is in segments per sample, and `lags` are in samples.
     """
@@ -118,7 +118,7 @@ def _carrier(cycles_per_place, carrier):
 
 @njit(cache=True, nogil=True)
 def running_sums(x, first_sample, shift, work):
-    """Fill the running sums of at most `PIECE` samples.
+    """Compute the running sums of at most `PIECE` samples, and store these sums in `work`.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def _sum_at(sums, slot):
 
 @njit(cache=True, nogil=True)
 def _lag_turn(cycles_per_sample, lag):
-    """Return the rotation of the carrier over a lag, because the samples of a correlator come later by the lag."""
+    """Return the rotation of the carrier over a lag, by which the samples of a correlator are later."""
     angle = -2 * np.pi * cycles_per_sample * lag
     return complex(np.cos(angle), np.sin(angle))
 
@@ -256,7 +256,7 @@ def correlate_part(x, replicas, phase, step, cycles, cycles_per_sample, lags, st
     x
         float32[2 · n], real and imaginary parts of the samples in turn, all in one code period.
     replicas, phase, step, cycles, cycles_per_sample, lags, starts, slots, bank
-        These are arguments of `add_to_bank`. No frequency is removed from the samples.
+        Arguments with the same meaning as in `add_to_bank`. No frequency is removed from the samples.
     """
     work = bank_workspace()
     bank[:] = 0.0

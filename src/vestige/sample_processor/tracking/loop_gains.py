@@ -28,12 +28,13 @@ from scipy import optimize
 
 from vestige.errors import VestigeError
 
-_SHAPES = {1: (1.0, 0.0, 0.0), 2: (np.sqrt(2.0), 1.0, 0.0), 3: (2.4, 1.1, 1.0)}  # [KAPLAN06, Table 5.6]
+# factors b₁, b₂ and b₃ of the gains γ₁, γ₂ and γ₃, by the order of the loop [KAPLAN06, Table 5.6]
+_SHAPES = {1: (1.0, 0.0, 0.0), 2: (np.sqrt(2.0), 1.0, 0.0), 3: (2.4, 1.1, 1.0)}
 _LARGEST = {1: 1.3, 2: 0.8, 3: 0.45}  # largest useful x; above this x the loop oscillates too much
 
 
 def gains_of(order: int, x: float) -> tuple[float, float, float]:
-    """Return (γ₁, γ₂, γ₃) for x = ω T."""
+    """Return the gains (γ₁, γ₂, γ₃) of a loop of the given order for x = ω T."""
     first, second, third = _SHAPES[order]
     return first * x, second * x**2, third * x**3
 

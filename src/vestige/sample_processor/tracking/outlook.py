@@ -26,15 +26,15 @@ from vestige.navigation.position_fix import UNKNOWNS, position_fix, transmission
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
-HORIZON_DEG = -1.0  # satellites that are about to rise are also tried
-_SET_S = 60  # time in which a satellite sends one set of words 7 to 10
+HORIZON_DEG = -1.0  # smallest elevation; satellites that are about to rise are also searched first
+_SET_S = 60  # time in s in which a satellite sends one set of words 7 to 10
 _LOOK_S = 60.0
 _OTHERS_EVERY = 4  # one in four searches is for a satellite that is not known to be above the horizon
 _ORBIT_SIGMA_M = 1e4
 
 
 class Outlook:
-    """Satellites above the receiver's horizon, by the almanac in the message and the receiver's own ranges.
+    """Chooser of the next searched satellite, from the almanac in the message and the receiver's own ranges.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Outlook:
                 self._orbits[entry.svid] = entry.ephemeris(found.t0a)
 
     def locate(self, epoch: ObservationEpoch) -> None:
-        """Compute the position from the ranges of an epoch, if the almanac has at least four of the satellites."""
+        """Compute the position from the ranges of an epoch, if the almanac has four or more satellites of the epoch."""
         svids = sorted(self.known & set(epoch.observations))
         if len(svids) < UNKNOWNS:
             return
@@ -86,7 +86,7 @@ class Outlook:
             self.position_m = fix.position_m[0]
 
     def elevation_deg(self, svid: int, time: GalileoTime) -> float:
-        """Return the elevation of a satellite in degrees; NaN if its almanac or the position is unknown."""
+        """Return the elevation of a satellite in degrees; NaN if its almanac or the receiver's position is unknown."""
         if self.position_m is None or svid not in self._orbits:
             return float("nan")
         rest = np.zeros((1, 3))
@@ -97,8 +97,8 @@ class Outlook:
     def next_search(self, unseen: Collection[int], time: GalileoTime) -> int | None:
         """Return the satellite to look for next; None if all satellites are tracked.
 
-        Three of four searches are for satellites above `HORIZON_DEG`, if any of these satellites is untracked. In each
-        of the two groups, the satellite with the oldest search comes first.
+        Three of four searches are for satellites above `HORIZON_DEG`, if any of these satellites is untracked. The
+        fourth search is for the other satellites. In each group, the satellite with the oldest search comes first.
 
         Parameters
         ----------

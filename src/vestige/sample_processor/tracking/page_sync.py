@@ -3,8 +3,8 @@
 Each code period of E1-B carries one symbol, so the code loop also gives the clock of the symbols. Every Galileo second
 begins with a half-page and with a period of the secondary code of E1-C. So a page can begin at only 20 of 500
 positions. At each position, the sign of the symbols follows from the synchronisation pattern. The checksum tells
-whether the position is right [OS-ICD, 4.3.2]. After that, pages are read every 500 symbols, until `LOST_PAGES` in a row
-have a bad checksum.
+whether the position is right [OS-ICD, 4.3.2]. After that, a page is read every 500 symbols, until `LOST_PAGES` pages in
+a row have a bad checksum.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from vestige.navigation.inav.page import InavPage
 from vestige.sample_processor.tracking.settings import PERIODS_PER_SECONDARY
 from vestige.time import GalileoTime
 
-LOST_PAGES = 15  # after 30 s without a good page, the position of the pages is searched again
+LOST_PAGES = 15  # number of bad pages in a row (30 s) after which the position of the pages is searched again
 _PATTERN = 1.0 - 2.0 * np.array(SYNC_PATTERN, np.float64)
 _MAX_SYNC_ERRORS = 3  # largest number of wrong symbols in the two patterns (20 symbols) of a decoded page
 _ANY_TIME = GalileoTime(0, 1)  # placeholder for the start of a page whose time is not known yet
@@ -27,7 +27,7 @@ _ANY_TIME = GalileoTime(0, 1)  # placeholder for the start of a page whose time 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceivedPage:
-    """A page with a good checksum."""
+    """I/NAV page with a good checksum."""
 
     period: int  # number of the channel's code period at which the page begins
     data: bytes  # 30 bytes, the even half first
@@ -35,7 +35,7 @@ class ReceivedPage:
 
 @dataclass(slots=True, kw_only=True)
 class PageSync:
-    """Reader that takes the E1-B prompts of one channel in order and returns their pages.
+    """Reader that takes the E1-B prompts of one channel in order and returns the I/NAV pages in these prompts.
 
     Attributes
     ----------
@@ -55,13 +55,13 @@ class PageSync:
     _bad: int = 0  # number of consecutive pages with a bad checksum
 
     def take(self, numbers: Int64[np.ndarray, " n"], prompts: Complex[np.ndarray, " n"]) -> list[ReceivedPage]:
-        """Return the pages that are complete with the next prompts.
+        """Take the next prompts, and return the pages that end in these prompts.
 
         Parameters
         ----------
         numbers
-            Numbers of the code periods, which continue the numbers of the last call. A secondary code begins at
-            multiples of 25.
+            Numbers of the code periods. After a gap in the numbers, the position of the pages is searched again. A
+            secondary code begins at multiples of 25.
         prompts
             Prompts of E1-B, with the carrier locked to E1-C.
         """

@@ -1,9 +1,9 @@
-"""Detect replayed E1-B symbols from correlations over their beginnings.
+"""Detect replayed E1-B symbols from correlations over the beginnings of the symbols.
 
 An attacker who replays E1-B without delay has to estimate each unpredictable symbol while the symbol arrives. So the
-beginning of a symbol is wrong more often than its rest [SECO-GRANADOS20]. A receiver that tracks E1-B correlates the
-beginning and the rest of each symbol. The receiver removes the sign of the decoded symbol, and compares the beginnings
-with one of two references.
+beginning of a symbol is wrong more often than the rest of the symbol [SECO-GRANADOS20]. A receiver that tracks E1-B
+correlates the beginning and the rest of each symbol. The receiver removes the sign of the decoded symbol, and compares
+the beginnings with one of two references.
 
 **The later parts of the same symbols** (`symbol_replay_test`). Let the signal have the amplitude 1 and C/N0 = c. The
 mean over a part of w seconds then has noise of variance 1/(2 c w) per dimension. For n unpredictable symbols b_k, with
@@ -11,23 +11,23 @@ the carrier in phase, the test uses
 
     d_k = b_k Re(later_k − first_k)        T = √n mean(d) / std(d)
 
-Without an attack d_k is Gaussian of mean 0. So T has Student's distribution with n − 1 degrees of freedom, for any C/N0
-and signal strength. The test raises an alarm if T > t, where P(T > t) = P_fa. A narrow filter of the front end affects
-the first chips of a symbol differently from the average chip. With such a filter the mean of d_k is not 0, and the
-threshold is not exact.
+Without an attack d_k is Gaussian with mean 0. So T has Student's distribution with n − 1 degrees of freedom, for any
+C/N0 and signal strength. The test raises an alarm if T > t, where P(T > t) = P_fa. A narrow filter of the front end
+affects the first chips of a symbol differently from the average chip. With such a filter the mean of d_k is not 0, and
+the threshold is not exact.
 
-**The beginnings of predictable symbols** (`predictable_reference_test`). The attacker knows predictable symbols in
-time, so their beginnings are as strong as the rest. The filter has the same effect on predictable and unpredictable
-symbols, so the effect cancels. `vestige.theory.scer.partial_correlations` has the metrics of this test, the thresholds,
-and the detection probabilities of both tests.
+**The beginnings of predictable symbols** (`predictable_reference_test`). The attacker knows predictable symbols before
+they arrive, so their beginnings are as strong as the rest. A filter has the same effect on predictable and
+unpredictable symbols, so the effect of the filter cancels. `vestige.theory.scer.partial_correlations` has the metrics
+of this test, the thresholds, and the detection probabilities of both tests.
 
 **Unpredictable symbols** are symbols that nobody can know before reception. An attacker knows all other symbols.
 `unpredictable_symbols` returns the 32 unpredictable symbols among the 500 symbols of an I/NAV page. An OSNMA subframe
 of 30 s has 480 unpredictable symbols.
 
 **Limit of the tests**: the tests cannot detect a spoofing signal whose delay gives the attacker enough time to learn a
-symbol. The same tests on chips of E6-C are not possible. The attacker estimates a whole chip of 195 ns and transmits
-the estimate when the chip is over. So all parts of a transmitted chip are equally good.
+symbol. Tests of this kind are not possible with chips of E6-C. The attacker estimates a whole chip of 195 ns and
+transmits the estimate when the chip is over. So all parts of a transmitted chip are equally good.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ MIN_SYMBOLS = 10  # smallest number of symbols in a test; fewer symbols do not g
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartialPrompts:
-    """Mean correlations of the two parts of E1-B symbols, over n code periods.
+    """Mean correlations of the two parts of E1-B symbols, for n code periods.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ def partial_prompts(
 
 
 def replay_threshold(n_symbols: int, p_fa: float) -> float:
-    """Return t with P(T > t) = p_fa for n symbols of an authentic signal.
+    """Return the threshold t of `symbol_replay_test`, with P(T > t) = p_fa for n symbols of an authentic signal.
 
     Examples
     --------
@@ -167,8 +167,9 @@ def symbol_replay_test(
     first, later
         Mean correlations of the two parts of each symbol, with the carrier in phase (`PartialPrompts`).
     symbols
-        The symbols, ±1, as in a page with a good checksum; a wrong sign of all symbols together does not matter. With
-        None, the test uses the sign of the later part. This sign is reliable if the C/N0 of E1-B is 33 dBHz or more.
+        Symbols of ±1 from a page with a good checksum; a wrong sign of all symbols together does not matter. If
+        `symbols` is None, the test uses the sign of the later part of each symbol. This sign is reliable if the C/N0 of
+        E1-B is 33 dBHz or more.
     p_fa
         False-alarm probability.
 
@@ -213,10 +214,11 @@ def predictable_reference_test(
         Correlations and symbols as in `symbol_replay_test`, for predictable and unpredictable symbols. The later parts
         give the amplitude.
     unpredictable
-        Symbols that nobody can predict.
+        Mask of the symbols that nobody can predict.
     metric
-        Comparison of the two means. `real` has an exact threshold and needs a carrier in phase. `distance`,
-        `magnitudes` and `ratio` do not depend on the carrier's phase.
+        Comparison of the mean of the unpredictable symbols with the mean of the predictable symbols. `real` has an
+        exact threshold and needs a carrier in phase. `distance`, `magnitudes` and `ratio` do not depend on the
+        carrier's phase.
     p_fa
         False-alarm probability, below 0.5.
 
@@ -250,7 +252,7 @@ def predictable_reference_test(
 
 
 def _signs(later: Complex128[np.ndarray, " n"], symbols: Float[np.ndarray, " n"] | None) -> Float[np.ndarray, " n"]:
-    """Return the symbols, with their common sign taken from the later parts."""
+    """Return the symbols, with the common sign of the later parts; without symbols, the sign of each later part."""
     return np.sign(later.real) if symbols is None else symbols * np.sign(np.sum(symbols * later.real))
 
 

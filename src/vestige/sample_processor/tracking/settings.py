@@ -1,4 +1,4 @@
-"""Settings of E1 tracking, with the usual names and values of the field."""
+"""Define the settings of E1 tracking, with the usual names and values of the field."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class TrackingSettings:
     pll_order
         Order of the phase-locked loop, 2 or 3. A loop of order 3 follows a constant acceleration without a phase error.
     fll_bandwidth_hz
-        Initial noise bandwidth in Hz of the frequency-locked loop for the pull-in of the carrier. The bandwidth then
-        decreases.
+        Initial noise bandwidth in Hz of the frequency-locked loop for the pull-in of the carrier. The bandwidth
+        decreases during the pull-in.
     dll_bandwidth_hz
         One-sided noise bandwidth of the delay-locked loop in Hz. The carrier aids this loop, so the loop only follows
         differences between code and carrier: ionosphere, multipath, noise.
     pll_discriminator
         Measure of the phase error, from the in-phase part I and the quadrature part Q of the prompt. `normalized
         quadrature` is Q/A with the smoothed amplitude A, linear in the noise. `arctan2` is the angle of the prompt,
-        linear up to half a cycle. `arctan` is arctan(Q/I), which does not see a phase error of half a cycle.
+        linear up to half a cycle. `arctan` is arctan(Q/I), which ignores a phase error of half a cycle.
     dll_discriminator
         Measure of the code error, from the early, prompt and late correlators. `early-minus-late power` is |L|² − |E|².
         `dot product` is Re((L − E) P*), which is less noisy because the prompt is stronger.
@@ -45,9 +45,9 @@ class TrackingSettings:
         Number of correlators in the bank, 5 to 11 and odd. The correlators are spaced around the prompt by half of the
         early-late distance.
     replica
-        `BOC(1,1)`, for narrow front ends, or `CBOC`, with the BOC(6,1) part, for bands wider than 14 MHz.
+        Replica of the correlators: `BOC(1,1)` for narrow front ends, or `CBOC` (with BOC(6,1)) for more than 14 MHz.
     pull_in_s
-        Time for which the FLL runs before the PLL takes over.
+        Time in s for which the frequency-locked loop runs before the phase-locked loop starts.
     min_cn0_dbhz, min_phase_lock
         Lower limits of C/N0 and phase lock (mean of cos 2φ, over about 0.3 s). A channel that stays below one of the
         two limits for `patience_s` is lost.

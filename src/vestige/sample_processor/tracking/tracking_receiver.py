@@ -8,8 +8,9 @@ fractions of a second of the receiver's clock.
 
 The time of transmission becomes known in steps. The secondary code gives the time of transmission modulo 100 ms. The
 message gives the complete time after up to 30 s. Until a message of some satellite has given the time, the receiver's
-clock resolves the ambiguity (`time_tag_error_s`). After that, the median of the satellites with a known time resolves
-the ambiguity of all other satellites. The median is close enough, because the travel times differ by less than 25 ms.
+clock resolves the ambiguity of 100 ms (`time_tag_error_s`). After that, the median of the satellites with a known time
+resolves the ambiguity of all other satellites. The median is close enough, because the travel times differ by less than
+25 ms.
 """
 
 from __future__ import annotations
@@ -42,9 +43,9 @@ EPOCHS_PER_S = 10
 TRACKED_STRETCH_S = 0.2
 _SEARCHED_PERIODS = 8  # number of code periods in which satellites are searched; 8 periods are enough for 30 dBHz
 _LOST_EVERY = 5  # number of stretches from a search for lost satellites to the next search
-_LARGEST_SAMPLE = 1e12  # the sum of the squares of a second of such samples is far below the largest float32
-_FORGOTTEN_S = 120.0  # time after which a lost satellite counts as untracked, because its Doppler has changed
-_MAX_WAITING = 60  # number of pages of a satellite that wait for the time, sent in two minutes
+_LARGEST_SAMPLE = 1e12  # limit of a sample; the sum of squares over a second is then far below the largest float32
+_FORGOTTEN_S = 120.0  # time in s after which a lost satellite counts as untracked, because its Doppler has changed
+_MAX_WAITING = 60  # largest number of pages of a satellite that wait for the time: the pages of two minutes
 _LOST_SPAN_HZ = 500.0  # half width of the search around the last Doppler of a lost satellite, in 100 ms of samples
 
 
@@ -65,19 +66,19 @@ class TrackingReceiver:
     svids
         SVIDs of the searched satellites.
     settings
-        Loop settings, the same for all channels.
+        Settings of the tracking loops, which are equal for all channels.
     bandwidth_hz
         Two-sided bandwidth of the front end in Hz; None for the sampling rate.
     time_tag_error_s
         Known error of the samples' time tag in s, positive if the time tag is ahead of Galileo System Time.
     epochs_per_s
-        Number of observations per second.
+        Number of observation epochs per second.
     workers
-        Number of threads.
+        Number of threads that track the channels.
     search_every_s
-        Time between two searches for an untracked satellite.
+        Time in s between two searches for an untracked satellite.
     outlook
-        Choice of the next searched satellite, from the almanac of the message and the position of the receiver.
+        Object that chooses the next searched satellite, from the almanac of the message and the receiver's position.
     """
 
     svids: tuple[int, ...] = tuple(range(1, MAX_SVID + 1))
@@ -113,7 +114,7 @@ class TrackingReceiver:
                 yield self.track(piece, pool)
 
     def track(self, piece: SampleBatch, pool: Executor | None = None) -> TrackedStretch:
-        """Return the results of one stretch of samples.
+        """Track one stretch of samples, and return observations and pages.
 
         Parameters
         ----------
@@ -200,7 +201,7 @@ class TrackingReceiver:
             self._waiting.pop(measured.svid, None)
 
     def _forget_lost(self) -> None:
-        """Forget the satellites that were lost long ago, so that they are searched like satellites never seen."""
+        """Forget satellites that were lost long ago, so that they are searched like satellites never tracked."""
         lost = {svid for svid, track in self.tracks.items() if track.channel.lost}
         self._lost_at = {svid: self._lost_at.get(svid, self._stretch) for svid in sorted(lost)}
         for svid, stretch in tuple(self._lost_at.items()):
@@ -209,7 +210,7 @@ class TrackingReceiver:
                 self._waiting.pop(svid, None)
 
     def _place(self, pages: dict[int, list[ReceivedPage]], whole: SampleBatch) -> list[InavPage]:
-        """Return the pages whose time of transmission is known."""
+        """Return the pages whose time of transmission is known, including earlier pages that waited for the time."""
         for svid, received in pages.items():
             track = self.tracks[svid]
             for page in received:
@@ -231,7 +232,7 @@ class TrackingReceiver:
         return sorted(placed, key=lambda page: (page.time, page.svid))
 
     def _learn_clock(self, whole: SampleBatch) -> None:
-        """Learn the error of the time tag from the satellites whose message has given the time."""
+        """Estimate the error of the time tag from the satellites whose message has given the time."""
         errors_s = []
         for track in self._alive():
             newest = track.newest()
@@ -331,13 +332,13 @@ def _usable(samples: Complex64[np.ndarray, " n"]) -> tuple[Complex64[np.ndarray,
 
 
 def recut(batches: Iterable[SampleBatch], duration_s: float) -> Iterator[SampleBatch]:
-    """Yield the same samples in pieces of equal length; the last piece before the end or a gap may be shorter.
+    """Yield samples in pieces of equal length; the last piece before the end or a gap may be shorter.
 
     Parameters
     ----------
     batches
-        Samples in their original order. There is a gap if the number of a piece's first sample does not follow the last
-        number of the previous piece.
+        Samples in their original order. A gap is a place where a batch does not begin at the sample after the previous
+        batch.
     duration_s
         Length of a piece in s.
     """

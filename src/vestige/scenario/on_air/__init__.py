@@ -1,1 +1,1 @@
-"""Scenario tables for the broadcast of the satellites, and for its delay in the atmosphere."""
+"""Define the tables of a scenario for the OSNMA broadcast and for the delays in the atmosphere."""

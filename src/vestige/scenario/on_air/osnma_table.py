@@ -1,4 +1,4 @@
-"""The table `[osnma]` of a scenario: events and keys of the OSNMA operator."""
+"""Define the table `[osnma]` of a scenario: events and keys of the OSNMA operator."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ Seconds = Annotated[float, Field(ge=0, le=1e9)]
 
 
 class OsnmaEventTable(Section):
-    """An event of the OSNMA operator; its times are starts of subframes, in s after the start of the scenario.
+    """Event of the OSNMA operator; the times of the event are starts of subframes in s after the scenario's start.
 
     Attributes
     ----------
     kind
         Kind of the event.
     start_s
-        Time from which the event is on air.
+        Time from which the satellites announce the event.
     in_force_s
-        Time from which the new chain or key is in force.
+        Time from which the new chain or key is in force; None if no new chain or key comes into force.
     stop_s
-        Time from which the status is nominal again, or OSNMA is silent after an alert.
+        Time from which the status is nominal again, or OSNMA is silent after an alert; None if the event does not end.
     svids
-        SVIDs of the satellites without OSNMA, for a silence only; an empty list means all satellites.
+        SVIDs of the satellites without OSNMA, only for the kind `silence`; an empty list means all satellites.
     """
 
     kind: OsnmaEventKind
@@ -50,9 +50,11 @@ class OsnmaEventTable(Section):
     svids: tuple[Annotated[int, Field(ge=1, le=MAX_SVID)], ...] = ()
 
     def event(self, place: str, start: GalileoTime, duration_s: float) -> OsnmaEvent:
-        """Return the event of a scenario that starts at `start` and lasts for `duration_s`.
+        """Return the OSNMA event with its times in GST, for a scenario that starts at `start`.
 
-        Raises `InconsistentSettingsError` with a key of the table `place` if the event does not fit.
+        Raises `InconsistentSettingsError` if a key does not belong to the kind of event, or the times are not in order.
+        `InconsistentSettingsError` is also raised if a time is not the start of a subframe within `duration_s`. The
+        error names the key in the table `place`.
         """
         kind = self.kind
         for key, allowed in (("in_force_s", kind.has_step_2), ("stop_s", kind.has_end)):
@@ -101,15 +103,15 @@ class OsnmaEventTable(Section):
 
 
 class OsnmaTable(Section):
-    """The OSNMA operator of a scenario; by default the keys follow from the seed, and there are no events.
+    """OSNMA operator of a scenario; by default the keys follow from the seed, and there are no events.
 
     Attributes
     ----------
     event
         Events of the broadcast, each in a table `[[osnma.event]]`.
     private_key
-        PEM file of the signing key, for the curve P-256 and without a password. A relative path starts at the scenario
-        file.
+        PEM file of the signing key, for the curve P-256 and without a password. A relative path starts at the folder of
+        the scenario file.
     merkle_tree
         XML file of a Merkle tree that contains the public key of `private_key`. By default the operator makes a tree
         with this public key.
@@ -122,7 +124,7 @@ class OsnmaTable(Section):
     _key: OperatorKey | None = PrivateAttr(None)
 
     def model_post_init(self, context: Any) -> None:
-        """Read the files of the keys; the context of the validation gives the folder of the scenario."""
+        """Read the files of the private key and the Merkle tree; `context` gives the folder of the scenario file."""
         folder = context["folder"] if context else Path()
         if self.private_key is None:
             if self.merkle_tree is not None:
@@ -144,14 +146,14 @@ class OsnmaTable(Section):
     @computed_field  # type: ignore[prop-decorator]
     @cached_property
     def key_sha256(self) -> str | None:
-        """Digest of the private key and the Merkle tree, which are part of the scenario's identity."""
+        """SHA-256 digest of the private key and the Merkle tree, which are part of the scenario's identity."""
         return None if self._key is None else hashlib.sha256(repr(self._key).encode()).hexdigest()
 
     def service(self, start: GalileoTime, duration_s: float) -> OsnmaService:
-        """Return the actions of the operator in a scenario that starts at `start` and lasts for `duration_s`.
+        """Return events and key of the operator in a scenario that starts at `start` and lasts for `duration_s`.
 
-        Raises `InconsistentSettingsError` if an event does not fit into the run, or begins before another event ends.
-        The same error is raised if an event needs a key that the operator does not have.
+        Raises `InconsistentSettingsError` if an event does not fit into the run, begins before another event ends, or
+        needs a key that the operator does not have.
         """
         events = tuple(
             table.event(f"osnma.event.{number}", start, duration_s) for number, table in enumerate(self.event)

@@ -1,1 +1,1 @@
-"""Tables that a scenario file of a campaign may contain."""
+"""Define the tables that a scenario file of a campaign may contain."""

@@ -1,4 +1,4 @@
-"""The table of a measured ionosphere, whose residuals are in a file beside the scenario."""
+"""Define the table of a measured ionosphere, whose residuals are in a CSV file beside the scenario file."""
 
 from __future__ import annotations
 
@@ -17,14 +17,17 @@ from vestige.scenario.toml.toml_file import Section
 
 
 class EmpiricalIonosphereTable(Section):
-    """An `EmpiricalIonosphere` with its samples in a CSV file: the header `e6_minus_e1_m`, then a number in m per line.
+    """Table of an `EmpiricalIonosphere` whose samples are in a CSV file.
+
+    The file has the header `e6_minus_e1_m`. Each following line has a number in m.
 
     Attributes
     ----------
     path
-        Path of the file, relative to the scenario file.
+        Path of the CSV file, relative to the folder of the scenario file.
     correlation, tau_s, code_only
-        Kind of correlation in time, its correlation time in s, and whether the residual affects only the codes.
+        Kind of correlation in time, correlation time in s, and whether the residual delays only the codes and not the
+        carriers.
     """
 
     kind: Literal["empirical"]
@@ -36,18 +39,18 @@ class EmpiricalIonosphereTable(Section):
     _samples_m: Float[np.ndarray, " n"] = PrivateAttr()
 
     def model_post_init(self, context: Any) -> None:
-        """Read the samples; the context of the validation gives the folder of the scenario."""
+        """Read the samples from the CSV file; `context` gives the folder of the scenario file."""
         folder = context["folder"] if context else Path()
         self._samples_m = read_residuals(folder / self.path)
 
     @computed_field  # type: ignore[prop-decorator]
     @cached_property
     def samples_sha256(self) -> str:
-        """Digest of the samples, which are part of the scenario's identity."""
+        """SHA-256 digest of the samples, which are part of the scenario's identity."""
         return hashlib.sha256(self._samples_m.tobytes()).hexdigest()
 
     def model(self) -> EmpiricalIonosphere:
-        """Return the model of the ionosphere."""
+        """Return the model of the ionosphere that the table describes."""
         return EmpiricalIonosphere(
             samples_m=self._samples_m, correlation=self.correlation, tau_s=self.tau_s, code_only=self.code_only
         )

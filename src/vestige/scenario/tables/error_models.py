@@ -1,4 +1,4 @@
-"""The tables of a scenario for the errors of a receiver: models of vestige, their presets, or a user's models."""
+"""Define the tables for the errors of a receiver: models of vestige, their presets, or models that the user wrote."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Tables of a scenario whose kind is a user's own class: `kind = "my_module:MyAttack"`.
+"""Read tables of a scenario whose kind is a class that the user wrote, such as `kind = "my_module:MyAttack"`.
 
-The class is a frozen dataclass, and all other keys of the table are its fields. The other keys are checked like the
-keys of vestige's own kinds. An unknown key, a missing key or a value of another type gives a one-line error message
-with the position in the file.
+The class is a frozen dataclass, and all keys of the table except `kind` are fields of the class. These keys are checked
+like the keys of vestige's own kinds. An unknown key, a missing key or a value of the wrong type gives a one-line error
+message with the position in the file.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _SCHEMA = {
 
 
 class NamedKind(BaseModel):
-    """A table of a model from which only the kind is used."""
+    """Table of a model, of which only the key `kind` is used."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -46,9 +46,10 @@ class NamedKind(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class OrOwn:
-    """Annotation of a field with a model, whose table may name a user's own class in place of vestige's kinds.
+    """Annotation of a scenario key whose table may name a user's own class in place of a kind of vestige.
 
-    `base` is the protocol or base class that the class must have. With None, only the name is kept (`NamedKind`).
+    `base` is the protocol or base class that the user's class must have. If `base` is None, the class is not imported,
+    and only its name is kept (`NamedKind`).
     """
 
     base: type | None
@@ -61,7 +62,7 @@ class OrOwn:
         return core_schema.tagged_union_schema({OURS: ours, OWN: own}, discriminator=whose)
 
     def _made(self, value: Any, info: ValidationInfo) -> Any:
-        """Return the object that a table describes."""
+        """Return the object that a table describes; an object that is not a table is returned unchanged."""
         if not isinstance(value, dict):
             return value  # a Python program gave the object itself
         kind = value["kind"]
@@ -83,7 +84,7 @@ class OrOwn:
 
 
 def named_part(kind: str, base: type, place: str = "") -> Any:
-    """Return the class that a kind names; an error is reported like an error in a value of a scenario."""
+    """Return the class `kind`; raise `InconsistentSettingsError` if the class does not exist or lacks `base`."""
     try:
         return part(kind, base)
     except OwnPartError as error:
@@ -101,7 +102,7 @@ def _tables(value: Any) -> Any:
 
 
 def whose(value: Any) -> str:
-    """Return `OWN` if a table or an object has a user's own kind, and `OURS` if the kind is a kind of vestige."""
+    """Return `OWN` if the kind of a table or object is a user's own class, and `OURS` if vestige defines the kind."""
     if isinstance(value, dict):
         return OWN if is_own(value.get("kind")) else OURS
     return OURS if type(value).__module__.partition(".")[0] in ("vestige", "builtins") else OWN

@@ -1,7 +1,7 @@
-"""Replace presets by the numbers of a model: `preset = "2014"` in a table means all numbers of that model.
+"""Replace a preset in a table, such as `preset = "2014"`, by all numbers of the model that the preset names.
 
-Other keys of the table replace single values of the preset. The table is expanded before the check, so the scenario
-contains the numbers and never the name.
+Other keys of the table replace single values of the preset. The preset is replaced before the table is validated, so
+the scenario contains the numbers and never the name of the preset.
 """
 
 from __future__ import annotations
@@ -15,24 +15,25 @@ from pydantic_core import CoreSchema, core_schema
 
 from vestige.scenario.toml.toml_file import InconsistentSettingsError
 
-_LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # range of the elevation of a preset, in degrees
+_LOWEST_DEG, _HIGHEST_DEG = 5.0, 90.0  # lowest and highest elevation of a preset in degrees
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Presets:
-    """Annotation of a field with a model, whose table may name a preset.
+    """Annotation of a scenario key whose table may name a preset in place of the numbers of a model.
 
-    `named` has the models by their names, which the key `preset` gives. `at_elevation` makes the model for an
-    elevation, which the key `elevation_deg` gives.
+    `named` gives the model for each value of the key `preset`. `at_elevation` gives the model for a value of the key
+    `elevation_deg`.
     """
 
     named: Mapping[str, Callable[[], Any]]
     at_elevation: Callable[[float], Any] | None = None
 
     def expand(self, table: Any) -> Any:
-        """Return a table with its preset replaced by numbers, or any other value unchanged.
+        """Return a table with its preset replaced by numbers; return any value without a preset unchanged.
 
-        Raises `InconsistentSettingsError` if the preset does not exist, or the table names two presets.
+        Raises `InconsistentSettingsError` if the preset does not exist, the elevation is outside 5 to 90°, or the table
+        has both `preset` and `elevation_deg`.
         """
         if not isinstance(table, dict) or not {"preset", *self._elevation} & table.keys():
             return table
@@ -67,7 +68,7 @@ class Presets:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         reference = handler(schema)
         model = handler.resolve_ref_schema(reference)
-        if "properties" not in model:  # the schema of `OrOwn`, with the model and the user's own class
+        if "properties" not in model:  # `OrOwn` makes a schema with two alternatives
             model = handler.resolve_ref_schema(model["oneOf"][0])
         keys: dict[str, Any] = {"preset": {"enum": list(self.named), "title": "Preset", "type": "string"}}
         if self.at_elevation is not None:

@@ -1,4 +1,4 @@
-"""The `[processor]` table of a campaign: the receiver's processing, and the data sheets of the receiver's parts."""
+"""Define the table `[processor]` of a campaign: settings of the processor, and data sheets of the sensors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _DETECTOR = {"anyOf": [{"enum": list(DETECTORS)}, {"type": "string", "pattern": 
 
 
 class OscillatorTable(Section):
-    """Data sheet of the receiver's oscillator, for the monitor of its clock; the default is the oscillator of [WFO]."""
+    """Data sheet of the receiver's oscillator, for the clock check; the default is the oscillator of [WFO]."""
 
     h0_s: Annotated[float, Field(ge=0, le=1e-15)] = TwoStateClock().h0_s
     h_minus_2_hz: Annotated[float, Field(ge=0, le=1e-15)] = TwoStateClock().h_minus_2_hz
@@ -46,12 +46,12 @@ class InertialTable(Section):
 
 
 class E6CarrierTable(Section):
-    """Table that turns on the monitors of the phase and of the fading of E6, at every level.
+    """Table that turns on the phase monitor and the fading monitor of E6, at every level.
 
-    The phase monitor and the fading monitor use the last `window` RECS of a satellite. `ray_life_s` is the lifetime of
-    a reflection in s. The lifetime is 0 if each RECS has other reflections. By default the lifetime is unknown, and the
-    thresholds allow for a lasting reflection. `change_mps` is the fastest change in m/s of the range difference E6 − E1
-    that the ionosphere causes.
+    The phase monitor and the fading monitor use the last `window` RECS of a satellite. `ray_life_s` is the duration of
+    a reflection in s. The duration is 0 if the reflections at different RECS are independent. By default the duration
+    is unknown, and the thresholds allow for a reflection of any duration. `change_mps` is the fastest change in m/s of
+    the range difference E6 − E1 that the ionosphere causes.
     """
 
     window: Annotated[int, Field(ge=4, le=1000)] = E6PhaseMonitor().window
@@ -60,31 +60,33 @@ class E6CarrierTable(Section):
 
 
 class ProcessorTable(Section):
-    """The processing of a campaign; vestige evaluates its two detectors, and `detector` gives the verdicts.
+    """Settings of the processor of a campaign.
 
-    `detector` may name a user's own class, `module:Name`, which is then evaluated in addition to the two detectors of
-    vestige. `checks` names a user's own checks, which are run after the checks of the levels.
+    vestige evaluates its two detectors, and the detector that `detector` names gives the verdicts. `detector` may name
+    a class `module:Name` that the user wrote. vestige evaluates a user's own detector in addition to the two detectors
+    of vestige. `checks` names checks that the user wrote, which are made after the checks of the level.
 
-    The bank has `n_taps` correlators around the predicted range. Further correlators at the same spacing lie up to
-    `early_reach_m` before the prediction.
+    The bank has `n_taps` correlators around the predicted range. Further correlators lie up to `early_reach_m` before
+    the predicted range. The distance between neighbouring correlators is `tap_spacing_m`.
 
-    `alarms_per_day` is the number of false alarms a day that the whole level may raise. All thresholds follow from this
-    number, including the limit of the range check. The number of consecutive E6 misses for an alarm also follows from
-    this number. Without this number, `kappa` gives the limit of the range check, and every single miss is an alarm.
+    `alarms_per_day` is the number of false alarms a day that all checks of the level together may raise. All thresholds
+    follow from this number, including the limit of the range check. The number of consecutive E6 misses for an alarm
+    also follows from this number. Without this number, `kappa` gives the limit of the range check, and every single
+    miss is an alarm.
 
     `search_s` is the time in s between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is
     the power of the reflections at 16° elevation, relative to the direct signal in dB. The check for a second signal
-    allows for reflections of this power. The expected misses of E6 also follow from this power. The values of this
-    table do not follow from the errors that a scenario gives its receiver. So a better or worse oscillator must also be
-    stated in this table.
+    allows for reflections of this power. The probability of a miss on E6 also follows from this power. The values of
+    this table do not follow from the errors that a scenario gives its receiver. So a better or worse oscillator must
+    also be stated in this table.
 
     `expected_cn0_e1_dbhz` and `expected_cn0_e6_dbhz` are the C/N0 that the receiver expects at the zenith. The defaults
     of these two C/N0 are the values of `[receiver]`, because a receiver knows its antenna. `e6_over_e1_db` is the
-    expected C/N0 of E6-C minus the expected C/N0 of E1-C, by default the difference of the two values above.
+    expected C/N0 of E6-C minus the expected C/N0 of E1-C, by default `expected_cn0_e6_dbhz` − `expected_cn0_e1_dbhz`.
     `expected_satellites` is the number of satellites that the receiver expects in view. By default this number is the
     number of satellites above the mask at the first epoch.
 
-    `e6_carrier` turns on the monitors of the phase and of the fading of E6, which are off by default.
+    `e6_carrier` turns on the phase monitor and the fading monitor of E6, which are off by default.
     """
 
     level: Literal[1, 2, 3] = 1
@@ -112,7 +114,7 @@ class ProcessorTable(Section):
     _own_checks: tuple[OwnCheck, ...] = PrivateAttr(())
 
     def model_post_init(self, _context: Any) -> None:
-        """Import the user's own detector and checks; worker processes get these classes through this table."""
+        """Import the detector and the checks that the user wrote; worker processes import these classes, too."""
         if is_own(self.detector):
             self._own_detector = named_part(self.detector, object, "detector")
         elif self.detector not in DETECTORS:
@@ -126,7 +128,7 @@ class ProcessorTable(Section):
 
     @property
     def detectors(self) -> dict[str, Callable[[], Detector]]:
-        """Factory of each evaluated detector by name: the two detectors of vestige, and the user's own detector."""
+        """Factory of each detector by its name: the two detectors of vestige, and a detector that the user wrote."""
         ours: dict[str, Callable[[], Detector]] = {
             name: partial(detector, spacing=self.spacing) for name, detector in DETECTORS.items()
         }
@@ -146,14 +148,14 @@ class ProcessorTable(Section):
 
     @model_serializer(mode="wrap")
     def _without_what_follows(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave κ out if κ follows from `alarms_per_day`, so that the written table can be read."""
+        """Write the table without κ if `alarms_per_day` is set, because a table with both values cannot be read."""
         table: dict[str, Any] = dump(self)
         if self.alarms_per_day is not None:
             table.pop("kappa", None)
         return table
 
     def processor(self, monitoring: MonitoringSettings | None = None) -> AcasProcessor:
-        """Return the processor that the table describes, with settings for the checks of levels 2 and 3."""
+        """Return the processor that the table describes; `monitoring` has the settings of checks at levels 2 and 3."""
         return AcasProcessor(
             level=self.level,
             detector=self.detectors[self.detector](),

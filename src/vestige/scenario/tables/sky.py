@@ -1,4 +1,4 @@
-"""The tables of a sky: `[constellation]` for the satellites, and `[trajectory]` for the receiver."""
+"""Define the tables `[constellation]` for satellites, `[trajectory]` for the receiver, and `[position]` for the fix."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _GRID_S = 60.0  # a satellite that is above the mask for a shorter time than 60 
 _MOST_TIMES = 3000
 _LARGEST_SPEED_MPS = 1000.0
 _LARGEST_ACCELERATION_MPS2 = 100.0  # 10 times the acceleration of gravity
-_AFTER_S = 1.0  # time in s after the last epoch, longer than the travel time of the signals
+_AFTER_S = 1.0  # duration in s of the trajectory after the last epoch, longer than the travel time of the signals
 
 Degrees = Annotated[float, Field(ge=-360, le=360)]
 Latitude = Annotated[float, Field(ge=-90, le=90)]
@@ -34,7 +34,7 @@ Height = Annotated[float, Field(ge=-1e4, le=1e6)]
 
 
 class Constellation(Section):
-    """Common base of all constellations.
+    """Base class of the tables `[constellation]` of all kinds.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Constellation(Section):
     ionosphere_common
         Share of the ionosphere's variance that all satellites have in common.
     svids
-        Satellites to simulate; an empty list means all.
+        SVIDs of the satellites to simulate; an empty list means all satellites of the constellation.
     """
 
     mask_deg: Annotated[float, Field(ge=0, le=89)] = 5.0
@@ -55,10 +55,10 @@ class Constellation(Section):
 
     @abstractmethod
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
-        """Return the ephemeris of each satellite."""
+        """Return the ephemeris that each satellite broadcasts at `start`."""
 
     def _why_missing(self, svid: int) -> str:
-        """Return the text of an error message for a satellite without ephemeris."""
+        """Return the SVID and the reason why a satellite has no ephemeris, for an error message."""
         return f"{svid}, which is not in the constellation"
 
     def chosen(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
@@ -77,17 +77,17 @@ class Constellation(Section):
 
 
 class WalkerConstellation(Constellation):
-    """Galileo's reference constellation, Walker 24/3/1."""
+    """Reference constellation of Galileo, Walker 24/3/1."""
 
     kind: Literal["walker"]
 
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
-        """Return the ephemeris of each available satellite."""
+        """Return the ephemeris of each satellite of the Walker constellation."""
         return walker_ephemerides(start)
 
 
 class RinexConstellation(Constellation):
-    """The satellites of a RINEX navigation file; a relative path starts at the scenario file.
+    """Satellites of a RINEX navigation file; a relative path starts at the folder of the scenario file.
 
     Satellites whose E1-B is out of service in the file are left out, because no receiver uses these satellites.
     """
@@ -98,17 +98,17 @@ class RinexConstellation(Constellation):
     _ephemerides: tuple[Ephemeris, ...] = PrivateAttr()
 
     def model_post_init(self, context: Any) -> None:
-        """Read the file; the context of the validation gives the folder of the scenario."""
+        """Read the RINEX file; `context` gives the folder of the scenario file."""
         self._ephemerides = read_rinex_navigation((context["folder"] if context else Path()) / self.path)
 
     @computed_field  # type: ignore[prop-decorator]
     @cached_property
     def ephemerides_sha256(self) -> str:
-        """Digest of the ephemerides, which are part of the scenario's identity."""
+        """SHA-256 digest of the ephemerides, which are part of the scenario's identity."""
         return hashlib.sha256(repr(self._ephemerides).encode()).hexdigest()
 
     def ephemerides(self, start: GalileoTime) -> tuple[Ephemeris, ...]:
-        """Return the ephemeris of each available satellite."""
+        """Return the ephemeris nearest to `start` of each healthy satellite."""
         near = nearest_ephemerides(self._ephemerides, start).values()
         found = tuple(one for one in near if one.healthy)
         if not found:
@@ -138,7 +138,7 @@ AnyConstellation = Annotated[WalkerConstellation | RinexConstellation, Field(dis
 
 
 class StaticTable(Section):
-    """A static receiver, given by latitude and longitude in degrees and by height above the ellipsoid in m."""
+    """Static receiver, given by latitude and longitude in degrees and by height above the ellipsoid in m."""
 
     kind: Literal["static"]
     latitude_deg: Latitude
@@ -146,14 +146,14 @@ class StaticTable(Section):
     height_m: Height = 0.0
 
     def trajectory(self, first_s: float, last_s: float) -> Trajectory:  # noqa: ARG002  (the receiver does not move)
-        """Return the trajectory of the receiver."""
+        """Return the trajectory of the static receiver."""
         return StaticTrajectory(
             latitude_deg=self.latitude_deg, longitude_deg=self.longitude_deg, height_m=self.height_m
         )
 
 
 class CircleTable(Section):
-    """A receiver that moves on a circle."""
+    """Receiver that moves on a circle at constant height and speed."""
 
     kind: Literal["circle"]
     latitude_deg: Latitude
@@ -171,7 +171,7 @@ class CircleTable(Section):
         return speed_mps
 
     def trajectory(self, first_s: float, last_s: float) -> Trajectory:  # noqa: ARG002  (a circle has no end)
-        """Return the trajectory of the receiver."""
+        """Return the trajectory on the circle."""
         return CircularTrajectory(
             latitude_deg=self.latitude_deg,
             longitude_deg=self.longitude_deg,
@@ -182,7 +182,7 @@ class CircleTable(Section):
 
 
 class WaypointsTable(Section):
-    """A receiver that passes through the waypoints of a CSV file; a relative path starts at the scenario file."""
+    """Receiver that moves through the waypoints of a CSV file; a relative path starts at the scenario file's folder."""
 
     kind: Literal["waypoints"]
     path: Annotated[str, Field(min_length=1)]
@@ -190,17 +190,21 @@ class WaypointsTable(Section):
     _points: Float[np.ndarray, "k 4"] = PrivateAttr()
 
     def model_post_init(self, context: Any) -> None:
-        """Read the file; the context of the validation gives the folder of the scenario."""
+        """Read the CSV file of waypoints; `context` gives the folder of the scenario file."""
         self._points = read_numeric_csv((context["folder"] if context else Path()) / self.path, WAYPOINTS)
 
     @computed_field  # type: ignore[prop-decorator]
     @cached_property
     def points_sha256(self) -> str:
-        """Digest of the waypoints, which are part of the scenario's identity."""
+        """SHA-256 digest of the waypoints, which are part of the scenario's identity."""
         return hashlib.sha256(self._points.tobytes()).hexdigest()
 
     def trajectory(self, first_s: float, last_s: float) -> Trajectory:
-        """Return the trajectory of the receiver."""
+        """Return the trajectory through the waypoints.
+
+        Raises `InconsistentSettingsError` if the waypoints do not cover the time from `first_s` to `last_s`, or if the
+        speed or the acceleration is too high.
+        """
         begin_s, end_s = float(self._points[0, 0]), float(self._points[-1, 0])
         if begin_s > first_s or end_s < last_s:
             raise InconsistentSettingsError(
@@ -232,13 +236,13 @@ class PositionTable(Section):
     ionosphere_common
         Share of the ionospheric variance that is assumed common to all satellites in the covariance of the fix.
     multipath_sigma_m
-        Standard deviation of multipath in m at 16° elevation; at other elevations the value follows the power of the
-        reflections.
+        Standard deviation of multipath in m at 16° elevation; the value at other elevations follows from the power of
+        the reflections.
     floor_sigma_m
         Standard deviation of all other errors in m.
     p_fa
-        Value without effect, because RAIM takes its share of the false alarms of a day. The key remains so that older
-        scenarios and results can be read.
+        Value without effect. The false-alarm probability of RAIM follows from the false alarms a day of the level. The
+        key remains so that older scenarios and results can be read.
     """
 
     ionosphere_sigma_m: Annotated[float, Field(ge=0, le=1000)] = 0.0

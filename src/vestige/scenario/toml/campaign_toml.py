@@ -11,24 +11,24 @@ from vestige.scenario.toml.toml_text import toml_text
 
 
 def campaign_toml(text: str) -> str:
-    """Return a scenario as TOML with all its defaults; `load_scenario` then gives a scenario with the same digest.
+    """Return a scenario as TOML with all its defaults, so that `load_scenario` reads a scenario with equal digest.
 
     `text` is the attribute `scenario` of the results, in JSON.
     """
     tables = json.loads(text)
     tables["attack"] = [_without_power(attack) for attack in tables["attack"]]
     if tables.get("constellation"):
-        del tables["line_of_sight"]  # a scenario with a sky has no table `line_of_sight`, not even the default
+        del tables["line_of_sight"]  # a scenario has either a constellation or a line of sight
     return toml_text(_stated(tables))
 
 
 def _without_power(attack: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an attack with -inf dB in place of a missing power, because JSON cannot express this number."""
+    """Return an attack with −inf dB in place of a missing power, because JSON cannot express −inf."""
     return {key: -math.inf if value is None and key.endswith("_db") else value for key, value in attack.items()}
 
 
 def _stated(value: Any) -> Any:
-    """Return tables without empty keys and without digests of files; in each table the key `kind` comes first."""
+    """Return tables without empty keys and without digests of files, with `kind` as the first key of each table."""
     if isinstance(value, list):
         return [_stated(inner) for inner in value]
     if not isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Translate renamed keys and values of scenario files. An old name works for one release, with a warning."""
+"""Translate old names of keys and values in scenario files; an old name works for one release, with a warning."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NEW_VALUES = {("scer", "symbols", "estimated"): "hard"}  # new value by kind, ke
 def with_new_names(value: Any) -> Any:
     """Return a TOML table with the new names of keys and values; warn of each old name.
 
-    A table of a user's own part (`kind = "module:Name"`) is not changed, because the user chose the names in the table.
+    A table of a user's own class (`kind = "module:Name"`) is not changed, because the user chose the names of its keys.
 
     Examples
     --------

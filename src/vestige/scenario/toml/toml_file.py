@@ -1,4 +1,4 @@
-"""Read TOML scenario files, with values from the command line, and report errors with their position in the file."""
+"""Read TOML scenario files, replace values by `--set` options, and report errors with their position in the file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vestige.crypto.file_toml import DEEPEST, parse_toml
 from vestige.errors import InputFileError, SettingError, VestigeError
 
 NOTHING = "none"  # value of a setting that removes a key
-OURS, OWN = "a kind of vestige", "a user's own kind"  # marks of pydantic between the keys in the position of an error
+OURS, OWN = "a kind of vestige", "a user's own kind"  # tags that pydantic adds to the keys in an error's position
 LARGEST_NUMBER = 1e15
 _MAX_FILE_BYTES = 1 << 20
 _BARE = re.compile(r"[A-Za-z_][\w.-]*(:[A-Za-z_]\w*)?", re.ASCII)
@@ -28,38 +28,38 @@ _POWER_OF_AN_ATTACK = re.compile(r"attack\.\d+\.\w+_db(\.level)?")
 
 
 class Section(BaseModel):
-    """A table of a scenario file, in which an unknown key is an error."""
+    """Table of a scenario file, in which an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class InconsistentSettingsError(SettingError):
-    """Error that reports values that do not fit together.
+    """Error for a value that is invalid, alone or together with other values of the scenario.
 
     `place` is the key with the error, relative to the checked table, for example `receiver.clock`.
     """
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file.
+    """Return the tables of a TOML file as a dictionary.
 
     Raises `InputFileError` if the file cannot be read, is not TOML, or has too many keys or tables (`parse_toml`).
     """
     try:
         return parse_toml(read_text(path, at_most=_MAX_FILE_BYTES, expected="a TOML file"))
-    except ValueError as error:  # tomllib raises this error for invalid TOML, and Python for integers of 5000 digits
+    except ValueError as error:  # `parse_toml` raises this error for invalid TOML and for integers of 5000 digits
         raise InputFileError(path, "TOML", str(error), "valid TOML") from error
 
 
 def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
     """Return the tables with values replaced; each setting is `table.key=value`, with the value in TOML.
 
-    A bare word is read as text: `fidelity=samples`, `processor.detector=my_module:MyDetector`.
+    A bare word is read as text, for example `fidelity=samples` or `processor.detector=my_module:MyDetector`.
 
-    TOML has no null value. So the bare word `none`, which is not a TOML value, removes a key or a whole table:
-    `receiver.multipath=none`. A removed key gets its default, and a removed model has no effect.
+    TOML has no null value. So the bare word `none`, which is not a TOML value, removes a key or a whole table, for
+    example `receiver.multipath=none`. A removed key gets its default, and a removed model is not simulated.
 
-    Raises `VestigeError` if a setting has another form, or the key to remove does not exist.
+    Raises `VestigeError` if a setting does not have the form `table.key=value`, or the key to remove does not exist.
     """
     result: dict[str, Any] = {key: _copy(value) for key, value in raw.items()}
     for setting in settings:
@@ -100,10 +100,10 @@ def _value(setting: str, text: str) -> Any:
 
 
 def _inside(place: Any, name: str) -> Any:
-    """Return the inner table `name` of a table; a missing inner table is made.
+    """Return the inner table `name` of a table; a missing inner table is created.
 
-    In an array of tables, `name` is the number of a table, counted from 0. The result is None if the array has no such
-    table.
+    In an array of tables, `name` is the number of a table, counted from 0. The result is None if the array has no table
+    with this number.
     """
     if isinstance(place, dict):
         return place.setdefault(name, {})
@@ -118,12 +118,12 @@ def _copy(value: Any) -> Any:
 
 
 def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> Any:
-    """Return the object that the tables describe, or raise the first error with its position.
+    """Return the object that the tables describe, or raise an `InputFileError` with the position of the first error.
 
     Strings and Boolean values are not converted to numbers. The models have tuples and objects where TOML and JSON have
     lists and tables, so the tables are validated as JSON.
 
-    Raises `InputFileError` for an unknown key, a missing key, or a value of another type or outside its range.
+    Errors are an unknown key, a missing key, a value of the wrong type, and a value outside its range.
     """
     _check_values(raw, "", path)
     try:
@@ -134,10 +134,10 @@ def validated(adapter: TypeAdapter[Any], raw: Mapping[str, Any], path: Path) -> 
 
 
 def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> InconsistentSettingsError:
-    """Return the first error in the tables, in the words of vestige.
+    """Return the first error of a validation by pydantic as an error of vestige, with position and expected value.
 
-    A misspelt key gives two errors: an unknown key and a missing key. The unknown key is reported, because this error
-    shows the misspelling.
+    A misspelt key gives two errors: an unknown key and a missing key. The unknown key is reported, because it shows the
+    misspelling.
     """
     first = min(error.errors(), key=lambda one: one["type"] not in _UNKNOWN_KEY)
     place = _place(raw, first["loc"])
@@ -168,7 +168,7 @@ def misfit_of(error: ValidationError, adapter: TypeAdapter[Any], raw: Mapping[st
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 _KEYS_LISTED = "`vestige check --schema` and docs/scenarios.md list them"
 _NUMBER, _WHOLE, _TRUTH = "a number", "a whole number", "true or false"
-# expected value in the words of vestige, by the type of the pydantic error
+# text that describes the expected value, by the type of the pydantic error
 _EXPECTED = {
     "missing": "a value: the key is needed",
     "greater_than_equal": "at least {ge:g}",
@@ -211,7 +211,7 @@ def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], raw: Map
             _NUMBER,
             _WHOLE,
             _TRUTH,
-        ):  # "40" looks like a number without its quotes
+        ):  # the text "40" would look like a number in a message without quotes
             found = f'the text "{found}"'
         return found, expected.format(**first.get("ctx", {}))
     if isinstance(found, dict):
@@ -220,12 +220,12 @@ def _found_and_expected(first: ErrorDetails, adapter: TypeAdapter[Any], raw: Map
 
 
 def _inside_of(raw: Any, part: int | str) -> bool:
-    """Return whether a part of a position is a key or a number in the file, and not the name of a kind."""
+    """Return whether a part of a position is a key or an index in the file, and not a tag that pydantic adds."""
     return part in raw if isinstance(raw, dict) else isinstance(raw, list) and part in range(len(raw))
 
 
 def _table_of(raw: Any, loc: tuple[int | str, ...]) -> Mapping[str, Any]:
-    """Return the table at a position in the tables."""
+    """Return the table at the position of an error; the result is empty if there is no table at this position."""
     for part in loc:
         raw = raw[part] if _inside_of(raw, part) else raw
     return raw if isinstance(raw, dict) else {}
@@ -259,14 +259,14 @@ def _variants(schema: Mapping[str, Any], definitions: Mapping[str, Any], raw: An
 
 
 def _keys(schema: Any) -> set[str]:
-    """Return the keys of all tables of a JSON schema."""
+    """Return all keys that any table of a JSON schema may have."""
     if isinstance(schema, dict):
         return set(schema.get("properties", ())).union(*map(_keys, schema.values()))
     return set().union(*map(_keys, schema)) if isinstance(schema, list) else set()
 
 
 def _longer(beginning: str, keys: Iterable[str]) -> list[str]:
-    """Return the shortest key that begins with an incomplete key, such as `cn0_dbhz` for `cn0`; [] if none does."""
+    """Return a list with the shortest key that begins with `beginning` and `_`, such as `cn0_dbhz` for `cn0`."""
     return sorted((key for key in keys if key.startswith(f"{beginning}_")), key=lambda key: (len(key), key))[:1]
 
 
@@ -284,9 +284,9 @@ def _unknown_at_the_top(adapter: TypeAdapter[Any], raw: Mapping[str, Any]) -> tu
 
 
 def _check_values(value: Any, place: str, path: Path, depth: int = 0) -> None:
-    """Raise if a number is not finite or too large, a value is a bare date, or the nesting is too deep.
+    """Raise `InputFileError` if a number is infinite or too large, a value is a bare date, or the nesting is too deep.
 
-    Only the power of an attack may be infinite: −inf dB.
+    The power of an attack may be −inf dB.
     """
     if depth > DEEPEST:
         raise InputFileError(path, f"{place[:40]}…", "tables and lists in each other", f"at most {DEEPEST}")
@@ -313,7 +313,7 @@ def _place(raw: Any, loc: tuple[int | str, ...]) -> str:
         if part in (OURS, OWN) or (isinstance(raw, dict) and part not in raw and raw.get("kind") == part):
             continue
         if isinstance(raw, str | int | float):
-            break  # the rest of the position lists the possible kinds
+            break  # the rest of the position contains only the possible kinds
         parts.append(str(part))
         inside = raw.get(part) if isinstance(raw, dict) else None
         raw = raw[part] if isinstance(raw, list) and isinstance(part, int) and part < len(raw) else inside

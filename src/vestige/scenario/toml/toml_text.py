@@ -1,4 +1,4 @@
-"""Write TOML, because the standard library can only read TOML."""
+"""Write tables as TOML text, because Python's standard library can only read TOML."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:
-    """Return tables as TOML text, from which `read_toml` gives equal tables."""
+    """Return tables as TOML text; `read_toml` reads equal tables from a file with this text."""
     return "\n".join(_lines(tables, ())) + "\n"
 
 

@@ -1,1 +1,1 @@
-"""Theory of security code estimation and replay: the attacker's estimates, and their detection."""
+"""Compute how well an attacker estimates security codes, and how well a receiver detects the replay of estimates."""

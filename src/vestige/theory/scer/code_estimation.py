@@ -1,4 +1,4 @@
-"""Compute how well an attacker estimates unpredictable chips and symbols from the part that is already received.
+"""Compute how well an attacker estimates chips and symbols from the part of a signal that is already received.
 
 Security code estimation and replay (SCER) is an attack [HUMPHREYS13]. The attacker receives an unpredictable signal
 with a separate antenna. The attacker estimates the signs of this signal during reception, and transmits the estimates.
@@ -24,16 +24,16 @@ The share of the power of x that correlates with the true signs is ρ² = E[x s]
 The rest of the power is noise, which has 1/ρ² − 1 times the power of the part that correlates.
 
 **Chips of E6-C.** Each chip lasts 1/R_c = 195.5 ns, so Ec/N0 = C/N0 − 67.1 dB. Let the part of the spoofing signal that
-correlates have η times the power of the true signal. The rest is noise after the victim's correlator, because the wrong
-chips do not correlate. The density of this noise is
+correlates have η times the power of the true signal. The rest of the power is noise after the victim's correlator,
+because the wrong chips do not correlate. The density of this noise is
 
     N/N0 = η (Ec/N0 of the victim) (1/ρ² − 1)
 
 The density is η/G for a repeater whose C/N0 is G times the C/N0 of the victim. An attacker who repeats only the
 in-phase part halves the noise without any decision: 1/ρ² − 1 = 1/(2γ).
 
-**Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol. In this case t is the time since the symbol
-began.
+**Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol. For a symbol of E1-B, t is the time since
+the symbol began.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from vestige.theory.marcum_q import Reals
 Decision = Literal["hard", "soft"]
 Estimation = Literal["repeated", "hard", "soft"]
 
-# nodes and weights of the mean over a standard normal variable
+# nodes and weights with which the mean over a standard normal variable is computed
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(201)
 _WEIGHTS /= _WEIGHTS.sum()
 _LINE = np.linspace(-9.0, 9.0, 1801)  # values of a standard normal variable, for integrals over functions with a step
@@ -78,7 +78,7 @@ def sign_error_probability(energy_over_n0: Reals) -> Reals:
     Parameters
     ----------
     energy_over_n0
-        γ as a ratio, 0 or more.
+        γ = E/N0 of a sign as a ratio, 0 or more.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def matching_share(energy_over_n0: Reals, estimation: Estimation) -> Reals:
     Parameters
     ----------
     energy_over_n0
-        γ as a ratio, above 0.
+        γ = E/N0 of a sign as a ratio, above 0.
     estimation
         Chips or symbols that the attacker transmits: repeated, or hard or soft decisions.
 
@@ -126,13 +126,13 @@ def estimation_noise(victim_cn0_dbhz: float, reception_gain_db: float, estimatio
     victim_cn0_dbhz
         C/N0 of E6-C with the victim's antenna in dBHz.
     reception_gain_db
-        G, C/N0 of the attacker's reception over the C/N0 of the victim in dB.
+        G in dB, the C/N0 of the attacker's reception over the C/N0 of the victim.
     estimation
         Chips or symbols that the attacker transmits: repeated, or hard or soft decisions.
 
     Examples
     --------
-    With a dish antenna of 25 dB gain, hard decisions make the noise a fifth of a repeater's noise.
+    With a dish antenna of 25 dB gain, the noise of hard decisions is a fifth of a repeater's noise.
 
     >>> [f"{10 * np.log10(estimation_noise(45.0, 25.0, name)):.1f} dB" for name in ("repeated", "hard", "soft")]
     ['-25.0 dB', '-31.9 dB', '-33.2 dB']
@@ -148,16 +148,16 @@ def replayed_mean(
     """Return the mean of each of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
 
     The attacker updates the estimate for each transmitted chip. So the estimate of chip j uses the signal that is
-    received in j chips and in the head start. Without a received signal the estimate is a random guess, with mean 0.
+    received in j chips and in the head start. Without a received signal, the mean of the estimate is 0.
 
     Parameters
     ----------
     cn0_dbhz
-        C/N0 of E1-B of the attacker's reception in dBHz.
+        C/N0 of E1-B in dBHz with the attacker's antenna.
     head_start_s
-        Duration of the symbol that the attacker has received when the spoofing signal's own symbol begins, in s. This
-        duration is the delay of the spoofing signal minus the attacker's latency. If the value is negative, the
-        attacker guesses for that duration.
+        Duration in s of the part of a symbol that the attacker has received when transmission of the symbol begins.
+        This duration is the delay of the spoofing signal minus the attacker's latency. If the duration is negative, the
+        attacker guesses the symbol for the time −`head_start_s`.
     n_chips
         Number of chips of 0.98 µs from the beginning of the symbol, 1 to 4092.
     decision
@@ -179,7 +179,7 @@ def replayed_covariance(
 ) -> Float[np.ndarray, "n_chips n_chips"]:
     """Return the covariance of the first chips of a replayed E1-B symbol, for true chips of amplitude +1.
 
-    Parameters are those of `replayed_mean`. The computing time grows with the square of `n_chips`.
+    The parameters are the parameters of `replayed_mean`. The computing time grows with the square of `n_chips`.
 
     Examples
     --------
@@ -198,26 +198,26 @@ def replayed_covariance(
 
 
 def _received_over_n0(cn0_dbhz: float, head_start_s: float, n_chips: int) -> Float[np.ndarray, " n_chips"]:
-    """Return γ of the received part of a symbol at the transmission of each chip."""
+    """Return γ of the part of a symbol that the attacker has received when each chip is transmitted."""
     known_s = np.maximum(np.arange(n_chips) / E1B.chip_rate_hz + head_start_s, 0.0)
     return np.asarray(10 ** (cn0_dbhz / 10) * known_s)
 
 
 def _mean_soft(gamma: Reals) -> Reals:
-    """Return the mean E[tanh(2γ + √(2γ) z)] of a soft decision."""
+    """Return the mean E[tanh(2γ + √(2γ) z)] of a soft decision on a sign of +1."""
     argument = np.multiply.outer(2 * gamma, np.ones(_NODES.size)) + np.multiply.outer(np.sqrt(2 * gamma), _NODES)
     return np.minimum(np.tanh(argument) @ _WEIGHTS, 1.0)
 
 
 def _sign_products(gamma: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n"]:
-    """Return E[sign y_i sign y_j] of one symbol; the later sum contains the earlier sum."""
+    """Return E[sign y_i sign y_j] for all chips i and j of one symbol, where a later y contains the earlier y."""
     density = np.exp(-np.square(_LINE) / 2) / np.sqrt(2 * np.pi) * (_LINE[1] - _LINE[0])
     product = np.eye(gamma.size)
     for i, earlier in enumerate(gamma):
         later = gamma[i + 1 :]
         total = 2 * earlier + np.sqrt(2 * earlier) * _LINE  # 2γ y_i
         since = np.maximum(later - earlier, 1e-300)[:, None]
-        # a random guess without a received signal is independent of the other signs
+        # a guess without a received signal is independent of the other signs
         sign = np.sign(total) if earlier > 0 else np.zeros(_LINE.size)
         found = erf((total + 2 * since) / np.sqrt(4 * since)) @ (sign * density)
         product[i, i + 1 :] = product[i + 1 :, i] = found

@@ -6,11 +6,12 @@ the publication was not available, so the formulas are derived here from the ide
 
 Theory of operation
 -------------------
-The receiver correlates the first w seconds of each symbol and multiplies by the symbol. B_u is the mean over n_u
-unpredictable symbols and B_p the mean over n_p predictable symbols. B_u and B_p are complex. With an authentic signal,
-B_u and B_p have the amplitude A of the signal. The front end's filter affects B_u and B_p in the same way. The noise of
-one symbol has the variance s² = A²/(2 c w) per dimension, with c = C/N0. The receiver estimates this variance from the
-real parts, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u + 1/n_p) the metrics are
+The receiver correlates the first w seconds of each symbol and multiplies the correlation by the symbol. B_u is the mean
+over n_u unpredictable symbols, and B_p is the mean over n_p predictable symbols. B_u and B_p are complex. With an
+authentic signal, B_u and B_p have the amplitude A of the signal. The front end's filter has equal effects on B_u and
+B_p. The noise of one symbol has the variance s² = A²/(2 c w) per dimension, with c = C/N0. The receiver estimates this
+variance from the real parts of the correlations, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u +
+1/n_p) the metrics are
 
     real         Re(B_p − B_u) / e             Student's t, ν degrees of freedom
     distance     |B_p − B_u|² / (2 e²)         F with 2 and ν degrees of freedom
@@ -18,11 +19,12 @@ real parts, with ν = n_u + n_p − 2 degrees of freedom. With e² = s² (1/n_u 
     ratio        |B_p| / |B_u|                 ratio of two Rice variables
     paired       √n_u mean(d) / std(d)         Student's t, n_u − 1 degrees of freedom
 
-The `paired` metric needs no predictable symbols: d is the later part of an unpredictable symbol minus its first part. A
-metric above its threshold raises an alarm. The thresholds of `real`, `distance` and `paired` are exact. The thresholds
-of `magnitudes` and `ratio` assume that A and s are known. The receiver estimates A from the later parts. The estimate
-of s is multiplied by t/z, where t and z are the quantiles of Student's t and of the normal distribution. The thresholds
-are then exact for A ≫ s/√n.
+The metric `paired` needs no predictable symbols. In this metric, d is the correlation of the later part of an
+unpredictable symbol minus the correlation of its first part. A metric above its threshold raises an alarm. The
+thresholds of `real`, `distance` and `paired` are exact. The thresholds of `magnitudes` and `ratio` assume that A and s
+are known. The receiver estimates A from the later parts of the symbols. The estimate of s is multiplied by t/z, where t
+and z are the quantiles of Student's t and of the normal distribution. With this factor, the thresholds are exact for A
+≫ s/√n.
 
 **The ratio of Rice variables.** Let X and Y be independent and complex Gaussian, with the means x and y and the
 variances σ² and τ² per dimension. With S = σ² + τ², the probability that |X| exceeds |Y| is [PROAKIS08, app. B]:
@@ -48,7 +50,8 @@ from vestige.signals.definitions import E1B
 from vestige.theory.marcum_q import marcum_p, marcum_q
 from vestige.theory.scer.code_estimation import Decision, replayed_covariance, replayed_mean
 
-FIRST_CHIPS = 4  # 3.9 µs, near the best length against an attacker with a gain of 10 dB, at 42 dBHz
+# number of chips in the first part of a symbol, near the best number against an attacker with G = 10 dB at 42 dBHz
+FIRST_CHIPS = 4
 PREDICTABLE_EACH = 468 / 32  # number of predictable symbols per unpredictable symbol of an I/NAV page
 
 ReferenceMetric = Literal["real", "distance", "magnitudes", "ratio"]
@@ -71,11 +74,11 @@ def metric_value(
     Parameters
     ----------
     unpredictable, predictable
-        B_u and B_p, the mean correlations of the first parts of the symbols.
+        B_u and B_p, the mean correlations of the first parts of unpredictable and of predictable symbols.
     noise
         s, standard deviation of the first part of one symbol, per dimension, in the unit of the correlations.
     n_unpredictable, n_predictable
-        n_u and n_p, the numbers of symbols in the two means.
+        n_u and n_p, the numbers of symbols in the means B_u and B_p.
     metric
         Name of the metric.
 
@@ -113,8 +116,8 @@ def metric_threshold(
     p_fa
         False-alarm probability, below 0.5.
     amplitude
-        A/s, amplitude of the signal over the noise of the first part of one symbol. `real` and `distance` do not use
-        A/s.
+        A/s, the amplitude of the signal over the standard deviation of the noise in the first part of one symbol. The
+        metrics `real` and `distance` do not use A/s.
     metric
         Name of the metric.
 
@@ -156,17 +159,17 @@ def replay_detection_probability(
     first_chips: int = FIRST_CHIPS,
     decision: Decision = "hard",
 ) -> float:
-    """Return P_d of a test against an attacker who estimates the unpredictable symbols.
+    """Return the probability P_d that a test detects an attacker who estimates the unpredictable symbols.
 
-    The correlators receive only the spoofing signal, which is as strong as the authentic signal would be, and white
-    noise.
+    The correlators receive only white noise and the spoofing signal, which is as strong as the authentic signal would
+    be.
 
     Parameters
     ----------
     cn0_dbhz
         C/N0 of E1-B at the victim in dBHz.
     reception_gain_db
-        G, C/N0 of the attacker's reception over the C/N0 of the victim in dB.
+        G in dB, the C/N0 of the attacker's reception over the C/N0 of the victim.
     n_symbols
         Number of unpredictable symbols in the test.
     p_fa
@@ -177,9 +180,10 @@ def replay_detection_probability(
         Number of predictable symbols in the test. None means all predictable symbols in the pages of the unpredictable
         symbols.
     head_start_s
-        Duration of a symbol that the attacker has received when its transmission begins, in s; negative for a latency.
+        Duration in s of the part of a symbol that the attacker has received when transmission of the symbol begins. The
+        duration is negative if transmission begins before reception.
     first_chips
-        Length of the first part in chips.
+        Number of chips in the first part of a symbol.
     decision
         Whether the attacker transmits hard or soft decisions.
 
@@ -196,8 +200,8 @@ def replay_detection_probability(
     >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3, head_start_s=3e-6):.3f}"
     '0.104'
 
-    The next value is for the metric `real`, which compares with the beginnings of predictable symbols. The last value
-    is for the metric `distance`, which does not use the sign of the difference:
+    The next value is for the metric `real`, which compares the first parts of unpredictable and predictable symbols.
+    The last value is for the metric `distance`, which does not use the sign of the difference:
 
     >>> f"{replay_detection_probability(42.0, 10.0, 480, 1e-3, metric='real'):.3f}"
     '0.895'
@@ -217,7 +221,7 @@ def replay_detection_probability(
         shift = np.sqrt(n_symbols) * (float(np.mean(mean[first_chips:])) - first) / np.sqrt(noise + own)
         return float(1 - nctdtr(n_symbols - 1, shift, -stdtrit(n_symbols - 1, p_fa)))
     n_p = round(n_symbols * PREDICTABLE_EACH) if n_predictable is None else n_predictable
-    one, freedom = 1 / (2 * cn0 * first_s), n_symbols + n_p - 2  # s², ν
+    one, freedom = 1 / (2 * cn0 * first_s), n_symbols + n_p - 2  # s² and ν
     estimated = float(np.sqrt(one + own * (n_symbols - 1) / freedom))  # estimate of s by the receiver
     threshold = metric_threshold(n_symbols, n_p, p_fa, 1 / estimated, metric)
     spread = estimated * float(np.sqrt(1 / n_symbols + 1 / n_p))

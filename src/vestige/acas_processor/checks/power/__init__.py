@@ -1,1 +1,1 @@
-"""Checks of power and of C/N0."""
+"""Check received power, noise floor, C/N0, and the strength of the encrypted signal."""

@@ -28,7 +28,7 @@ class Cn0Monitor(LevelMonitor):
 
     name: ClassVar = CheckName.E1_CN0
     sigma_estimator_db: float = 0.3
-    sigma_model_db: float = 1.5  # standard deviation of the true C/N0 about its expected value
+    sigma_model_db: float = 1.5  # standard deviation of the true C/N0 about its expected value, in dB
     p_fa: float = 1e-6
 
     @property
@@ -39,7 +39,7 @@ class Cn0Monitor(LevelMonitor):
     def statistic(
         self, cn0_dbhz: Float[np.ndarray, "*n"], expected_dbhz: Float[np.ndarray, "*n"]
     ) -> Float[np.ndarray, "*n"]:
-        """Return ΔC in dB."""
+        """Return ΔC, the measured minus the expected C/N0, in dB."""
         return cn0_dbhz - expected_dbhz
 
     def series(self, evidence: Evidence) -> CheckSeries:

@@ -1,20 +1,20 @@
-"""Compute decision regions of the (power, distortion) plane from simulated hypotheses, and check signals with them.
+"""Compute decision regions of the (power, distortion) plane from simulated hypotheses, and classify signals.
 
 Theory of operation
 -------------------
-Each hypothesis is a distribution of second signals [WESSON18]:
+Each hypothesis is a distribution of second signals [WESSON18]. `power_distortion.py` defines the symbols:
 
     clean       none
     multipath   one reflection: Rayleigh amplitude, exponential delay, on the tracked satellite only, no rise of power
     spoofed     η uniform in dB and Δτ uniform, on all satellites
     jammed      J/N uniform in dB
 
-`simulate` draws (ΔP, D) under one hypothesis, with the closed forms of `power_distortion`. No samples are needed.
-Smoothed histograms of many draws are the densities p(ΔP, D | H). Each cell of the map has the hypothesis of least
-expected cost. A false alarm costs `alarm_cost` times as much as a miss. This factor trades false alarms against
-detection.
+`simulate` draws (ΔP, D) under one hypothesis, with the closed forms of `power_distortion.py`. No samples are needed.
+Smoothed histograms of many draws estimate the densities p(ΔP, D | H). Each cell of the map has the hypothesis of least
+expected cost. A false alarm costs `alarm_cost` times as much as a miss. A larger `alarm_cost` gives fewer false alarms
+and more misses.
 
-A map belongs to one C/N0 of the tracked satellite, because D grows with C/N0. Each map is computed once and kept in
+A map is valid for one C/N0 of the tracked satellite, because D grows with C/N0. Each map is computed once and kept in
 memory.
 """
 
@@ -49,8 +49,8 @@ class Hypotheses:
     chip_rate_hz: float = 1.023e6  # chip rate of the replica
     bandwidth_hz: float = 2e6  # W, bandwidth of the power measurement
     n_satellites: int = 10  # number of satellites in the band
-    sigma_power_db: float = 0.4  # standard deviation of ΔP by drifts of the front end
-    ray_power_db: float = -16.0  # mean power of the reflection over the satellite
+    sigma_power_db: float = 0.4  # standard deviation of ΔP that drifts of the front end cause
+    ray_power_db: float = -16.0  # mean power of the reflection over the power of the direct signal
     ray_mean_excess_m: float = 40.0  # mean excess delay of the reflection
     spoofer_advantage_db: tuple[float, float] = (-1.0, 10.0)  # smallest and largest η
     spoofer_offset_chips: float = 1.0  # largest |Δτ|
@@ -75,7 +75,8 @@ class Hypotheses:
             offset = rng.uniform(-self.spoofer_offset_chips, self.spoofer_offset_chips, n)
         elif truth is SignalClass.JAMMED:
             jam = 10 ** (rng.uniform(*self.jam_to_noise_db, n) / 10)
-        everywhere = eta if truth is SignalClass.SPOOFED else zero  # a reflection concerns one satellite
+        # A reflection exists on one satellite only, so the power that it adds to the band is neglected.
+        everywhere = eta if truth is SignalClass.SPOOFED else zero
         rise_db = power_rise_db(everywhere, jam, signals_to_noise=self.signals_to_noise)
         mean = zero
         if eta is not zero:
@@ -116,10 +117,10 @@ class DecisionMap:
 def simulated_decision_map(
     hypotheses: Hypotheses, *, alarm_cost: float = 1.0, seed: int = 0, draws: int = 400_000
 ) -> DecisionMap:
-    """Return the map of least expected cost if all four hypotheses are equally likely.
+    """Return the decision map that has the least expected cost if all four hypotheses are equally likely.
 
     A false alarm (clean or multipath classified as an attack) costs `alarm_cost`, and every other error costs 1.
-    `draws` is the number of draws for each hypothesis. The same seed gives the same map.
+    `draws` is the number of draws for each hypothesis. Calls with equal `seed` return equal maps.
     """
     edges = tuple(
         np.arange(round((last - first) / step) + 1) * step + first for first, last, step in (_POWER_DB, _DISTORTION)
@@ -148,7 +149,7 @@ def _density(hypotheses: Hypotheses, truth: SignalClass, seed: int, draws: int) 
 
 
 def _counts(power_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n"]) -> Int64[np.ndarray, "a b"]:
-    """Return how many pairs are in each cell. All cells have the same size, so a division finds the cell."""
+    """Return the number of pairs in each cell. All cells have the same size, so a division finds the cell of a pair."""
     cells, shape = np.zeros(power_db.size, np.int64), []
     for value, (first, last, step) in ((power_db, _POWER_DB), (distortion, _DISTORTION)):
         shape.append(round((last - first) / step))
@@ -157,10 +158,10 @@ def _counts(power_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n
 
 
 def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> Int[np.ndarray, "a b"]:
-    """Return the classes; a cell without draws takes the class of a neighbour.
+    """Return the class of every cell; a cell without draws takes the class of a neighbour.
 
-    The neighbour of less power comes first, then the neighbour of less distortion. So an attack beyond the range of the
-    hypotheses gets the class at the end of that range.
+    The neighbour with less power comes first, then the neighbour with less distortion. So an attack beyond the range of
+    the hypotheses gets the class at the end of that range.
     """
     classes, drawn = classes.copy(), drawn.copy()
     low, high = slice(None, -1), slice(1, None)
@@ -207,22 +208,22 @@ class PowerDistortionMonitor:
 
     name: ClassVar = CheckName.POWER_DISTORTION
     unit: ClassVar = "class"
-    # hypotheses of the map; the expected C/N0, rounded to `cn0_step_db`, replaces their C/N0
+    # hypotheses of the map; the expected C/N0, rounded to `cn0_step_db`, replaces `hypotheses.cn0_dbhz`
     hypotheses: Hypotheses = field(default_factory=Hypotheses)
     alarm_cost: float = 10.0  # cost of a false alarm over the cost of a miss
-    cn0_step_db: float = 3.0  # step of C/N0 between two maps
+    cn0_step_db: float = 3.0  # step of C/N0 from one map to the next, in dB
     # published false-alarm probability [WESSON18]; the unit tests confirm this value for clean and multipath
     p_fa: float = 0.006
 
     def map_for(self, expected_cn0_dbhz: float) -> DecisionMap:
-        """Return the map for a satellite with this expected C/N0."""
+        """Return the decision map for a satellite with the given expected C/N0."""
         rounded = round(expected_cn0_dbhz / self.cn0_step_db) * self.cn0_step_db
         return simulated_decision_map(replace(self.hypotheses, cn0_dbhz=rounded), alarm_cost=self.alarm_cost)
 
     def probability_of_detection(
         self, eta_db: Float[np.ndarray, " k"], expected_cn0_dbhz: float, *, seed: int = 0, draws: int = 20_000
     ) -> Float[np.ndarray, " k"]:
-        """Return how often a spoofer of each advantage η is classified as an attack, from `draws` draws for each η."""
+        """Return, for each advantage η, the share of `draws` simulated spoofers that is classified as an attack."""
         decisions, rates = self.map_for(expected_cn0_dbhz), []
         for eta in eta_db.tolist():
             strength = replace(self.hypotheses, cn0_dbhz=expected_cn0_dbhz, spoofer_advantage_db=(eta, eta))

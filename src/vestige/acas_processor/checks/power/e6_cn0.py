@@ -1,14 +1,14 @@
 """Compare the C/N0 of E6 in one RECS with the expected C/N0 of the satellite [WFO, Sec. IV-B].
 
 A second encrypted signal, stronger or of opposite phase, changes the magnitude of the correlators. The expected
-amplitude is s = √(2 C/N0 T). The largest |c| of the bank, in standard deviations of the noise per dimension, is Rician.
-For a detectable signal |c| has nearly a normal distribution about √(s² + 1):
+amplitude is s = √(2 C/N0 T). The largest magnitude |c| in the bank, in standard deviations of the noise per dimension,
+has a Rician distribution. For a detectable signal the distribution is nearly normal about √(s² + 1):
 
     |c| − √(s² + 1),    | · | ≤ K √(1 + (s (10^(σ_model/20) − 1))²),    K from p_fa, two-sided
 
-σ_model covers fading by reflections, the position between two taps (at most −1.2 dB for taps 15 m apart), antenna and
-satellite. σ_model is the larger part of the standard deviation. The errors that σ_model covers are not always present,
-so `p_fa` is an upper limit.
+σ_model covers fading by reflections, the loss between two taps (at most 1.2 dB for taps 15 m apart), and differences of
+antennas and satellites. Most of the standard deviation comes from σ_model. The errors that σ_model covers are not
+always present, so `p_fa` is an upper limit.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class E6StrengthMonitor(Monitor):
         expected_cn0_dbhz: Float[np.ndarray, "*n"],
         integration_s: float | Float[np.ndarray, "*n"],
     ) -> Float[np.ndarray, "*n"]:
-        """Return |c| − √(s² + 1).
+        """Return |c| − √(s² + 1), the measured minus the expected magnitude.
 
         `magnitude_sigma` is the largest |c| of the bank, in standard deviations of the noise per dimension.
         """
@@ -51,7 +51,7 @@ class E6StrengthMonitor(Monitor):
     def threshold(
         self, expected_cn0_dbhz: Float[np.ndarray, "*n"], integration_s: float | Float[np.ndarray, "*n"]
     ) -> Float[np.ndarray, "*n"]:
-        """Return the largest |statistic| that passes."""
+        """Return the largest |statistic| with which the monitor passes."""
         spread = correlator_amplitude(expected_cn0_dbhz, integration_s) * (10 ** (self.sigma_model_db / 20) - 1)
         return two_sided_factor(self.p_fa) * np.hypot(1.0, spread)
 

@@ -3,16 +3,16 @@
 Theory of operation
 -------------------
 The phase of a second signal of relative amplitude a changes relative to the phase of the true signal. The second signal
-therefore increases the magnitude in some RECS and reduces the magnitude in others. The variance of these changes is
-a²/2 relative to the power of the true signal. The statistic is √(T/(N − 2)). m is the magnitude of the detecting
-correlator. T is the scatter of m about a straight line over the last N RECS, relative to the noise
-(`monitoring/recs_windows.py`). m is in standard deviations of the noise per dimension, and m̄ is its mean. The variance
-of m is
+therefore increases the magnitude of the correlator in some RECS and reduces the magnitude in other RECS. The variance
+of these changes is a²/2 relative to the power of the true signal. The magnitude m of the detecting correlator is in
+standard deviations of the noise per dimension, and its mean is m̄. The statistic is √(T/(N − 2)). T is the scatter of m
+about a straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). Without reflections
+the variance of m is
 
     σ² = 1 + (ρ m̄)²
 
-and the variance of the reflections is m̄² P/2. ρ is the relative change of m from RECS to RECS that the antenna gain
-and the position of the signal between two correlators cause.
+Reflections add the variance m̄² P/2. The antenna gain, and the position of the signal between two correlators, change m
+from RECS to RECS by the relative amount ρ.
 
 The check needs no carrier phase of E1, so it runs with any interval between RECS.
 """
@@ -52,7 +52,7 @@ class E6FadingMonitor(Monitor):
     ray_life_s
         L, duration of a reflection in s: 0 if each RECS has other reflections, infinite if the duration is unknown.
     gain_sigma_db
-        ρ in dB: 1σ of all changes of the magnitude from RECS to RECS apart from noise and reflections.
+        ρ in dB: standard deviation of the magnitude from RECS to RECS that is not caused by noise or reflections.
     p_fa
         False-alarm probability of one test of one satellite, an upper limit.
     """

@@ -1,4 +1,4 @@
-"""Check for runs of missed E6 signals: step 1 of a level with a set number of false alarms a day [WFO, Sec. IV-A].
+"""Check for runs of missed E6 signals, with a chosen number of false alarms a day [WFO, Sec. IV-A, step 1].
 
 `e6_power.py` raises an alarm with every miss where E1 predicts a detection. Weak satellites are missed by chance
 several times a day. A level with fewer alarms therefore needs several misses in a row. The number of these misses
@@ -6,24 +6,24 @@ follows from C/N0.
 
 Theory of operation
 -------------------
-The C/N0 on E1 predicts the probability q_k that RECS k of a satellite is missed without an attack. q_k is averaged over
-fading by multipath with the configured power (`theory/fading.py`). Misses of different RECS are independent, so a run
-of misses has the probability ∏ q_k. The check fails where
+The C/N0 on E1 predicts the probability q_k that RECS k of a satellite is missed without an attack. The probability q_k
+is averaged over fading by multipath with the configured power (`theory/fading.py`). Misses of different RECS are
+independent, so a run of misses has the probability ∏ q_k. The check fails where
 
     ∏ q_k < p_fa,        over the misses since the last detection
 
 Let R be the shortest run of RECS that ends with RECS k and has ∏ q_k < p_fa. The test of RECS k can fail only if all
-RECS of R were missed. The length of R is fixed before its RECS arrive, and R has a probability below p_fa. So the
-false-alarm probability of a test is below p_fa at any C/N0. For a constant q this is "M of M RECS" with
+RECS of R were missed. The probability that all RECS of R are missed is below p_fa. So the false-alarm probability of a
+test is below p_fa at any C/N0. With a constant q the check fails after M misses in a row:
 
     M = ⌈ln p_fa / ln q⌉
 
-An example has p_fa = 2·10⁻⁵, 16 ms and multipath of −15.8 dB. M is then 1 RECS at 38 dBHz, 2 at 35 dBHz, 4 at 33 dBHz,
-and 5 at 32 dBHz. A rule "M of N RECS" with N > M would need a larger M for the same p_fa. The detection of a missing
-signal would then take longer.
+For p_fa = 2·10⁻⁵, RECS of 16 ms and multipath of −15.8 dB, M is 1 at 38 dBHz, 2 at 35 dBHz, 4 at 33 dBHz, and 5 at 32
+dBHz. A rule "M misses in N RECS" with N > M needs a larger M for an equal p_fa. A rule of this kind detects a missing
+signal later.
 
-Misses are not independent if multipath stays the same from one RECS to the next, or if satellites are weaker on E6 than
-E1 predicts. The configured `e6_over_e1_db` must therefore be right.
+Misses are not independent if multipath does not change from one RECS to the next, or if satellites are weaker on E6
+than E1 predicts. The configured `e6_over_e1_db` must therefore be right.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ from vestige.acas_processor.monitoring.memory import CheckMemory
 from vestige.records.checks import CheckName, CheckSeries
 from vestige.theory.fading import faded_miss_probability
 
-_CN0_DECIMALS = 2  # decimals of C/N0 in dBHz, the same as for the predicted probability of detection
-_LEAST = 1e-300  # smallest probability of a run of misses, so that JSON can store it
+_CN0_DECIMALS = 2  # decimals to which C/N0 in dBHz is rounded, as for the predicted probability of detection
+_LEAST = 1e-300  # smallest stored probability of a run of misses; JSON has no number for −log₁₀ 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class MissPrediction:
     min_pd: float = MIN_PD  # a miss counts where E1 predicts at least this probability of detection
     detection_p_fa: float = 1e-7  # false-alarm probability of the detection in one correlator
     ray_power_db: float = -15.8  # mean power of all reflections over the direct signal in dB
-    e6_over_e1_db: float = 0.0  # expected C/N0 of E6 over the C/N0 of E1 in dB
+    e6_over_e1_db: float = 0.0  # expected C/N0 of E6 minus the C/N0 of E1, in dB
 
     def counting(self, measured: MeasurementBlock) -> Bool[np.ndarray, "n m"]:
         """Return whether a miss counts: E1 must predict a detection probability of at least `min_pd`."""
@@ -74,10 +74,10 @@ class MissPrediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6MissesCheck(Monitor):
-    """Check whether more RECS in a row are missed than are missed by chance.
+    """Check whether RECS are missed so often in a row that the misses are less probable than `p_fa` without an attack.
 
-    The statistic is −log₁₀ of the probability of the misses in a row, 0 after a detection. The check is not run where a
-    miss is too probable without an attack.
+    The statistic is −log₁₀ of the probability of the misses in a row, and 0 after a detection. The check is not run
+    while the misses in a row are more probable than `p_fa`.
     """
 
     name: ClassVar = CheckName.E6_POWER
@@ -121,7 +121,7 @@ class E6MissesCheck(Monitor):
     def _runs(self, evidence: Evidence) -> tuple[Float[np.ndarray, "n m"], dict[int, float]]:
         """Return −log₁₀ of the probability of each run of misses (NaN without a run), and the runs after the block.
 
-        The sum is made in the order of the RECS, so the division into blocks changes no bit.
+        The logarithms are added in the order of the RECS, so the division into blocks changes no bit of the sum.
         """
         measured = evidence.measured
         detected = (measured.detected.tap >= 0) & (measured.availability == Availability.CORRELATED)

@@ -1,10 +1,10 @@
-"""Check whether the encrypted signal is found where E1 predicts it: step 1 of every level [WFO, Sec. IV-A].
+"""Check whether the encrypted signal is found where E1 predicts this signal [WFO, Sec. IV-A, step 1].
 
-The check looks for significant E6 correlation power at the offset that E1 predicts. The reference is the
-post-correlation noise of a code that is not in the signal, so a higher power does not help an attacker.
+The check looks for significant E6 correlation power at the offset that E1 predicts. The detection threshold follows the
+post-correlation noise of a code that is not in the signal. So a higher power does not help an attacker.
 
-A missing E6 signal is an alarm, unless the C/N0 on E1 predicts frequent misses. With a predicted probability of
-detection below `min_pd` the check is not run.
+A missing E6 signal is an alarm, unless the C/N0 on E1 predicts frequent misses. If no signal is detected and the
+predicted probability of detection is below `min_pd`, the check is not run.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ from vestige.acas_processor.measurement import Availability
 from vestige.records.checks import CheckName, CheckSeries
 
 MIN_PD = 0.9
-TOO_WEAK = "E1 predicts a detection probability"  # beginning of the reason for a satellite that is too weak
+TOO_WEAK = "E1 predicts a detection probability"  # beginning of the reason why a check of a weak satellite is not run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class E6PowerCheck:
     """Check whether the encrypted signal was received.
 
-    The statistic is the number of signals that E1 predicts and that are missing, 0 or 1. The check fails above 0.
+    The statistic is the number of signals that E1 predicts and that are missing, 0 or 1. The check fails if the
+    statistic is 1.
     """
 
     name: ClassVar = CheckName.E6_POWER

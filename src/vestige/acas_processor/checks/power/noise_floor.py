@@ -1,8 +1,8 @@
-"""Compare the E6 noise floor, measured with codes that are not in the signal, with its calibration [WFO, Sec. IV-A].
+"""Compare the E6 noise floor, measured with codes that are not in the signal, with its usual value [WFO, Sec. IV-A].
 
-The detection threshold follows this floor, so a higher floor causes misses but no false detections. A rise of the floor
-explains a miss. The cause of a rise is noise on E6, or the self-noise of a strong random code from a spoofer. The mean
-over all codes of N_c chips that are not in the signal has the standard deviation 4.343/√N_c dB:
+The detection threshold follows the measured noise floor, so a higher floor causes misses but no false detections. A
+rise of the floor explains a miss. The cause of a rise is noise on E6, or the self-noise of a strong random code from a
+spoofer. The mean power over all codes of N_c chips that are not in the signal has the standard deviation 4.343/√N_c dB:
 
     ΔN = floor − nominal,    |ΔN| ≤ K √(σ_system² + (4.343 dB)²/N_c),    K from P_fa, two-sided
 
@@ -34,7 +34,7 @@ class NoiseFloorMonitor(LevelMonitor):
 
     name: ClassVar = CheckName.NOISE_FLOOR
     n_chips: int = round(16e-3 * E6C.chip_rate_hz)  # N_c, number of chips of the RECS
-    sigma_system_db: float = 0.3  # standard deviation of the floor by drift of gain and temperature
+    sigma_system_db: float = 0.3  # standard deviation of the floor that drift of gain and temperature causes
     p_fa: float = 1e-6
 
     @property
@@ -43,7 +43,7 @@ class NoiseFloorMonitor(LevelMonitor):
         return math.hypot(self.sigma_system_db, DB_PER_NEPER / math.sqrt(self.n_chips))
 
     def probability_of_detection(self, jam_to_noise_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the probability that the monitor detects added noise of J/N in the band of the code."""
+        """Return the probability that the monitor detects jamming noise of the given J/N in the band of the code."""
         rise_db = 10 * np.log10(1 + 10 ** (jam_to_noise_db / 10))
         return LevelMonitor.probability_of_detection(self, rise_db)
 

@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-A second signal of power η, offset Δτ and phase Δθ distorts the correlation function of the tracked signal and adds
-power:
+A second signal of relative power η, offset Δτ and phase Δθ distorts the correlation function of the tracked signal and
+adds power:
 
     D  = |ξ(−τ_d) − ξ(+τ_d)|     symmetric difference of two taps about the prompt, in σ of the noise per dimension
                                  without interference
@@ -47,9 +47,9 @@ def mean_distortion(
 def power_rise_db(
     eta: Float[np.ndarray, "*#n"], jam_to_noise: Float[np.ndarray, "*#n"], *, signals_to_noise: float
 ) -> Float[np.ndarray, "*#n"]:
-    """Return ΔP in dB.
+    """Return ΔP, the rise of the power in the band, in dB.
 
-    η is the power of each second signal relative to its satellite, the same for all satellites. All arguments are
-    linear ratios, and a value that all elements share may have the length 1.
+    η is the power of each second signal over the power of the true signal, equal for all satellites. All arguments are
+    linear ratios. An argument of length 1 is valid for all elements of the result.
     """
     return 10 * np.log10((1 + signals_to_noise * (1 + eta) + jam_to_noise) / (1 + signals_to_noise))

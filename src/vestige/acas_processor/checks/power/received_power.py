@@ -1,16 +1,16 @@
-"""Check the received power of a band, or the gain that its AGC sets [AKOS12].
+"""Check the received power of a band, measured directly or with the gain that the AGC sets [AKOS12].
 
 The power before the gain control is averaged over W T independent samples, with the bandwidth W and the averaging time
-T. The average has the standard deviation 4.343/√(W T) dB, which is 0.03 dB for 2 MHz and 10 ms. The drifts by
-temperature and gain (σ_system) are larger, and determine the threshold:
+T. The average has the standard deviation 4.343/√(W T) dB, which is 0.03 dB for 2 MHz and 10 ms. Drifts of temperature
+and gain (σ_system) are larger, and determine the threshold:
 
     ΔP = P − P_nominal,    |ΔP| ≤ K √(σ_system² + (4.343 dB)²/(W T)),    K from P_fa, two-sided
 
 A gain control keeps the power at its output constant. So a receiver that reports only the gain also reports the power:
 ΔP = −Δgain.
 
-A spoofer adds η times the satellites' power, which lies below the noise. The rise is therefore large only in a narrow
-band.
+The power of the satellites lies below the noise. A spoofer adds η times the power of the satellites, so the rise of the
+received power is large only in a narrow band.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class ReceivedPowerMonitor(LevelMonitor):
     """Monitor that compares the power of a band with its value at the receiver's calibration."""
 
     band: Band
-    sigma_system_db: float = 0.3  # standard deviation of the power by drift of gain and temperature
+    sigma_system_db: float = 0.3  # standard deviation of the power that drift of gain and temperature causes
     bandwidth_hz: float = 2e6  # W, bandwidth of the power measurement
     averaging_s: float = 0.01  # T, averaging time of the power measurement
     p_fa: float = 1e-6

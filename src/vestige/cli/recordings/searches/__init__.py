@@ -1,1 +1,1 @@
-"""`vestige search`: its options, input, printed report and figures."""
+"""Define the command `vestige search`, with its options, input, printed report and figures."""

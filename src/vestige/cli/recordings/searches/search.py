@@ -59,7 +59,7 @@ _plot = click.option("--plot", type=PATH, help="Draw the search of one satellite
 _doppler_span = number_option(
     "--doppler-span-hz", (100, 50_000), default=5000.0, help="Half width of the Doppler search in Hz."
 )
-# Options of both searches for RECS on E6
+# options of the two commands that search E6 for RECS, `handover` and `exhaustive`
 _recs_options = options_together(
     recording_argument, assistance_option, _svids, start_option, _p_fa, _uncertainty, cipher_mode_option
 )
@@ -98,8 +98,8 @@ def e1(
 ) -> None:
     """List every signal of every satellite on E1 at the start of RECORDING.
 
-    The first 100 ms are searched, and each signal is measured in these samples. All values refer to the same time. If
-    samples are missing, only the longer part before or after the gap is used.
+    The first 100 ms are searched, and each signal is measured in these samples. If samples are missing, only the longer
+    part before or after the gap is used. All values refer to the time of the first sample in use.
     """
     from vestige.cli.progress import progress
     from vestige.cli.recordings.searches.search_report import e1_json, e1_lines
@@ -152,7 +152,7 @@ def e1(
 @_plot
 @json_option
 def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
-    """Search E6 at the arrivals of the RECS that E1 predicts; the earliest signal found is the true signal."""
+    """Search E6 at the arrival times of the RECS that E1 predicts; the earliest signal found is the true signal."""
     from vestige.acas_processor.searches.handover import assisted_delay_m
     from vestige.acas_processor.searches.vestigial import (
         decide_vestigial,
@@ -228,7 +228,7 @@ def handover(recording_path: Path, svids: str, start: GalileoTime | None, as_jso
 @_plot
 @json_option
 def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_json: bool, **options: Any) -> None:
-    """Search E6 at every half chip of the time uncertainty and every Doppler bin.
+    """Search E6 in steps of half a chip over the time uncertainty, and in every Doppler bin.
 
     The cost is printed before the search starts, and each signal is printed as soon as it is found. Ctrl-C ends the
     search and prints the signals found so far.
@@ -292,7 +292,7 @@ def exhaustive(recording_path: Path, svids: str, start: GalileoTime | None, as_j
 def _log(
     e6: SampleReader, codes: list[ChipSequence], search: ExhaustiveSearch, options: dict[str, Any]
 ) -> SearchLog | None:
-    """Return the log that `-o` names, for these samples, codes and settings; None without `-o`."""
+    """Return the search log that `-o` names, for these samples, codes and settings; None without `-o`."""
     from hashlib import sha256
 
     from vestige.recording.search_log import SearchLog

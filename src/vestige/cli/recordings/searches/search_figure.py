@@ -1,4 +1,4 @@
-"""The figure of a `vestige search` with `--plot`."""
+"""Draw the figure of `vestige search` with `--plot`."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class SearchFigure:
             self._points.append((at, magnitude))
 
     def write(self, decisions: Sequence[tuple[VestigialDecision, SearchBudget]]) -> None:
-        """Draw the magnitudes of the search, and the peaks of the decision."""
+        """Draw the magnitudes of the search and the peaks of the first decision into the file."""
         if self.file is None or not decisions:
             return
         from vestige import plots

@@ -1,4 +1,4 @@
-"""Input of `vestige search`: the recording, its RECS, and the possible arrival times of the RECS."""
+"""Read the input of `vestige search`: the recording, its RECS, and the possible arrival times of the RECS."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def say_jump(jump: Jump) -> None:
 
 
 def opened_recording(path: Path, start: GalileoTime | None) -> Recording:
-    """Return the recording, and print its notes as warnings."""
+    """Open a recording, print its notes as warnings, and return the recording."""
     from vestige.recording.recording import open_recording
 
     recording = open_recording(path, start=start)
@@ -38,7 +38,7 @@ def opened_recording(path: Path, start: GalileoTime | None) -> Recording:
 
 
 def reader_of(recording: Recording, band: Any) -> SampleReader:
-    """Return the samples of a band; raises `VestigeError` if the band is missing."""
+    """Return the reader of the samples of a band; raise `VestigeError` if the recording does not have the band."""
     reader = recording.reader(band)
     if reader is None:
         raise VestigeError(f"the recording has no {band.value} samples")
@@ -81,7 +81,7 @@ def clock_bound_s(recording: Recording, uncertainty_s: float | None) -> float:
 def arrival_window_in(e6: SampleReader, code: ChipSequence, around_s: float) -> tuple[GalileoTime, GalileoTime]:
     """Return the first and the last time in the samples at which the first chip may arrive.
 
-    If the first chip cannot arrive in the samples, both times are equal.
+    If the first chip cannot arrive in the samples, the two returned times are equal.
     """
     from vestige.acas_processor.searches.vestigial import arrival_window
 

@@ -1,4 +1,4 @@
-"""Output of `vestige search`: signals on E1; cost, progress and findings of a search in E6."""
+"""Print the output of `vestige search`: signals on E1, or cost, progress and signals of a search in E6."""
 
 from __future__ import annotations
 
@@ -68,13 +68,14 @@ def follow_search(
     each: Callable[[GalileoTime, float], None],
     keep: Callable[[SearchState], None],
 ) -> tuple[tuple[Peak, ...], GalileoTime | None]:
-    """Return the peaks of a search, and the start of the samples that were not searched; None if all were searched.
+    """Follow a search to its end, and return the peaks, and the start of the samples that were not searched.
 
-    Each peak is printed at once. The rate and the remaining time of the search are printed with each peak, and at
-    intervals of `REPORT_EVERY_S`.
+    The start is None if all samples were searched. Each peak is printed at once. The rate and the remaining time of the
+    search are printed with each peak, and at intervals of `REPORT_EVERY_S`.
 
     `before` is the last state of an earlier run. `each` is called with the first arrival time and the largest magnitude
-    of every block. `keep` is called with the state of the search: at intervals, after every new peak, and at the end.
+    of every block. `keep` is called with the state of the search at intervals of `REPORT_EVERY_S`, after every new
+    peak, and at the end.
     """
     state, done = before, 0.0
     if before is not None:
@@ -168,7 +169,10 @@ def _as_dict(peak: Peak, proof: ReceptionProof) -> dict[str, Any]:
 
 
 def e1_lines(found: E1Signals) -> Iterator[str]:
-    """Yield the lines of `vestige search e1`: the time of the search, then a line for each signal."""
+    """Yield the lines that `vestige search e1` prints.
+
+    The first line has the time to which the values refer. Each further line describes a signal.
+    """
     if not found.signals:
         yield "no signal found"
         return
@@ -183,7 +187,7 @@ def e1_lines(found: E1Signals) -> Iterator[str]:
 
 
 def e1_json(found: E1Signals) -> dict[str, Any]:
-    """Return the JSON of `vestige search e1`."""
+    """Return the object that `vestige search e1 --json` prints."""
     from math import isfinite
 
     return {

@@ -1,1 +1,1 @@
-"""Formats of the OSNMA messages, and the verification of the messages."""
+"""Parse, write and verify the messages of OSNMA."""

@@ -1,4 +1,4 @@
-"""The alert message of OSNMA: a DSM-PKR that carries a notice in place of a public key.
+"""Verify the alert message of OSNMA, which is a DSM-PKR with a notice in place of a public key.
 
 The notice is a leaf of the Merkle tree, as a public key is. The leaf is SHA-256 of `type 4 | PKID 4 | notice`, with
 lengths in bits. The type is 4, and the notice fills the message up to its end [OSNMA-ICD, DSM-PKR]. A notice leads to

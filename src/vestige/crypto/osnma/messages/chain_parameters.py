@@ -1,4 +1,4 @@
-"""Parameters of a TESLA chain from the signed DSM-KROOT: hash and MAC functions, key and tag sizes.
+"""Define the parameters of a TESLA chain that a DSM-KROOT states: hash and MAC functions, key and tag sizes.
 
 The tables of [OSNMA-ICD, DSM-KROOT] define the meaning of each code. A code that is not in its table is reserved, and
 raises an `UnsupportedError`. SHA3-256 and CMAC-AES are in the tables, but no signal or test vector has used them yet.
@@ -18,7 +18,8 @@ from vestige.crypto.osnma.messages.subframe import MACK_BITS, MACK_TOTAL_BITS
 from vestige.errors import UnsupportedError
 
 ALPHA_BYTES = 6  # length of the random pattern of the chain [OSNMA-ICD, DSM-KROOT]
-# PRN_D 8 bits, ADKD 4 bits, COP 4 bits; for the first tag MACSEQ 12 bits, COP 4 bits [OSNMA-ICD, MACK]
+# Length of the information after a tag: 8 bits of PRN_D, 4 bits of ADKD and 4 bits of COP. The information after the
+# first tag has 12 bits of MACSEQ and 4 bits of COP [OSNMA-ICD, MACK].
 TAG_INFO_BITS = 16
 
 
@@ -32,18 +33,21 @@ def _cmac_aes(key: bytes, message: bytes) -> bytes:
     return mac.finalize()
 
 
-HASH_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes], hashlib._Hash]]] = {  # codes HF [OSNMA-ICD, DSM-KROOT]
+# name and function by the code HF [OSNMA-ICD, DSM-KROOT]
+HASH_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes], hashlib._Hash]]] = {
     0: ("SHA-256", hashlib.sha256),
     2: ("SHA3-256", hashlib.sha3_256),
 }
-MAC_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes, bytes], bytes]]] = {  # codes MF [OSNMA-ICD, DSM-KROOT]
+# name and function by the code MF [OSNMA-ICD, DSM-KROOT]
+MAC_FUNCTIONS: Mapping[int, tuple[str, Callable[[bytes, bytes], bytes]]] = {
     0: ("HMAC-SHA-256", _hmac_sha256),
     1: ("CMAC-AES", _cmac_aes),
 }
-KEY_BITS: Mapping[int, int] = {  # codes KS [OSNMA-ICD, DSM-KROOT]
+KEY_BITS: Mapping[int, int] = {  # length of a key in bits by the code KS [OSNMA-ICD, DSM-KROOT]
     0: 96, 1: 104, 2: 112, 3: 120, 4: 128, 5: 160, 6: 192, 7: 224, 8: 256,
 }  # fmt: skip
-TAG_BITS: Mapping[int, int] = {5: 20, 6: 24, 7: 28, 8: 32, 9: 40}  # codes TS [OSNMA-ICD, DSM-KROOT]
+# length of a tag in bits by the code TS [OSNMA-ICD, DSM-KROOT]
+TAG_BITS: Mapping[int, int] = {5: 20, 6: 24, 7: 28, 8: 32, 9: 40}
 _AES_KEY_BITS = (128, 192, 256)
 
 
@@ -123,7 +127,7 @@ class ChainParameters:
         return HASH_FUNCTIONS[self.hash_function][1]
 
     def mac(self, key: bytes, message: bytes, n_bits: int) -> int:
-        """Return the first `n_bits` of the chain's message authentication code."""
+        """Return the first `n_bits` bits of the chain's message authentication code of `message` under `key`."""
         code = MAC_FUNCTIONS[self.mac_function][1](key, message)
         return int.from_bytes(code, "big") >> (8 * len(code) - n_bits)
 

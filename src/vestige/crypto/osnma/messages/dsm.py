@@ -1,4 +1,4 @@
-"""Digital signature messages (DSM) of OSNMA, with a signed root key or a new public key.
+"""Parse the digital signature messages (DSM) of OSNMA, which contain a signed root key or a new public key.
 
 The HKROOT message of every subframe is `NMA header 8 | DSM header 8 | DSM block 104`, with lengths in bits. A DSM is 7
 to 16 blocks long. The satellites send different blocks at the same time, so a receiver with many satellites in view
@@ -22,9 +22,10 @@ from vestige.crypto.osnma.messages.chain_parameters import KEY_BITS, ChainParame
 from vestige.errors import AuthenticationError, UnsupportedError
 from vestige.time import GalileoTime
 
-DSM_BLOCK_BYTES = 13  # 104 bits [OSNMA-ICD, DSM header]
+DSM_BLOCK_BYTES = 13  # length of a DSM block, which has 104 bits [OSNMA-ICD, DSM header]
 FIRST_PKR_ID = 12  # DSM ids 0 to 11 are DSM-KROOTs, and 12 to 15 are DSM-PKRs [OSNMA-ICD, DSM header]
-KROOT_BLOCKS: Mapping[int, int] = {code: code + 6 for code in range(1, 9)}  # blocks by NB [OSNMA-ICD, DSM-KROOT]
+# number of blocks by NB [OSNMA-ICD, DSM-KROOT]
+KROOT_BLOCKS: Mapping[int, int] = {code: code + 6 for code in range(1, 9)}
 PKR_BLOCKS: Mapping[int, int] = {5: 11, 7: 13, 8: 14, 9: 15, 10: 16}  # number of blocks by NB [OSNMA-ICD, DSM-PKR]
 
 _HEAD_BYTES = 13  # length of the fields before KROOT, including alpha
@@ -52,7 +53,7 @@ class NmaHeader:
 
     @property
     def chain_id(self) -> int:
-        """CID, number of the chain of the transmitted keys and tags."""
+        """CID, number of the chain to which the transmitted keys and tags belong."""
         return self.value >> 4 & 3
 
     @property
@@ -83,7 +84,7 @@ class DsmKroot:
     public_key_id: int  # PKID of the public key that verifies the signature
     chain_id: int  # CIDKR, chain of the root key
     parameters: ChainParameters
-    root_week: int  # WN_K modulo 4096
+    root_week: int  # WN_K, GST week of the hour `root_hour`, modulo 4096
     root_hour: int  # TOWH_K, hour of the week; the time of the root key is 30 s before this hour
     root_key: bytes
     signature: bytes
@@ -97,7 +98,7 @@ class DsmKroot:
         return GalileoTime.from_gst_seconds(max(seconds, 0))
 
     def serialise(self) -> bytes:
-        """Return the broadcast message in blocks of 13 bytes."""
+        """Return the bytes of the DSM-KROOT as broadcast, in blocks of 13 bytes."""
         head = (self.n_blocks - 6) << 4 | self.public_key_id
         return bytes([head]) + self._signed_part() + self.signature + self.padding
 
@@ -106,7 +107,7 @@ class DsmKroot:
         return bytes([header.value]) + self._signed_part()
 
     def expected_padding(self, header: NmaHeader) -> bytes:
-        """Return the padding that follows from message and signature [OSNMA-ICD, DSM-KROOT]."""
+        """Return the padding that a correct DSM-KROOT with this header and signature has [OSNMA-ICD, DSM-KROOT]."""
         return hashlib.sha256(self.signed_message(header) + self.signature).digest()[: len(self.padding)]
 
     def _signed_part(self) -> bytes:
@@ -130,7 +131,10 @@ def kroot_blocks(first_byte: int) -> int:
 
 
 def pkr_blocks(first_byte: int) -> int:
-    """Return the number of blocks of the DSM-PKR whose first byte is `first_byte`."""
+    """Return the number of blocks of the DSM-PKR whose first byte is `first_byte`.
+
+    Raises `UnsupportedError` if the code is reserved.
+    """
     return _blocks("DSM-PKR", PKR_BLOCKS, first_byte)
 
 
@@ -142,7 +146,7 @@ def _blocks(message: str, table: Mapping[int, int], first_byte: int) -> int:
 
 
 def parse_kroot(message: bytes) -> DsmKroot:
-    """Return the fields of a DSM-KROOT after a check of its format, without verification of its signature.
+    """Check the format of a DSM-KROOT, and return its fields; the signature is not verified.
 
     Raises `AuthenticationError` if the fields contradict each other. Raises `UnsupportedError` if a field has a
     reserved value.

@@ -1,11 +1,11 @@
-"""The MAC look-up table, which says what data each tag of a MACK message authenticates [OSNMA-ICD, Annex C].
+"""Look up which data each tag of a MACK message authenticates, in the MAC look-up table [OSNMA-ICD, Annex C].
 
 The number MACLT of the signed DSM-KROOT selects a row. A row has two sequences of slots, for subframes that start at a
 full minute and at half a minute. A slot gives the kind of data (ADKD) of a tag, and the satellite whose data the tag
 covers. `S` means the sending satellite, and `E` means any Galileo satellite. In a flexible slot (`FLX`) the tag itself
 gives kind and satellite, which MACSEQ protects.
 
-Rows 33 and 34 are verified on real data. The other rows are only copied from the table.
+Rows 33 and 34 are verified on real data. All rows except rows 33 and 34 are only copied from the table.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _SEQUENCES: Mapping[int, tuple[str, str]] = {  # MACLT -> (GST mod 60 = 0, GST m
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A slot of a sequence in the MAC look-up table."""
+    """A slot of a sequence in the MAC look-up table, which says what data a tag may authenticate."""
 
     adkd: int | None  # kind of data; None in a flexible slot
     own: bool  # whether the tag must be for the satellite that sends it

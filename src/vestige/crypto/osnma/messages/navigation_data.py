@@ -4,10 +4,10 @@ A tag in subframe s covers data that was sent up to the end of subframe s-1. ADK
 status (words 1 to 5, 549 bits). ADKD 4 covers the timing parameters (words 6 and 10, 141 bits) [OSNMA-ICD, ADKD].
 
 This module uses the latest words 1 to 5 (or 6 and 10) received by the end of subframe s-1. The satellite must still be
-received in subframe s-1. Words 1 to 4 must have the same IODnav. Without such data a tag is not counted. Word 5 and the
-timing words carry no IOD, so the latest received words may be outdated after lost pages. The tag's cut-off point shows
-outdated words (see `tags`). When such a word changes, a tag does not show whether it covers the old or the new data. In
-the subframe after the change, the new data and then the old data are candidates.
+received in subframe s-1. Words 1 to 4 must have the same IODnav. A tag is not counted if its data are not available.
+Word 5 and the timing words carry no IOD, so the latest received words may be outdated after lost pages. The tag's
+cut-off point shows outdated words (see `tags`). When a word without IOD changes, a tag does not show whether it covers
+the old or the new data. In the subframe after the change, the new data and then the old data are candidates.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _PIECES = {word: (start, end) for fields in NAVIGATION_FIELDS.values() for word,
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationData:
-    """Data of one satellite that a tag covers."""
+    """Navigation data of one satellite, as the bits that a tag covers."""
 
     svid: int
     iod_nav: int | None  # issue of data of words 1 to 4; None for timing parameters
@@ -48,7 +48,7 @@ class NavigationData:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationWords:
-    """The latest words of one satellite that tags cover."""
+    """Latest received navigation words of one satellite, for the word types that tags cover."""
 
     # word type -> (word, time of reception in GST seconds)
     words: Mapping[int, tuple[int, int]] = field(default_factory=dict)
@@ -80,7 +80,11 @@ class NavigationWords:
         return tuple({data.bits: data for data in found if data is not None}.values())
 
     def data(self, svid: int, adkd: int, subframe: GalileoTime) -> NavigationData | None:
-        """Return the latest data that a tag may cover; None if words are missing or have different IODnav."""
+        """Return the latest data that a tag in `subframe` may cover; None without such data.
+
+        The data are missing if words are missing, words have different IODnav, or the satellite was not received in the
+        previous subframe.
+        """
         fields = NAVIGATION_FIELDS[ADKD_EPHEMERIS if adkd == ADKD_SLOW else adkd]
         if self.subframe_s != subframe.gst_seconds - SUBFRAME_S or any(word not in self.words for word, _, _ in fields):
             return None
@@ -99,6 +103,6 @@ class NavigationWords:
 
 
 def _piece(kind: int, word: int) -> int:
-    """Return the bits of a word that tags cover."""
+    """Return the part of a navigation word that tags cover."""
     start, end = _PIECES[kind]
     return word_bits(word, start, end - start)

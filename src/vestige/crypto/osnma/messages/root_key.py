@@ -1,4 +1,4 @@
-"""The root key of a chain, which extends the trust in a public key to TESLA keys."""
+"""Verify the root key of a chain, which extends the trust in a public key to TESLA keys."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ class RootKey:
     def __reduce__(
         self,
     ) -> tuple[Callable[..., RootKey], tuple[DsmKroot, NmaHeader, GalileoTime, PublicKey, GalileoTime]]:
-        """Return a function and its arguments for pickle, so that the copy is checked again."""
+        """Return a function and its arguments for pickle, so that an unpickled root key is checked again."""
         return _root_key, (self.kroot, self.header, self.time, self.public_key, self.received_at)
 
     def received(self, time: GalileoTime) -> RootKey:
-        """Return the same root key as received in the subframe of `time`.
+        """Return a copy of this root key with `time` as the subframe of its reception.
 
         The time of reception is not signed, so no check is repeated.
         """
@@ -62,7 +62,7 @@ class RootKey:
 
     @property
     def chain_id(self) -> int:
-        """CIDKR, number of the chain."""
+        """CIDKR, number of the chain to which the root key belongs."""
         return self.kroot.chain_id
 
     @property
@@ -77,7 +77,7 @@ class RootKey:
 
 
 def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[PublicKey], near: GalileoTime) -> RootKey:
-    """Return the root key after verification of its signature and padding [OSNMA-ICD, 6.3].
+    """Verify signature and padding of a DSM-KROOT, and return the verified root key [OSNMA-ICD, 6.3].
 
     Raises `AuthenticationError` if signature or padding are wrong. Raises `VestigeError` if the signing public key is
     not among the given keys.

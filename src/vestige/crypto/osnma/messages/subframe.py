@@ -41,9 +41,9 @@ class SatelliteSubframe:
 
     svid: int
     time: GalileoTime  # start of the subframe (GST_SF)
-    # 15 OSNMA fields of 5 bytes; None for a lost or dummy page, zero where the satellite sent no OSNMA
+    # 15 OSNMA fields of 5 bytes; None for a lost or dummy page, and zero bytes if the satellite sent no OSNMA
     osnma: tuple[bytes | None, ...]
-    words: tuple[int | None, ...]  # 15 navigation words of 128 bits; None where the page is lost
+    words: tuple[int | None, ...]  # 15 navigation words of 128 bits; None for a lost page
 
     @property
     def n_missing(self) -> int:
@@ -69,7 +69,7 @@ class SatelliteSubframe:
 
     @property
     def sends_osnma(self) -> bool:
-        """Whether the received fields contain OSNMA, that is, not only zeros."""
+        """Whether the received OSNMA fields contain any bit that is not zero."""
         return any(field is not None for field in self.sent)
 
     @property
@@ -105,7 +105,7 @@ class SatelliteSubframe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Epoch:
-    """A subframe of all satellites."""
+    """The pages that all satellites sent in one subframe."""
 
     time: GalileoTime  # start of the subframe (GST_SF)
     satellites: Mapping[int, SatelliteSubframe]  # subframe of each satellite by SVID
@@ -115,14 +115,14 @@ class PageStatus(Enum):
     """Status of a page that was given to the assembler."""
 
     TAKEN = "taken"
-    DUPLICATE = "duplicate"  # the same page of the same satellite came before
-    CONTRADICTION = "contradiction"  # a different page of the same satellite and time came before, and is kept
+    DUPLICATE = "duplicate"  # an equal page of this satellite and time came before
+    CONTRADICTION = "contradiction"  # a different page of this satellite and time came before, and is kept
     OFF_GRID = "off grid"  # the page does not start at an odd second
     LATE = "late"  # the subframe of the page is closed
 
 
 class SubframeAssembler:
-    """Collect pages into subframes.
+    """Assembler that collects I/NAV pages into subframes.
 
     A subframe is closed when a page arrives that starts `_GRACE_S` or more after the end of the subframe. If a page is
     more than `_RESTART_S` older than the newest page, the recording is assumed to start again with this page.

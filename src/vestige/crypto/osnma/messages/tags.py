@@ -1,4 +1,4 @@
-"""Tags and MACSEQ, the part of OSNMA that authenticates navigation data.
+"""Parse and compute tags and MACSEQ, the fields of OSNMA that authenticate navigation data.
 
 A MACK message is `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key | padding`. Tags and
 MACSEQ are made with a key that is disclosed one subframe later. A tag of the slow MAC (ADKD 12) is made with a key that
@@ -54,7 +54,7 @@ class Tag:
 
     @property
     def supported(self) -> bool:
-        """Whether vestige supports the kind of data."""
+        """Whether vestige supports the kind of data that the tag authenticates."""
         return self.adkd == ADKD_SLOW or self.adkd in NAVIGATION_FIELDS
 
     @property
@@ -75,7 +75,7 @@ class Mack:
 
 
 def parse_mack(subframe: SatelliteSubframe, parameters: ChainParameters) -> Mack | None:
-    """Return tags and MACSEQ of a subframe, or None if any of its pages is lost."""
+    """Return tags and MACSEQ of a subframe; None if a page with tags, or the page with the NMA header, is lost."""
     header = subframe.nma_header
     length = parameters.tag_bits
     step = length + TAG_INFO_BITS
@@ -90,7 +90,7 @@ def parse_mack(subframe: SatelliteSubframe, parameters: ChainParameters) -> Mack
 
 
 def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> bool:
-    """Return whether MACSEQ is correct. `make_macseq` describes the parameters."""
+    """Return whether the MACSEQ field of a MACK message is correct; `make_macseq` describes the parameters."""
     return make_macseq(mack, slots, key, parameters) == mack.macseq
 
 
@@ -105,9 +105,9 @@ def make_macseq(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: Chain
 
 
 def make_tag(mack: Mack, tag: Tag, data: NavigationData, key: bytes, parameters: ChainParameters) -> int:
-    """Return the tag of navigation data.
+    """Return the bits of the tag that authenticates navigation data.
 
-    `key` is the chain's key that is disclosed `tag.key_delay_s` later.
+    `key` is the chain's key that is disclosed `tag.key_delay_s` seconds after the tag.
     """
     head = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + bytes([tag.counter])
     if tag.counter > 1:

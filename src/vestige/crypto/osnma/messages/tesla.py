@@ -1,13 +1,14 @@
-"""TESLA: a chain of keys in which each key is the hash of the next key. So an old key can validate a new key.
+"""Validate TESLA keys along a chain in which each key is the hash of the next key.
 
-The operator draws the last key of a chain and hashes it down to the first key, the root key, which is signed. The
-operator discloses the keys in the reverse order, one key every 30 s::
+Because of the hashes, an old key of a chain can validate a new key. The operator draws the last key of a chain, and
+hashes the last key down to the first key. The first key is the root key, which is signed. The operator discloses the
+keys in the reverse order, one key every 30 s::
 
     K_m = first l_k bits of hash( K_(m+1) | GST_SF,m | alpha )                                 [OSNMA-ICD, 6.4]
 
 GST_SF,m is the start of the subframe in which K_m is sent. The week modulo 4096 has 12 bits, and the second has 20
-bits. A receiver with a true key can check every later key by hashing it down, and compute every earlier key. An
-undisclosed key cannot be guessed.
+bits. A receiver with a true key can check every later key by hashing the later key down, and can compute every earlier
+key. An undisclosed key cannot be guessed.
 
 The type of a key shows whether the key may be used. A `Key` is only received. A `ValidatedKey` leads to a signed root
 key, and only `validate` makes a `ValidatedKey`. A pickled `ValidatedKey` contains its chain's root key, and unpickling
@@ -30,7 +31,7 @@ from vestige.validated_key import ValidatedKey
 
 MAX_STEPS = (
     8 * SECONDS_PER_WEEK // SUBFRAME_S
-)  # our limit, which keeps the hashing for one key below 0.2 s; root keys are renewed about every hour
+)  # our limit of the number of hashes for one key, which take less than 0.2 s; a root key is sent about every hour
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,11 +145,11 @@ class Chain:
         return True
 
     def knows(self, key: Key) -> bool:
-        """Return whether this key was validated before."""
+        """Return whether a key was already validated along this chain."""
         return self._known.get(key.time.gst_seconds) == key.data
 
     def derive(self, time: GalileoTime) -> Key:
-        """Return the key of a subframe whose own key was not received, from the next later key.
+        """Compute the key of a subframe from the next later validated key, and return the computed key.
 
         Raises `AuthenticationError` if no later key was validated.
         """
@@ -173,7 +174,7 @@ class Chain:
 
 
 def _check_types(key: Key) -> None:
-    """Raise a TypeError if a key has a part of a type that can change, such as a subclass or a bytearray."""
+    """Raise `TypeError` if a key, its time or its data has a type that can change, such as a bytearray."""
     if type(key) is not Key:
         raise TypeError(f"only a Key is validated along a Chain, not a {type(key).__name__}")
     if type(key.data) is not bytes or type(key.time) is not GalileoTime:
@@ -202,7 +203,7 @@ class _KeyOfChain(ValidatedKey):
         return self
 
     def __reduce__(self) -> tuple[Callable[[Key, Chain], ValidatedKey], tuple[Key, Chain]]:
-        """Return `validate` and its arguments for pickle, so that the copy validates the key again."""
+        """Return `validate` and its arguments for pickle, so that unpickling validates the key again."""
         return validate, (Key(time=self._time, data=self._data), self._chain)
 
     @property
@@ -240,9 +241,9 @@ class _KeyOfChain(ValidatedKey):
 
 
 def validate(key: Key, chain: Chain) -> ValidatedKey:
-    """Return a key for use after validation against the chain's signed root key.
+    """Validate a key against the chain's signed root key, and return the validated key.
 
-    The chain stores the key.
+    The chain stores the validated key.
 
     Raises `AuthenticationError` if the key does not belong to the chain. Raises `TypeError` if key, chain, or the key's
     time or data has a type that can change later.
@@ -251,10 +252,10 @@ def validate(key: Key, chain: Chain) -> ValidatedKey:
 
 
 def fill_gaps(keys: tuple[ValidatedKey, ...], chain: Chain) -> tuple[ValidatedKey, ...]:
-    """Return the keys in time order, and between them the keys of lost subframes, derived from later keys.
+    """Return validated keys in time order, together with the keys of lost subframes, which follow from later keys.
 
-    A derived key has the disclosure time of its own subframe, because the signal disclosed the key then. Keys of other
-    chains are returned unchanged.
+    A derived key has the disclosure time of its own subframe, because the satellites disclosed the key in this
+    subframe. Keys of chains other than `chain` are returned unchanged.
     """
     times = {key.time.gst_seconds for key in keys if chain.knows(Key(time=key.time, data=key.data))}
     if not times:

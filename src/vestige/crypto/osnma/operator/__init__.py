@@ -1,1 +1,1 @@
-"""The simulated OSNMA operator, which signs root keys, discloses TESLA keys and makes tags."""
+"""Simulate the OSNMA operator, which signs root keys, discloses TESLA keys and makes tags."""

@@ -1,4 +1,4 @@
-"""Configuration of an OSNMA operator: secrets, the TESLA chain, and the events of the broadcast."""
+"""Configure an OSNMA operator: secrets, the TESLA chain, and the events of the broadcast."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorConfiguration:
-    """The settings of an `OsnmaOperator`, which makes the same bits from the same settings.
+    """Settings of an `OsnmaOperator`; two operators with equal settings make equal bits.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class OperatorConfiguration:
         slots(self.parameters(bytes(ALPHA_BYTES)), self.start)
 
     def parameters(self, alpha: bytes) -> ChainParameters:
-        """Return the parameters of a chain with a random pattern of 6 bytes."""
+        """Return the parameters of a chain whose random pattern is `alpha`, 6 bytes."""
         return ChainParameters(
             hash_function=self.hash_function,
             mac_function=self.mac_function,

@@ -1,6 +1,6 @@
-"""Events of an OSNMA operator that change its chain, keys or service, as a scenario describes the events.
+"""Describe the events of an OSNMA operator that change its chain, keys or service.
 
-The steps follow [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the official test vectors send them:
+The steps of each event follow [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the official test vectors send the steps:
 
 | event | from `announced` on | from `in_force` on | from `ended` on |
 |---|---|---|---|
@@ -38,7 +38,7 @@ class OsnmaEventKind(Enum):
 
     @property
     def has_step_2(self) -> bool:
-        """Whether a new chain or key comes into force."""
+        """Whether the event has step 2, in which a new chain or key comes into force."""
         return self not in (OsnmaEventKind.ALERT, OsnmaEventKind.DONT_USE, OsnmaEventKind.SILENCE)
 
     @property
@@ -61,7 +61,7 @@ class OsnmaEvent:
         Time from which the new chain or key is in force (step 2); None if step 2 does not happen, or the kind has no
         step 2.
     ended
-        Time from which the status is nominal again, or OSNMA is silent after an alert; None if this does not happen.
+        Time from which the status is nominal again, or OSNMA is silent after an alert; None if the event does not end.
     svids
         Satellites without OSNMA, for the kind silence only. None means all satellites.
 
@@ -106,7 +106,7 @@ class OsnmaEvent:
 
     @property
     def times(self) -> tuple[GalileoTime, ...]:
-        """The given times, in the order of the steps."""
+        """Times of the event that are not None, in the order of the steps."""
         return tuple(time for time in (self.announced, self.in_force, self.ended) if time is not None)
 
     @property
@@ -118,7 +118,7 @@ class OsnmaEvent:
 
 
 def overlap(events: Iterable[OsnmaEvent]) -> tuple[OsnmaEvent, OsnmaEvent] | None:
-    """Return a pair of events that overlap; None if there is no such pair.
+    """Return a pair of events that overlap; None if no events overlap.
 
     Only events that change the status are compared: all kinds except silence.
     """

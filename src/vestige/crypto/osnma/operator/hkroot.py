@@ -29,7 +29,7 @@ class SignedMessage:
         return len(self.data) // DSM_BLOCK_BYTES
 
     def block(self, index: int) -> bytes:
-        """Return a block, 13 bytes."""
+        """Return the block with an index, which counts from 0; a block has 13 bytes."""
         return self.data[DSM_BLOCK_BYTES * index : DSM_BLOCK_BYTES * (index + 1)]
 
 

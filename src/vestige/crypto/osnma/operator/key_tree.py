@@ -1,4 +1,4 @@
-"""The operator's public keys: 15 key pairs and an alert notice, which are the 16 leaves of one Merkle tree.
+"""Make the operator's key pairs and Merkle tree, whose 16 leaves are 15 public keys and an alert notice.
 
 Public key PKID p is leaf p - 1, as in the trees that the service has published. The last leaf is the alert notice. A
 broadcast notice can be verified only if it is a leaf of the tree [OSNMA-ICD, 6.2].
@@ -35,7 +35,7 @@ class KeyTree:
     nodes: Mapping[tuple[int, int], bytes]  # all 31 nodes, as in `MerkleTree.nodes`
 
     def private_key(self, pkid: int) -> ec.EllipticCurvePrivateKey:
-        """Return a private key.
+        """Return the private key with a PKID from 1 to 15.
 
         Raises `VestigeError` if the tree has no private key with this PKID.
         """
@@ -45,16 +45,16 @@ class KeyTree:
         return self.private_keys[pkid]
 
     def claim(self, pkid: int) -> ClaimedPublicKey:
-        """Return a public key in its published form."""
+        """Return the public key with a PKID in its published form, which is not verified."""
         point = compressed_point(self.private_key(pkid).public_key())
         return ClaimedPublicKey(pkid=pkid, leaf=pkid - 1, point=point)
 
     def public_key(self, pkid: int) -> PublicKey:
-        """Return a public key for use, verified against the tree."""
+        """Verify the public key with a PKID against the tree, and return the verified key."""
         return verify_public_key(self.claim(pkid), self.published(()))
 
     def published(self, pkids: Iterable[int]) -> MerkleTree:
-        """Return the tree in its published form: all its nodes, and the public keys with the given numbers."""
+        """Return the tree in its published form, with all its nodes and the public keys whose PKIDs are given."""
         return MerkleTree(nodes=dict(self.nodes), public_keys=tuple(self.claim(pkid) for pkid in pkids))
 
     def siblings(self, leaf: int) -> tuple[bytes, ...]:
@@ -63,7 +63,7 @@ class KeyTree:
 
 
 def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCurvePrivateKey] | None = None) -> KeyTree:
-    """Return a tree of 15 key pairs and an alert notice. The same seed gives the same tree.
+    """Return the tree of 15 key pairs and an alert notice that follows from a seed.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ def authenticate(
     contents
         Content of each tag, in the order of the slots.
     key_of
-        Function that returns the key on air in the subframe that starts at a time.
+        Function that returns the key on air in the subframe that starts at the given time.
     parameters
         Parameters of the chain on air.
 

@@ -1,4 +1,4 @@
-"""A TESLA chain of the operator with all keys, including keys that are still secret."""
+"""Make a TESLA chain of the operator with all keys, including keys that are still secret."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class OperatorChain:
     def signed_root(
         self, time: GalileoTime, header: NmaHeader, pkid: int, private_key: ec.EllipticCurvePrivateKey
     ) -> DsmKroot:
-        """Return the DSM-KROOT for a time, with the newest root key.
+        """Sign the root key that is the newest at a time, and return the DSM-KROOT with the root key.
 
         Parameters
         ----------
@@ -74,7 +74,7 @@ def root_key_time(time: GalileoTime) -> GalileoTime:
 
 
 def chain_keys(last: Key, first: GalileoTime, parameters: ChainParameters) -> tuple[Key, ...]:
-    """Return the keys from subframe `first` to `last` in time order.
+    """Return the keys of a chain from the subframe `first` to the key `last`, in time order.
 
     Each key is the hash of the next key [OSNMA-ICD, 6.4].
 
@@ -95,7 +95,7 @@ def chain_keys(last: Key, first: GalileoTime, parameters: ChainParameters) -> tu
 
 
 def draw_keys(seed: bytes, start: GalileoTime, n_keys: int, parameters: ChainParameters) -> tuple[Key, ...]:
-    """Return the keys of a chain from the root key of the hour of `start` on. The same seed gives the same keys.
+    """Return the keys of a chain from the root key of the hour of `start` on; the keys follow from a seed.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def draw_chain(
     *,
     redraw: bool = True,
 ) -> OperatorChain:
-    """Return a chain whose DSM-KROOTs have no zero byte where possible.
+    """Draw a chain, if possible with DSM-KROOTs that have no zero byte, and return the chain.
 
     Some receivers treat a page with a zero HKROOT byte as lost. So the alpha of `parameters` and then random patterns
     from the seed are tried. A pattern is good if alpha, root key, signature and padding have no zero byte over the

@@ -1,4 +1,4 @@
-"""The OSNMA operator, which makes the OSNMA bits of every satellite and subframe from navigation words.
+"""Make the OSNMA bits of every satellite and subframe from navigation words, as the OSNMA operator does.
 
 The operator signs root keys with a P-256 key that is a leaf of its Merkle tree. The satellites broadcast the root keys
 in blocks (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`) with keys that
@@ -49,7 +49,7 @@ class OsnmaOperator:
     Parameters
     ----------
     configuration
-        Secrets, chain and events.
+        Settings of the operator: secrets, chain and events.
 
     Raises
     ------
@@ -98,7 +98,7 @@ class OsnmaOperator:
 
     @cached_property
     def _verified(self) -> dict[int, Chain]:
-        """Each chain with its verified root key, by number."""
+        """Each chain with its verified root key, by number of the chain."""
         return {
             number: Chain(
                 verify_root_key(
@@ -110,7 +110,7 @@ class OsnmaOperator:
 
     @property
     def roots(self) -> tuple[RootKey, ...]:
-        """The first root key of each chain, verified."""
+        """Verified first root key of each chain."""
         return tuple(chain.root for chain in self._verified.values())
 
     @cached_property
@@ -125,7 +125,7 @@ class OsnmaOperator:
     def validated_keys(self) -> tuple[ValidatedKey, ...]:
         """Return the keys of all broadcast subframes, each validated down to its signed root key.
 
-        A receiver of this signal can decrypt RECS that were encrypted with these keys.
+        A receiver of the broadcast can decrypt RECS that were encrypted under the returned keys.
         """
         return self._validated
 
@@ -183,7 +183,7 @@ class OsnmaOperator:
         self._history.add(time, words)
 
     def resume_at(self, time: GalileoTime) -> None:
-        """Forget all words, and continue with another subframe.
+        """Forget all words, and continue with the subframe that starts at `time`.
 
         After `SUBFRAMES_REMEMBERED` subframes with complete words the fields equal the fields of an operator that made
         all subframes.
@@ -256,7 +256,7 @@ class OsnmaOperator:
 
     @property
     def _first_use(self) -> dict[int, tuple[OperatorPhase, RootSource]]:
-        """First phase in which the root key of each chain is on air, and the source of the root key."""
+        """First phase in which the root key of a chain is on air, and the source of the root key, for each chain."""
         found: dict[int, tuple[OperatorPhase, RootSource]] = {}
         for phase in self._phases:
             for root in phase.roots:
@@ -294,7 +294,7 @@ class OsnmaOperator:
         return signed
 
     def _contents(self, phase: OperatorPhase, time: GalileoTime) -> Iterator[tuple[bytes, bool]]:
-        """Yield the DSMs of a phase, and whether each DSM is a DSM-KROOT."""
+        """Yield each DSM of a phase at a time, together with whether the DSM is a DSM-KROOT."""
         root = self.keys.published(()).root
         if phase.alert:
             yield alert_dsm(self.configuration.notice, ALERT_LEAF_INDEX, self.keys.siblings(ALERT_LEAF_INDEX)), False
@@ -307,6 +307,6 @@ class OsnmaOperator:
 
 
 def _next_id(used: Iterable[int], kroot: bool) -> int:
-    """Return the DSM id of a new DSM-KROOT or DSM-PKR. The ids are reused in turn."""
+    """Return the DSM id of a new DSM-KROOT or DSM-PKR; after the last id, the first id is used again."""
     n_used = sum((number < FIRST_PKR_ID) == kroot for number in used)
     return 1 + n_used % _N_KROOT_IDS if kroot else FIRST_PKR_ID + n_used % _N_PKR_IDS

@@ -1,4 +1,7 @@
-"""OSNMA settings of a scenario: events and user keys. The other secrets follow from the seed."""
+"""Define the OSNMA settings of a scenario: the events, and the private key and Merkle tree of the user.
+
+Secrets that the user does not give follow from the seed.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +74,7 @@ class OperatorKey:
 
     @property
     def tree(self) -> KeyTree | None:
-        """The user's tree with only this private key; None if the operator makes a tree."""
+        """Merkle tree of the user, with this private key only; None if the operator makes a tree."""
         return KeyTree(private_keys={self.pkid: self.private_key}, nodes=dict(self.nodes)) if self.nodes else None
 
 
@@ -96,7 +99,7 @@ class OsnmaService:
     key: OperatorKey | None = None
 
     def operator(self, seed: bytes, start: GalileoTime, n_subframes: int) -> OsnmaOperator:
-        """Return the operator at its start. `OperatorConfiguration` describes the arguments.
+        """Return the operator before its first subframe; `OperatorConfiguration` describes the arguments.
 
         Raises `VestigeError` if events overlap, or need a key that does not exist.
         """
@@ -114,7 +117,7 @@ class OsnmaService:
         )
 
     def withholds(self, svids: Iterable[int], time: GalileoTime) -> bool:
-        """Return whether receivers must not use the key of a subframe. See `key_withheld`."""
+        """Return whether a receiver must not, or cannot ever, use the key of a subframe; see `key_withheld`."""
         return key_withheld(self.events, svids, time)
 
 

@@ -75,8 +75,8 @@ def plan_tags(
 ) -> tuple[TagContent, ...]:
     """Return the contents of the tags of one satellite and subframe [OSNMA-ICD, Annex C].
 
-    Slots for any satellite and flexible slots use the other satellites (neighbours) in turn. Flexible slots carry
-    ADKD 0, as on air. Without neighbours these slots are for the sending satellite. A tag whose data was not sent is a
+    Slots for any satellite and flexible slots use the other satellites (neighbours) in turn. Without neighbours, all
+    slots are for the sending satellite. Flexible slots carry ADKD 0, as on air. A tag whose data was not sent is a
     dummy.
 
     Parameters

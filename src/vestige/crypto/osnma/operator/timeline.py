@@ -1,4 +1,4 @@
-"""Timeline of an OSNMA operator: status, chain and DSMs on air in each subframe.
+"""Compute the timeline of an OSNMA operator: status, chain and DSMs on air in each subframe.
 
 An `OperatorPhase` lasts from a step of an event to the next step. A phase contains the content of the NMA header, the
 chain of the transmitted keys, and the broadcast root keys, public keys or notices. The function `phases` makes the
@@ -37,11 +37,11 @@ class OperatorPhase:
     roots: tuple[RootSource, ...]  # sources of the broadcast DSM-KROOTs
     new_pkid: int | None = None  # PKID of the public key that is broadcast, or None
     alert: bool = False  # whether the alert notice is broadcast
-    silent: bool = False  # whether there is no OSNMA at all
+    silent: bool = False  # whether no satellite sends OSNMA
 
 
 def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[OsnmaEvent]) -> tuple[OperatorPhase, ...]:
-    """Return all phases in the order of time.
+    """Return all phases of an operator in the order of time.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def phases(start: GalileoTime, nma_status: int, pkid: int, events: Sequence[Osnm
 
 
 def phase_at(all_phases: Sequence[OperatorPhase], time: GalileoTime) -> OperatorPhase:
-    """Return the phase of a subframe. For a time before the first phase, return the first phase."""
+    """Return the phase of the subframe at a time; for a time before the first phase, return the first phase."""
     return all_phases[max(bisect_right([phase.since for phase in all_phases], time) - 1, 0)]
 
 

@@ -1,1 +1,1 @@
-"""Coding of I/NAV: the convolutional code and interleaver of half-pages, and the Reed–Solomon parity of words."""
+"""Encode and decode I/NAV: convolutional code and interleaver of half-pages, Reed–Solomon parity of words."""

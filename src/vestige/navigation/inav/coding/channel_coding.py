@@ -28,7 +28,7 @@ _ROWS = 8  # rows of the interleaver, which is written column by column and read
 
 
 def _register_signs() -> Float[np.ndarray, "128 2"]:
-    """Return the two symbols (±1) of each content of the register, the second symbol inverted.
+    """Return the two symbols (±1) for each content of the encoder's register. The second symbol is inverted.
 
     The newest bit of the register is the most significant bit.
     """
@@ -66,7 +66,7 @@ def deinterleaved(symbols: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k
 
 
 def convolved(bits: UInt8[np.ndarray, "*n bits"]) -> UInt8[np.ndarray, "*n symbols"]:
-    """Return the symbols of the convolutional code of each block, two symbols for each bit.
+    """Return the convolutional code symbols of each block of bits, two symbols for each bit.
 
     Parameters
     ----------
@@ -150,7 +150,8 @@ def page_from_symbols(soft: Float[np.ndarray, " 500"]) -> bytes:
     Parameters
     ----------
     soft
-        Soft symbols from the first synchronisation symbol of the even half on. A positive symbol may mean 0 or 1.
+        Soft symbols from the first synchronisation symbol of the even half on. A positive symbol may mean 0 or 1,
+        because the sign of all symbols is unknown.
 
     Raises
     ------

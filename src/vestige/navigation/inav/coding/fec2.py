@@ -1,4 +1,4 @@
-"""FEC2: the Reed–Solomon parity of words 1 to 4 in words 17 to 20 [OS-ICD, FEC2].
+"""Compute the Reed–Solomon parity FEC2 of words 1 to 4, and restore lost words from the parity [OS-ICD, FEC2].
 
 Any four of the eight words give the clock and ephemeris data, so a receiver need not wait for lost words. The code is
 over GF(256) with the polynomial 0x11D and the roots α¹ … α⁶⁰, shortened to 118 octets with 58 octets of information::
@@ -8,7 +8,8 @@ over GF(256) with the polynomial 0x11D and the roots α¹ … α⁶⁰, shortene
     14 octets     bits 16 to 127 of each of the words 1, 2, 3 and 4
     15 octets     of parity in each of the words 17, 18, 19 and 20
 
-The first octet belongs to the lowest degree of the polynomial, but `reedsolo` has the highest degree first.
+The first octet is the coefficient of the lowest degree of the polynomial, but `reedsolo` expects the coefficient of the
+highest degree first.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import reedsolo
 from vestige.navigation.inav.word_table import EPHEMERIS_WORDS, PARITY_WORDS, TYPE_BITS, WORD_BITS, WORD_LAYOUTS
 
 _PARITY = 60
-_OCTETS = 14  # octets behind type and IODnav in a word 1 to 4, and behind the IODnav bits in a parity word
+_OCTETS = 14  # number of octets after type and IODnav in words 1 to 4, and after the IODnav bits in a parity word
 _WORD_PARITY = _PARITY // len(PARITY_WORDS)
 _BODY_BITS = 8 * _OCTETS
 _IOD_AT = WORD_BITS - TYPE_BITS - 10
@@ -53,8 +54,8 @@ def parity_words(words: Mapping[int, int]) -> dict[int, int]:
     issue = _issue(words)
     if issue is None or any(kind not in words for kind in EPHEMERIS_WORDS):
         raise ValueError(f"words {sorted(words)}, expected words 1 to 4 of one IODnav")
-    codeword = bytes(_codec().encode(_information(words, issue)[::-1]))[::-1]  # parity has the lowest degrees
-    parity = codeword[:_PARITY]
+    codeword = bytes(_codec().encode(_information(words, issue)[::-1]))[::-1]
+    parity = codeword[:_PARITY]  # the coefficients of the lowest degrees of the codeword
     found = {}
     for index, kind in enumerate(PARITY_WORDS):
         octets = parity[_WORD_PARITY * index : _WORD_PARITY * (index + 1)]
@@ -75,9 +76,9 @@ def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
     Returns
     -------
     dict or None
-        Word type 1 to 4 -> word of 128 bits. Given words are unchanged. The result is None if there are too few words,
-        or if the words are detectably of several issues. A parity word has only two bits of IODnav, so words that are
-        hours apart must not be mixed.
+        Word type 1 to 4 -> word of 128 bits. Given words 1 to 4 stay unchanged. The result is None if there are too few
+        words, or if the words are detectably of several issues. A parity word has only two bits of IODnav, so
+        words that are hours apart must not be mixed.
 
     Examples
     --------
@@ -89,7 +90,7 @@ def restored_words(words: Mapping[int, int]) -> dict[int, int] | None:
     return None if restored is None else dict(restored)
 
 
-@lru_cache(maxsize=256)  # satellites repeat their words, and a receiver calls this function with every page
+@lru_cache(maxsize=256)  # a cache, because a receiver calls this function with every page, and pages repeat words
 def _restored(received: tuple[tuple[int, int], ...]) -> Mapping[int, int] | None:
     """Return words 1 to 4 from the received words 1 to 4 and 17 to 20, as `restored_words` does."""
     known = dict(received)
@@ -137,7 +138,7 @@ def _information(words: Mapping[int, int], issue: int) -> bytes:
 
 
 def _octets(words: Mapping[int, int], kind: int, n: int) -> list[int | None]:
-    """Return the n octets of a word in the codeword; None for a missing word."""
+    """Return the `n` octets of a word in the codeword, each of which is None if the word is missing."""
     if kind not in words:
         return [None] * n
     body = list((words[kind] & ((1 << _BODY_BITS) - 1)).to_bytes(_OCTETS, "big"))

@@ -1,9 +1,9 @@
-"""The compiled inner loop of the Viterbi decoder of the rate-1/2 code with 64 states (K = 7).
+"""Decode the convolutional code of rate 1/2 with 64 states (K = 7) by a compiled Viterbi decoder.
 
-No maintained library decodes soft symbols of this code fast enough for a receiver of eight satellites, which needs
-eight half-pages a second. `scikit-commpy` is written in Python, and takes 0.1 s for a half-page. The compiled packages
-on PyPI take hard bits only, or have not been maintained since 2020. This decoder takes 14 µs for a half-page. The tests
-compare this decoder with `scikit-commpy`.
+A receiver of eight satellites must decode eight half-pages a second. No maintained library decodes soft symbols of this
+code fast enough. `scikit-commpy` is written in Python, and takes 0.1 s for a half-page. The compiled packages on PyPI
+take hard bits only, or have not been maintained since 2020. This decoder takes 14 µs for a half-page. The tests compare
+this decoder with `scikit-commpy`.
 
 The state contains the last six bits, the newest bit first. A new bit b leads from state s to (b << 5) | (s >> 1). With
 the new bit t >> 5, the states 2t mod 64 and 2t mod 64 + 1 lead to state t.
@@ -22,7 +22,7 @@ STATES = 64
 
 @njit(cache=True, nogil=True)
 def decode_terminated(soft, signs, bits):
-    """Decode blocks that start and end in state 0.
+    """Decode blocks that start and end in state 0, and write the bits into `bits`.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ def decode_terminated(soft, signs, bits):
     signs
         Symbols (±1) of a 7-bit register, float32 [128, 2]. The register has the new bit, then the six previous bits.
     bits
-        Decoded bits, uint8 [block, n], filled with the path of largest correlation.
+        Output array for the decoded bits, uint8 [block, n]. The function fills the array with the path of largest
+        correlation.
     """
     n = bits.shape[1]
     back = np.empty((n, STATES), np.uint8)

@@ -1,1 +1,1 @@
-"""Engines of the exhaustive search: each engine computes the powers that the search compares with a threshold."""
+"""Compute the powers that the exhaustive search compares with a threshold, by engines for a processor or a GPU."""

@@ -1,4 +1,4 @@
-"""Choice of the engine of a search: the named engine, or the fastest engine that this machine runs."""
+"""Choose the engine of a search: the named engine, or the fastest engine that this machine can run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FASTEST_FIRST: tuple[EngineName, ...] = ("cuda", "segment", "fft")  # order in w
 
 @dataclass(frozen=True, slots=True)
 class EngineChoice:
-    """An engine that this machine runs.
+    """Engine that was chosen for a search, and that this machine can run.
 
     Attributes
     ----------
@@ -43,12 +43,12 @@ class EngineChoice:
 
 
 def choose_engine(name: EngineName) -> EngineChoice:
-    """Return the choice of an engine: the named engine, or for `auto` the fastest engine that this machine runs.
+    """Return the choice for a name: the named engine, or for `auto` the fastest engine that this machine can run.
 
     Raises
     ------
     EngineUnavailableError
-        If this machine does not run the named engine; the message says what was found and what to do.
+        If this machine cannot run the named engine; the message says what was found and what to do.
     """
     if name != "auto":
         return EngineChoice(name, _WHERE[name]())
@@ -67,7 +67,7 @@ def make_engine(name: EngineName, codes: Int8[np.ndarray, "codes chips"]) -> Eng
     Raises
     ------
     EngineUnavailableError
-        If this machine does not run the named engine.
+        If this machine cannot run the named engine.
     """
     choice = choose_engine(name)
     _log.info("engine of the exhaustive search: %s", choice)

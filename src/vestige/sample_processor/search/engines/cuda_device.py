@@ -1,8 +1,8 @@
-"""GPU functions of the CUDA engine: FFTs by cuFFT and two kernels. Only this module imports CuPy.
+"""Run the functions of the CUDA engine that need a GPU: FFTs by cuFFT, and two kernels.
 
-The speed of the GPU's memory limits the speed of a search. The product is written once and read once by the inverse
-FFT, and the maximum reads the result once. FFT, product and maximum read or write the 8 bytes of each number 4 to 6
-times.
+Only this module imports CuPy. The speed of the GPU's memory limits the speed of a search. The kernel `multiply` writes
+each product once. The inverse FFT reads the product and writes the correlation. The kernel `raise_to_powers` reads the
+correlation once. Together the FFT and the kernels read or write the 8 bytes of each number 4 to 6 times.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ extern "C" __global__ void raise_to_powers(
 
 
 class CudaDevice:
-    """The current GPU, through CuPy; a `Device` of the engine.
+    """Current GPU, which the engine uses as its `Device` through CuPy.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class CudaDevice:
         try:
             self.xp: Any = import_module("cupy")
             self._cupyx: Any = import_module("cupyx")
-            self._cufft: Any = self.xp.cuda.cufft  # this line loads the library
+            self._cufft: Any = self.xp.cuda.cufft  # this line loads the library cuFFT
         except ImportError as error:
             found = f"CuPy cannot be imported ({first_line(error)})"
             raise EngineUnavailableError("cuda", found, "pip install 'vestige[cuda]'") from error
@@ -75,7 +75,7 @@ class CudaDevice:
             self._multiply, self._raise = kernels.get_function("multiply"), kernels.get_function("raise_to_powers")
             self.forward(self.xp.zeros(_THREADS, np.complex64))
             self.xp.cuda.get_current_stream().synchronize()
-        except Exception as error:  # CUDA's errors have no other common class
+        except Exception as error:  # errors of CUDA have no other common class
             found = f"CuPy {self.xp.__version__} finds no GPU that it can use ({first_line(error)})"
             raise EngineUnavailableError("cuda", found, "see what nvidia-smi says") from error
 
@@ -95,7 +95,7 @@ class CudaDevice:
         return self._cufft.Plan1d(length, self._cufft.CUFFT_C2C, n_blocks * n_bins)
 
     def forward(self, blocks: Any) -> Any:
-        """Return the FFT over the last axis."""
+        """Return the FFT of `blocks` over the last axis."""
         return self.xp.fft.fft(blocks, axis=-1)
 
     def multiply(self, spectra: Any, code: Any, shifts: Any, rows: Any) -> None:
@@ -107,18 +107,18 @@ class CudaDevice:
         )
 
     def inverse(self, rows: Any, plan: Any) -> None:
-        """Replace rows by their inverse FFT, without a factor."""
+        """Replace `rows` by their inverse FFT over the last axis, without the factor 1/length."""
         plan.fft(rows, rows, self._cufft.CUFFT_INVERSE)
 
     def raise_to_powers(self, rows: Any, n_bins: int, best: Any) -> None:
-        """Raise best[block, offset] to the largest |rows[block, bin, offset]|² over `n_bins` bins, if it is larger."""
+        """Set best[block, offset] to the maximum of its value and all |rows[block, bin, offset]|² of `n_bins` bins."""
         n_blocks, stride, length = rows.shape
         offsets = best.shape[-1]
         numbers = (np.int32(n_bins), np.int32(stride), np.int32(length), np.int32(offsets))
         self._raise((-(-offsets // _THREADS), n_blocks), (_THREADS,), (rows, best, *numbers))
 
     def download(self, values: Any) -> Float32[np.ndarray, "..."]:
-        """Return the values in page-locked memory, to which the GPU writes directly."""
+        """Return the values as a numpy array in page-locked memory, to which the GPU writes directly."""
         out: np.ndarray = self._cupyx.empty_pinned(values.shape, np.float32)
         values.get(out=out)
         return out
@@ -126,7 +126,7 @@ class CudaDevice:
 
 @cache
 def cuda_device() -> CudaDevice:
-    """Return the current GPU; its kernels are compiled once in a process.
+    """Return the current GPU; the kernels are compiled once in a process.
 
     Raises
     ------
@@ -137,6 +137,6 @@ def cuda_device() -> CudaDevice:
 
 
 def first_line(error: BaseException) -> str:
-    """Return the first line of an error's message that is not empty; the name of its class if all lines are empty."""
+    """Return the first line of an error's message that is not empty, or the error's class name if all are empty."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__

@@ -1,14 +1,15 @@
-"""The engine for a GPU: the same overlap-save correlation as `fft`, in batches of many blocks and Doppler bins.
+"""Compute the powers of a search on a GPU, by overlap-save correlation in batches of many blocks and Doppler bins.
 
-A call takes 0.2 s of samples. The samples go to the GPU as int16 and become overlapping blocks of complex64. The
+One call processes 0.2 s of samples. The samples go to the GPU as int16 and become overlapping blocks of complex64. The
 spectra of the blocks are multiplied with the spectra of the codes at the shift of every bin. A batched inverse FFT
-follows, and then the largest power over the bins of each code offset. Only this power is copied from the GPU: 4 bytes
-for each code, grid and offset. `overlap_save` explains how blocks are cut and how a bin becomes a shift.
+gives the correlations. Then the largest power over the bins is found for each code offset. Only this power is copied
+from the GPU: 4 bytes for each code, grid and offset. `overlap_save` explains how blocks are cut and how a bin becomes a
+shift.
 
 Calls may come from several threads. Each call takes one of `_LANES` lanes with its own stream and batch, so a call
 computes while another call sends or receives. `Device` has all operations that need the GPU, and this file has
-operations on arrays only. `cuda_device.CudaDevice` is the device for CuPy. The tests have a device of numpy, so they
-test this file without a GPU.
+operations on arrays only. `cuda_device.CudaDevice` is the device for CuPy. The tests replace the device by a device of
+numpy, so that no GPU is needed.
 """
 
 from __future__ import annotations
@@ -28,25 +29,25 @@ from vestige.sample_processor.search.engines.fft_engine import FftEngine
 from vestige.sample_processor.search.engines.overlap_save import OverlapSave
 
 _LANES = 2
-_BATCH_BYTES = 1 << 28  # memory of the inverse transforms of a lane; cuFFT needs as much memory again
+_BATCH_BYTES = 1 << 28  # memory in bytes for the inverse transforms of a lane; cuFFT needs the same amount again
 _BLOCK = 1 << 20  # approximate number of code offsets in a call
 _CHECKED = 100  # number of code offsets whose powers a GPU must compute correctly before the GPU is used
 
 
 @runtime_checkable
 class Device(Protocol):
-    """Operations on the arrays of a GPU; arrays have the type of the arrays of `xp`.
+    """Operations of the engine on the arrays of a GPU.
 
     Attributes
     ----------
     xp
-        The array module: cupy, or numpy in tests.
+        Module whose arrays all operations use: cupy, or numpy in tests.
     """
 
     xp: Any
 
     def stream(self) -> AbstractContextManager[object]:
-        """Return a context whose work runs in order, independently of other contexts."""
+        """Return a context in which the GPU works in order, independently of other contexts."""
         ...
 
     def constant(self, values: np.ndarray) -> Any:
@@ -58,22 +59,22 @@ class Device(Protocol):
         ...
 
     def forward(self, blocks: Any) -> Any:
-        """Return the FFT of complex64[…, length] over its last axis."""
+        """Return the FFT of `blocks`, complex64[…, length], over the last axis."""
         ...
 
     def multiply(self, spectra: Any, code: Any, shifts: Any, rows: Any) -> None:
         """Fill rows[block, bin, k] with spectra[block, k] · code[k − shifts[bin]], modulo the length.
 
-        `rows` may have more bins than there are shifts; the additional bins do not change.
+        `rows` may have more bins than `shifts` has elements. The additional bins do not change.
         """
         ...
 
     def inverse(self, rows: Any, plan: Any) -> None:
-        """Replace complex64[blocks, bins, length] by its inverse FFT over the last axis, times the length."""
+        """Replace `rows`, complex64[blocks, bins, length], by the inverse FFT over the last axis, times the length."""
         ...
 
     def raise_to_powers(self, rows: Any, n_bins: int, best: Any) -> None:
-        """Raise best[block, offset] to the largest |rows[block, bin, offset]|² over `n_bins` bins, if it is larger."""
+        """Set best[block, offset] to the maximum of its value and all |rows[block, bin, offset]|² of `n_bins` bins."""
         ...
 
     def download(self, values: Any) -> Float32[np.ndarray, "..."]:
@@ -91,14 +92,14 @@ class _Lane:
 
 
 class CudaEngine:
-    """Compute powers of codes of equal length on a GPU; the docstring of the module explains the method.
+    """Engine that computes powers of codes of equal length on a GPU; the docstring of the module explains the method.
 
     Parameters
     ----------
     codes
         Codes of ±1; each has 1, 2, 4, 8 or 16 ms of chips.
     device
-        The GPU; None takes the current GPU.
+        Operations of the GPU; None takes the current GPU.
 
     Raises
     ------
@@ -133,7 +134,7 @@ class CudaEngine:
         n_offsets: int,
         threshold: float = 0.0,  # noqa: ARG002  (this engine computes all cells)
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
-        """Return the largest power over the bins, for every code, grid and offset."""
+        """Return the largest power over the Doppler bins, for every code, grid and code offset."""
         lane = self._lanes.get()
         try:
             with lane.stream:
@@ -144,7 +145,7 @@ class CudaEngine:
     def _powers(
         self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int, lane: _Lane
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
-        """Return the powers, computed in one lane."""
+        """Return the powers of `chips`, computed with the stream and the batch of one lane."""
         xp, n_grids = self._device.xp, chips.shape[0]
         in_grid = -(-n_offsets // self._cut.offsets)
         spectra = self._device.forward(self._blocks(xp.asarray(chips), in_grid))
@@ -205,7 +206,7 @@ def checked_gpu() -> str:
         powers = CudaEngine(codes, device).powers(chips, _CHECKED)
     except EngineUnavailableError:
         raise
-    except Exception as error:  # CUDA's errors have no other common class
+    except Exception as error:  # errors of CUDA have no other common class
         found = f"{device.name} fails in a short check ({first_line(error)})"
         raise EngineUnavailableError("cuda", found, "check the versions of CuPy and the driver") from error
     if not np.allclose(powers, expected, rtol=0, atol=1e-4 * expected.max()):

@@ -1,7 +1,7 @@
-"""Interface of the engines of the exhaustive search: an engine selects candidates and does not decide.
+"""Define the interface of the engines of the exhaustive search, which select candidates and do not decide.
 
-An engine gets chips of a stretch of samples and returns, for every code offset, the largest power over the Doppler
-bins. The power may be too low by a stated part of a decibel. Offsets near the threshold are computed again exactly
+An engine gets samples that are summed into chips. The engine returns, for every code offset, the largest power over the
+Doppler bins. The power may be too low by up to `loss_db`. Offsets near the threshold are computed again exactly
 (`exact_cell`), and only the exact value decides. So the precision of an engine does not affect the results of a search.
 """
 
@@ -18,13 +18,13 @@ from vestige.signals.definitions import E6C
 
 CHIP_RATE_HZ = E6C.chip_rate_hz
 DOPPLER_POINTS = 256  # number of points of the Doppler transform
-CHIP_SIGMA = 12.0  # standard deviation of the chips that an engine gets; rounding them costs 0.003 dB
-CLIP = 102  # limit of a chip, 8.5 σ; a sum of 320 chips fits int16
+CHIP_SIGMA = 12.0  # standard deviation of the samples in chips that an engine gets; rounding costs 0.003 dB
+CLIP = 102  # largest value that an engine gets, 8.5 σ, so that a sum of 320 chips fits int16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
-    """The Doppler bins of a coherent sum, and the way in which the segment engine computes them.
+    """Doppler bins of a coherent sum, and the numbers that the segment engine needs to compute these bins.
 
     Attributes
     ----------
@@ -33,9 +33,9 @@ class Grid:
     stride
         Step between the bins that are used; the bins are R_c / (256 M) apart.
     split
-        Number of groups of segments that are joined coherently; also the number of sub-bins of a bin.
+        Number of groups of segments that are joined coherently, which is also the number of sub-bins of a bin.
     reach
-        Number of bins on each side of the middle.
+        Number of bins on each side of the middle bin.
     half_width_hz
         Largest distance of a Doppler from the middle. At this distance a replica with the code Doppler of the middle
         loses at most 0.24 dB. A wider span needs several passes, each with its own middle.
@@ -59,7 +59,7 @@ class Grid:
 
     @property
     def bins_hz(self) -> Float64[np.ndarray, " bins"]:
-        """Doppler bins relative to the middle in Hz; the distance of two bins is 1/(2 T) to 0.1 %."""
+        """Doppler bins relative to the middle in Hz; neighbouring bins are 1/(2 T) apart, to 0.1 %."""
         whole = np.arange(-(self.reach // self.stride) * self.stride, self.reach + 1, self.stride)
         parts = (np.arange(self.split) + 0.5) / self.split - 0.5
         return self.spacing_hz * (whole[:, None] + parts).reshape(-1)
@@ -77,7 +77,7 @@ GRIDS = {
 
 @runtime_checkable
 class Engine(Protocol):
-    """An engine of the search, which computes the powers.
+    """Interface of an engine, which computes the powers of the exhaustive search.
 
     Attributes
     ----------
@@ -101,8 +101,8 @@ class Engine(Protocol):
         Parameters
         ----------
         chips
-            Chips of the samples, real and imaginary parts. The number of chips is `n_offsets` plus the length of the
-            codes.
+            Samples summed into chips, real and imaginary part, on each grid. The number of chips is `n_offsets` plus
+            the length of the codes.
         threshold
             Threshold of the magnitude, in standard deviations of the noise per dimension. An engine may return zero for
             an offset without a cell above the threshold. The documentation of the engine states how many detections
@@ -112,19 +112,19 @@ class Engine(Protocol):
 
 
 def chip_variance(chips: Int16[np.ndarray, "grids 2 n"]) -> float:
-    """Return the variance of the chips of samples, per dimension."""
+    """Return the variance, per dimension, of samples that are summed into chips."""
     return float(np.mean(np.square(chips, dtype=np.float32)))
 
 
 class EngineUnavailableError(UnsupportedError):
-    """An engine does not run on this machine.
+    """An engine cannot run on this machine.
 
     Parameters
     ----------
     engine
         Name of the engine.
     found
-        The part that is missing.
+        Reason why the engine cannot run, for example a missing library.
     remedy
         Action of the user that makes the engine run.
     """

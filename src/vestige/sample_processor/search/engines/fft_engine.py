@@ -1,7 +1,7 @@
-"""The reference engine: overlap-save correlation by FFT, with an inverse transform for every Doppler bin.
+"""Compute the powers of a search by overlap-save correlation, with an inverse FFT for every Doppler bin.
 
-`overlap_save` explains how blocks are cut and how a bin becomes a shift. The spectrum of the code is stored three
-times in a row, so a shift is a slice.
+This engine is the reference for the other engines. `overlap_save` explains how blocks are cut and how a bin becomes a
+shift. The spectrum of the code is stored three times in a row, so a shift is a slice.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _TOGETHER = 4  # number of transforms at once: scipy computes 4 transforms in th
 
 
 class FftEngine:
-    """Compute powers of codes of equal length by FFT; the docstring of the module explains the method.
+    """Engine that computes powers of codes of equal length by FFT; the docstring of the module explains the method.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class FftEngine:
         n_offsets: int,
         threshold: float = 0.0,  # noqa: ARG002  (this engine computes all cells)
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
-        """Return the largest power over the bins, for every code, grid and offset."""
+        """Return the largest power over the Doppler bins, for every code, grid and code offset."""
         best = np.zeros((self._spectra.shape[0], chips.shape[0], n_offsets), np.float32)
         for grid in range(chips.shape[0]):
             samples = (chips[grid, 0] + 1j * chips[grid, 1]).astype(np.complex64)
@@ -67,7 +67,7 @@ class FftEngine:
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _raise_to_power(y, out):  # type: ignore[no-untyped-def]
-    """Raise `out` to the powers of interleaved complex numbers where the powers are larger."""
+    """Replace each element of `out` by the power of a complex number in `y` (interleaved) if the power is larger."""
     for i in range(out.size):
         power = y[2 * i] * y[2 * i] + y[2 * i + 1] * y[2 * i + 1]
         out[i] = power if power > out[i] else out[i]

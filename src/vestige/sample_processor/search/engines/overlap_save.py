@@ -1,10 +1,10 @@
-"""Overlap-save correlation for the engines `fft` and `cuda`: how samples are cut and how bins become shifts.
+"""Plan the overlap-save correlation of the engines `fft` and `cuda`: the blocks of samples, and the shift of each bin.
 
 A block of `length` samples is transformed once for all codes and bins. Doppler is a shift of the code's spectrum
 against the spectrum of the samples, in steps of R_c / length. Every bin is rounded to the nearest step. The first
 length − chips + 1 numbers of an inverse transform are correlator values. The other numbers wrap around and are not
-used. On a processor a length of about 6.4 times the length of the code is the fastest. The usual factor of 2 takes a
-third more time.
+used. On a processor a length of about 6.4 times the length of the code is the fastest. A length of twice the code,
+which is usual, takes a third more time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy import fft
 
 from vestige.sample_processor.search.engines.engine import CHIP_RATE_HZ, GRIDS
 
-_LENGTH_OVER_CODE = 4.2  # rounding up to a power of two gives 6.4 times the code
+_LENGTH_OVER_CODE = 4.2  # smallest length over code length; rounding the length up to a power of two gives 6.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,10 +43,10 @@ class OverlapSave:
 
     @classmethod
     def of(cls, n_chips: int) -> OverlapSave:
-        """Return the division for codes with a number of chips that corresponds to 1, 2, 4, 8 or 16 ms."""
+        """Return the division of samples for codes of `n_chips` chips, which last 1, 2, 4, 8 or 16 ms."""
         length = 1 << int(np.ceil(np.log2(_LENGTH_OVER_CODE * n_chips)))
         shifts = np.rint(GRIDS[n_chips].bins_hz / CHIP_RATE_HZ * length).astype(int)
-        # The largest loss is that of a signal midway between two bins (¼ cycle), rounded by half a step.
+        # The loss is largest for a signal midway between two bins (¼ cycle) if the bins are rounded by half a step.
         step_error = 0.5 * CHIP_RATE_HZ / length * n_chips / CHIP_RATE_HZ
         slope_db = 20 * np.log10(np.sinc(0.25) / np.sinc(0.25 + step_error))
         return cls(length=length, offsets=length - n_chips + 1, shifts=shifts, loss_db=float(slope_db) + 0.01)

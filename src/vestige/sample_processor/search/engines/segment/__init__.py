@@ -1,7 +1,7 @@
-"""The int8 engine: a screen over a part of the chips first, then a sum over all chips at the few offsets that pass.
+"""Compute the powers of a search fast: screen a part of the chips, then sum all chips at the few offsets that pass.
 
-The engine is the fastest engine on a processor. `segment_engine` makes the plan, `segment_kernel` has the loops, and
-`vector_ir` has the inner loops as LLVM code. Outside this folder, only `choice` imports the engine.
+The engine `segment` is the fastest engine on a processor. `segment_engine` makes the plan, `segment_kernel` has the
+loops, and `vector_ir` has the inner loops as LLVM code. Outside this folder, only `choice` imports the engine.
 
 Theory of operation
 -------------------
@@ -24,26 +24,27 @@ is so low that noise would exceed t too often. Then all chips are summed up at e
 x(n+4) is computed once for all segments, offsets and codes. P_k is then a sum of 48 table rows or more. The sign of the
 first chip in a group of five decides whether the row of the group is added or subtracted. Rows are read at consecutive
 offsets, without a multiplication, a branch or a look-up for each sample. A row stores a sum in five bits, in steps of
-eight. With chips of σ = 12 the steps add noise 21 dB below the noise of the chips, and a sum beyond 4.6 σ is cut. A sum
-of eight rows fits a byte, so eight rows are added as bytes before the sum is widened to int16. All codes use the same
-tables of a block. The distance between two rows is 256 bytes more than a multiple of 4 kB. Without the 256 bytes all
-rows would share a few lines of the cache, and the screen would take twice as long.
+eight. With chips of σ = 12 the steps add noise 21 dB below the noise of the chips, and sums are limited to ±4.6 σ. A
+sum of eight rows fits a byte, so eight rows are added as bytes before the sum is widened to int16. All codes use the
+same tables for a block of offsets. The distance between two rows is 256 bytes more than a multiple of 4 kB. Without the
+256 bytes all rows would share a few lines of the cache, and the screen would take twice as long.
 
 **Screen: Doppler transform.** The segments have 240 chips at 4 ms, which costs 0.8 dB at 5 kHz and 0.27 dB on average.
-The transform has 128 points, and the upper half of its inputs is zero. Two steps of 8 and 16 compute this transform,
-with input k = b + 16 j and output m = r + 8 g,
+The transform has 128 points, and the upper half of its inputs is zero. Two steps of 8 and 16 points compute this
+transform, with input k = b + 16 j and output m = r + 8 g,
 
     y_b[r] = Σ_j P_{b+16j} e^{−j2π j r / 8}        Z_{r+8g} = Σ_b (y_b[r] e^{−j2π b r / 128}) e^{−j2π b g / 16}
 
-in int16 with one lane for each offset. Rounding changes a magnitude by less than 0.03 σ. P_k is cut so that no sum
-overflows int16, because additions that saturate take twice as long. Noise reaches the cut (3.9 to 7.8 σ of P_k) at most
-once in 10⁴ segments, and a strong signal is still strong after the cut. For 16 ms the segments of this transform have
-960 chips, which costs 1.4 dB at the edge of a pass.
+in int16 with one lane for each offset. Rounding changes a magnitude by less than 0.03 σ. P_k is limited so that no sum
+overflows int16, because additions that saturate take twice as long. Noise reaches the limit (3.9 to 7.8 σ of P_k) at
+most once in 10⁴ segments, and a strong signal stays far above the threshold. For 16 ms the segments of this transform
+have 960 chips, which costs 1.4 dB at the edge of a pass.
 
-**All chips.** The segment sums of int16 products are exact. A transform of 256 points in two steps of 16 follows, in
-float32 with one lane for each of eight offsets. A sum over **1 ms** fills an eighth of the inputs and needs every
-fourth output. A sum over **2 ms** fills a quarter of the inputs and needs every second output. A sum over **16 ms** has
-two groups of 128 segments. The bins Z of a group are 62.4 Hz apart. The bins of the two groups are joined coherently at
-f ± δ, which gives two sub-bins for each bin. Within a group δ is not removed, which costs sinc²(δ · 8 ms), 0.22 dB. The
-duration of a group is half a cycle of the distance between bins, so the join needs only signs and two constants.
+**All chips.** The segment sums of int16 products are exact. A transform of 256 points in two steps of 16 points
+follows, in float32 with one lane for each of eight offsets. A sum over **1 ms** fills an eighth of the inputs and needs
+every fourth output. A sum over **2 ms** fills a quarter of the inputs and needs every second output. A sum over **16
+ms** has two groups of 128 segments. The bins Z of a group are 62.4 Hz apart. The bins of the two groups are joined
+coherently at f ± δ, which gives two sub-bins for each bin. Within a group δ is not removed, which costs sinc²(δ · 8
+ms), 0.22 dB. Neighbouring bins differ by half a cycle over the duration of a group, so the join needs only signs and
+two constants.
 """

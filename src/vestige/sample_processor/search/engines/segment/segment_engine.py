@@ -1,4 +1,4 @@
-"""The fast engine for a processor; the docstring of the package explains the method."""
+"""Plan and run the fast engine for a processor; the docstring of the package explains the method."""
 
 # mypy: disable-error-code="call-arg"
 
@@ -31,7 +31,7 @@ from vestige.sample_processor.search.engines.segment.vector_ir import (
 )
 from vestige.theory.screen_loss import SCREEN_SHARE, pass_threshold
 
-_TABLE_OFFSETS = 131_072  # number of offsets that share a set of tables
+_TABLE_OFFSETS = 131_072  # number of code offsets that share a set of sign tables
 _PAGE = 4096  # number of bytes after which cache lines repeat; the rows of a table are spread evenly over the lines
 _CUT = 1.0  # largest rounding error of a screened power in units of int16, because two squares are rounded down
 _SIGMA_OF_BIN = 1000  # largest σ of a bin of the screen in int16; the smallest σ is half of this value
@@ -40,14 +40,14 @@ _MOST_SCREENED = 0.3  # largest share of offsets at which noise passes the scree
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A code as rows of the sign tables, by segment, with added rows before subtracted rows; see also `row_sum`."""
+    """Rows of the sign tables that a code adds and subtracts in each segment, in the order that `row_sum` explains."""
 
     entries: Int32[np.ndarray, " groups"]
     bounds: Int64[np.ndarray, "segments 6"]
 
 
 class SegmentEngine:
-    """Compute powers of codes of equal length: test a part of the chips, then sum up all chips at offsets that pass.
+    """Engine that tests a part of the chips of each code, and then sums up all chips at the offsets that pass.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class SegmentEngine:
     Attributes
     ----------
     sum_limit
-        Limit of a segment's sum in the screen, in units of the chips; larger sums are cut.
+        Limit of a segment's sum in the screen, in units of the chips; larger sums are set to the limit.
     """
 
     block = _TABLE_OFFSETS
@@ -89,7 +89,7 @@ class SegmentEngine:
     def powers(
         self, chips: Int16[np.ndarray, "grids 2 n"], n_offsets: int, threshold: float = 0.0
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
-        """Return the largest power over the bins, for every code, grid and offset.
+        """Return the largest power over the Doppler bins, for every code, grid and code offset.
 
         The chips must be within ±127. The screen adds the chips of two grids half a chip apart. The power is zero where
         the screen finds no cell that can be above the threshold.
@@ -130,7 +130,7 @@ class SegmentEngine:
                 flat = (table.reshape(-1) for table in tables)
                 limits, bins = (self.sum_limit // ROW_STEP, self._shift), (self._grid.stride, self._grid.split)
                 screen(*flat, plan.entries, plan.bounds, *limits, *bins, self._short_turns, powers)
-                # even and odd offsets in turn
+                # `screen` stores even offsets before odd offsets; this line restores the order of the offsets
                 powers = powers.reshape(-1, 2, VECTOR_BYTES // 2).swapaxes(1, 2).reshape(-1)
                 out[first : first + count] = powers[:count]
         return (best + np.float32(_CUT)) * np.float32(self._unit)
@@ -138,7 +138,7 @@ class SegmentEngine:
     def _completed(
         self, chips: Int16[np.ndarray, "2 n"], code: Int16[np.ndarray, " chips"], offsets: Int64[np.ndarray, " some"]
     ) -> Float32[np.ndarray, " some"]:
-        """Return the largest power over the bins at the given offsets, from chips that reach over the last segment."""
+        """Return the largest power of all chips over the Doppler bins, at the given code offsets."""
         filled = np.zeros(-(-offsets.size // LANES) * LANES, np.int64)
         filled[: offsets.size] = offsets
         powers = np.empty(filled.size, np.float32)
@@ -148,9 +148,10 @@ class SegmentEngine:
 
 
 def _joined(chips: Int16[np.ndarray, "grids 2 n"]) -> Int16[np.ndarray, "2 n"]:
-    """Return the sums of chips of two grids, scaled to the σ of a single chip.
+    """Return the sums of the chips of two grids, scaled to the σ of a single chip.
 
-    Two chips half a chip apart share half of their noise, so the variance of a sum is three times that of a chip.
+    Two chips half a chip apart share half of their noise. So the variance of their sum is three times the variance of a
+    chip.
     """
     if chips.shape[0] == 1:
         return chips[0]

@@ -1,4 +1,4 @@
-"""The compiled loops of the segment engine; the docstring of the package explains the method."""
+"""Run the compiled loops of the segment engine; the docstring of the package explains the method."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="call-arg"
 
@@ -22,15 +22,15 @@ from vestige.sample_processor.search.engines.segment.vector_ir import (
 
 CHIPS_IN_GROUP = 5
 PATTERNS = 1 << (CHIPS_IN_GROUP - 1)
-ROW_STEP = 8  # step of a row in units of the chips
+ROW_STEP = 8  # step between two numbers of a row, in units of the chips
 SCREEN_BLOCK = 512  # number of offsets of the screen that are computed at once
 SEGMENTS = 128  # number of segments in a group; 64 for 2 ms and 32 for 1 ms
 SHORT_TURN = 32_768  # magnitude of the int16 phase factors: the value 0.5 in units of 2⁻¹⁶
-TOP_OF_SCREEN = 16_000.0  # power of a bin that noise does not reach; a signal with cut sums reaches this power
+TOP_OF_SCREEN = 16_000.0  # power of a bin that noise does not reach; a strong signal reaches it even with limited sums
 _BINS_STORED = 2 * 27 + 1  # number of stored bins of each group
 _ROW = SCREEN_BLOCK + SHORT_LANES  # length of a row of the screen's sums, padded so that rows use different cache lines
 _FIRST_POINTS = 8  # number of points of the screen's first DFT
-_STRETCH = 1024  # number of offsets of a sign table that are filled at once; as int16 these rows take 32 kB
+_STRETCH = 1024  # number of offsets of a sign table that are filled at once; 16 rows of int16 take 32 kB
 _STEP_BITS = 3
 
 
@@ -38,7 +38,7 @@ _STEP_BITS = 3
 def fill_sign_table(x, table):
     """Fill uint8 `table`[16, n] with x[n] ± x[n+1] ± … ± x[n+4] in 32 steps of ROW_STEP around zero.
 
-    Bit j − 1 of the row number is set for +x[n+j]. A stored number r stands for r − 15½ steps; larger sums are cut.
+    Bit j − 1 of the row number is set for +x[n+j]. A stored number r stands for r − 15½ steps. Larger sums are limited.
     """
     wide = np.empty((PATTERNS, _STRETCH), np.int16)
     for first in range(0, table.shape[1], _STRETCH):
@@ -63,10 +63,11 @@ def fill_sign_table(x, table):
 
 @njit(cache=True, nogil=True)
 def screen(table_re, table_im, entries, bounds, top, shift, stride, split, turns, out):
-    """Raise int16 `out` to the largest power over the Doppler bins of the screen at the offsets 0, 1, ….
+    """Replace each element of int16 `out` by the largest power over the screen's Doppler bins if this power is larger.
 
-    Powers are in units of 2¹⁴ (2 · ROW_STEP / 2^shift)². The length of `out` is a multiple of SCREEN_BLOCK. In each
-    group of 32 offsets the 16 even offsets come first, like in the output of `row_sum`.
+    Powers are in units of 2¹⁴ (2 · ROW_STEP / 2^shift)². The length of `out` is a multiple of SCREEN_BLOCK. The
+    elements of `out` belong to the code offsets 0, 1, …. In each group of 32 offsets the 16 even offsets come first,
+    like in the output of `row_sum`.
 
     Parameters
     ----------
@@ -75,9 +76,10 @@ def screen(table_re, table_im, entries, bounds, top, shift, stride, split, turns
     entries, bounds
         Plan of the code from `segment_engine._plan`, with 16, 32 or 64 segments.
     top, shift
-        Limit of a segment's sum, and its shift. No number wraps if n_segments · top · 2^shift · √2 is below 2¹⁶.
+        Limit of a segment's sum, and number of bits by which the sum is shifted. No number wraps if n_segments · top ·
+        2^shift · √2 is below 2¹⁶.
     stride, split
-        Step between the bins that are used, and their range: −40 to 40 if `split` is 2, else −32 to 31.
+        Step between the bins that are used, and number that selects their range: −40 to 40 for 2, otherwise −32 to 31.
     turns
         int16[16 · 8 · 2], exp(−j2π b r / 128) in units of SHORT_TURN.
     """
@@ -101,7 +103,7 @@ def _row_sums(table, entries, bounds, base, top, shift, sums):
 
 @njit(nogil=True)
 def _screen_bins(sums_re, sums_im, lane, n_segments, stride, split, turns, points, out, where):
-    """Raise `out` to the powers of the bins r + 8 g where the powers are larger."""
+    """Replace elements of `out` by the powers of the screen's bins r + 8 g where these powers are larger."""
     step = DFT_POINTS * _ROW
     for b in range(DFT_POINTS):
         index, turn, to = b * _ROW + lane, 2 * _FIRST_POINTS * b, 2 * SHORT_LANES * b
@@ -178,7 +180,7 @@ def _first_stage(sums_re, sums_im, start, n_segments, turns, points):
 
 @njit(nogil=True)
 def _maximum(points, r, out):
-    """Raise `out` to the powers of the bins r + 16 g within ±40 where the powers are larger."""
+    """Replace elements of `out` by the powers of the bins r + 16 g within ±40 where these powers are larger."""
     index = r * DFT_POINTS * 2 * LANES
     if r < 8:
         second_dft_maximum(points, index, -2, 2, out, 0)
@@ -190,7 +192,7 @@ def _maximum(points, r, out):
 
 @njit(nogil=True)
 def _store(points, r, spectrum, first):
-    """Store the bins r + 16 g within ±27 in order."""
+    """Store the bins r + 16 g within ±27 in ascending order in `spectrum`."""
     index, step, part = r * DFT_POINTS * 2 * LANES, 16 * 2 * LANES, LANES
     where = first + (r + 27) * 2 * LANES
     if r < 5:
@@ -203,7 +205,7 @@ def _store(points, r, spectrum, first):
 
 @njit(nogil=True, fastmath={"contract"})
 def _combine(spectrum, out):
-    """Join two groups of 8 ms at f ± δ, where δ is a quarter of a bin, and raise `out` to the powers."""
+    """Join two groups of 8 ms at f ± δ, where δ is a quarter of a bin, and store the powers that exceed `out`."""
     c = np.float32(np.cos(np.pi / 8))
     s = np.float32(np.sin(np.pi / 8))
     for b in range(_BINS_STORED):
@@ -216,7 +218,7 @@ def _combine(spectrum, out):
 
 @njit(inline="always")
 def _pair(e_re, e_im, o_re, o_im, best):
-    """Return the largest of |E + jO|², |E − jO|² and `best`."""
+    """Return the largest of |E + jO|², |E − jO|² and `best` for two complex numbers E and O."""
     a, d = e_re + o_im, e_im - o_re
     low = a * a + d * d
     a, d = e_re - o_im, e_im + o_re

@@ -1,4 +1,4 @@
-"""Vector instructions for the segment engine, written as LLVM code: sums of rows of bytes, and DFTs over lanes.
+"""Emit vector instructions for the segment engine as LLVM code: sums of rows of bytes, and DFTs over lanes.
 
 numba cannot unroll a DFT whose lanes are search offsets. `vestige.vector_code` explains another limit of numba. So this
 module emits the inner loops as intrinsics. LLVM adapts the vectors of the loops to AVX-512, AVX2 or NEON. In a DFT each
@@ -25,7 +25,7 @@ LANES = 8  # number of float32 numbers in a vector of 256 bits
 SHORT_LANES = 16  # number of int16 numbers in a vector of 256 bits
 VECTOR_BYTES = 32  # number of bytes in a vector of 256 bits
 ROWS_AT_ONCE = 8  # number of rows of five bits whose sum fits a byte
-ROW_TOP = 31  # the largest byte of a row
+ROW_TOP = 31  # largest value of a byte in a row
 SUM_WIDTH = 128  # number of offsets that `row_sum` sums at once: four vectors of bytes, or eight vectors of int16
 DFT_POINTS = 16  # number of points of the second DFT; the first DFT has 16 or 8 points
 
@@ -110,7 +110,7 @@ class _Fixed:
         return self.builder.select(self.builder.icmp_signed(">", a, b), a, b)
 
     def unbiased(self, a):
-        """Return a sum of two products without bias; the bias is 1, because each product is rounded down by ½."""
+        """Return a sum of two products without its bias of 1; each product is rounded down by ½ on average."""
         return self.plus(a, ir.Constant(_SHORT, [1] * SHORT_LANES))
 
     def of_sum(self, lanes, place):
@@ -188,7 +188,7 @@ def _literal(value):
 
 
 def _unit(array, builder):
-    """Return the arithmetic of an array's numbers."""
+    """Return the arithmetic for the type of an array's numbers."""
     return (_Fixed if array.dtype == types.int16 else _Float)(builder)
 
 
@@ -211,7 +211,7 @@ def row_sum(
 ):
     """Store SUM_WIDTH sums of ± table[entry + base + i] at `out[out_index:]`, less `zero`.
 
-    A sum is cut at ±`top` and multiplied by 2^`shift`. The entries low … plus_end are added, and the entries
+    A sum is limited to ±`top` and multiplied by 2^`shift`. The entries low … plus_end are added, and the entries
     minus_start … high are subtracted, eight rows at a time in bytes. Between these two ranges there may be eight more
     entries. In this middle range, the entries before `first_minus` are added. For the other entries ROW_TOP minus the
     row is added, which is an exclusive or. The rows are bytes up to ROW_TOP, so a sum of eight rows fits a byte. Then
@@ -289,9 +289,10 @@ def dot(typing_context, x, x_index, y, y_index, count):
 def first_dft(typing_context, sums_re, sums_im, index, step, n_inputs, n_points, turns, turn_index, out, out_index):
     """Store the DFT over `n_points`, multiplied by phase factors; inputs after the first `n_inputs` are zero.
 
-    Input j is the int16 lanes at `index + j · step`. Output r is multiplied by turns[turn_index + 2r] + j
-    turns[turn_index + 2r + 1] and stored at `out[out_index + r · DFT_POINTS · 2 · lanes]`. The imaginary part follows
-    after one vector. Factors are float32, or int16 in units of 2⁻¹⁶. Outputs have the type of the factors.
+    Input j consists of the int16 lanes at `index + j · step`. Output r is multiplied by turns[turn_index + 2r] + j
+    turns[turn_index + 2r + 1] and stored at `out[out_index + r · DFT_POINTS · 2 · lanes]`. The imaginary part of an
+    output is stored one vector after the real part. Factors are float32, or int16 in units of 2⁻¹⁶. Outputs have the
+    type of the factors.
     """
     count, points = _literal(n_inputs), _literal(n_points)
 
@@ -340,7 +341,7 @@ def _second(context, builder, signature, arguments, low, high):
 
 @intrinsic
 def second_dft_maximum(typing_context, points, index, low, high, out, out_index):
-    """Raise `out[out_index:]` to the powers of the DFT outputs low … high where the powers are larger.
+    """Replace elements of `out[out_index:]` by powers of the DFT outputs low … high where these powers are larger.
 
     Powers of int16 outputs are in units of 2¹⁴.
     """
