@@ -258,7 +258,9 @@ def test_a_meaconer_moves_the_fix_to_its_antenna(tmp_path: Path) -> None:
     assert abs(error_m[2]) < 10.0
 
 
-@pytest.mark.judged(by="gnss-sdr", what="E6-B in the E6 samples of a whole sky", figure="Doppler within 0.5 Hz, C/N0 within 1.0 dB")
+@pytest.mark.judged(
+    by="gnss-sdr", what="E6-B in the E6 samples of a whole sky", figure="Doppler within 0.5 Hz, C/N0 within 1.0 dB"
+)
 def test_it_locks_e6_b_of_every_satellite(tmp_path: Path) -> None:
     """Doppler within 0.5 Hz, C/N0 within 1 dB, with the encrypted E6-C and three other satellites beside each."""
     case = case_of(0, 10, f"constellation.svids={list(E6_SVIDS)}", f"receiver.sample_rate_hz={E6_RATE_HZ}")

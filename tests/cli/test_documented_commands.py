@@ -42,7 +42,7 @@ NOT_RUN = {
     r"process attacked .*": "test_the_attack_from_end_to_end_prints_what_the_page_shows runs it",
     r"process night --calibrate --taps 63 --hardware-bias-m 1000": "a guess for a front end that is 1 km late",
     r"process night/? --track": "it takes 10 s; tests/cli/test_tracked_sky.py runs it",
-    r"process night/? --assistance night/assistance --merkle-tree \S+": "it tracks E1, as above; tests/cli/test_samples_alone.py",
+    r"process night/? --assistance night/assistance --merkle-tree \S+": "tests/cli/test_samples_alone.py",
     r"process (revoked|demo)": "it needs the recording of `simulate`, as below",
     r"process recorded --calibrate": "it needs the published recording; tests/golden/test_real_recording.py has it",
     r"process night/? --level 3 .*": "level 3 searches for a minute; tests/cli/test_accelerations.py runs it in small",
