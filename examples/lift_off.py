@@ -1,9 +1,10 @@
-"""Show the paper's lift-off attack: the actions of the attacker, and the range of each detector, with the reasons.
+"""Show the lift-off attack of [WFO, Sec. VI-B]: the actions of the attacker, and the range offset of each detector.
 
     python examples/lift_off.py [FOLDER]
 
-The example takes a few seconds. The example simulates `scenarios/liftoff.toml` as correlators, stores the results in
-FOLDER (the default is build/lift_off), describes each phase of the attack in words, and draws the ranges.
+The example takes a few seconds. The example simulates `scenarios/liftoff.toml` with fidelity `correlators`, and stores
+the results in FOLDER (the default is build/lift_off). The example then describes each phase of the attack in words, and
+draws the range offsets of both detectors.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from vestige.scenario.load import load_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# Start in s, end in s, action of the attacker, effect of the action
+# For each phase of the attack: start in s, end in s, action of the attacker, effect of the action
 STORY = (
     (
         0,
@@ -106,7 +107,7 @@ def _spoofing_signal(results: xarray.Dataset, inside: np.ndarray) -> str:
 def _concludes(
     results: xarray.Dataset, belongs: xarray.DataArray, detector: str, inside: np.ndarray, limit_m: float
 ) -> str:
-    """Return the median range of a detector in an interval, and the share of alarms, in words."""
+    """Return in words the median range offset of a detector in an interval, and the share of epochs with an alarm."""
     offset_m = results["range_offset_m"].sel(detector=detector).values[inside, 0]
     signal = belongs.sel(detector=detector).values[inside]
     alarms = np.isnan(offset_m) | (np.abs(offset_m) > limit_m)

@@ -3,11 +3,11 @@
     python examples/multipath_calibration.py [FOLDER] [--epochs 100000]
 
 The paper [WFO, Sec. VI-A] gives the number of missed RECS, 52 of 100,000, but not the power, delay and number of the
-reflections. The example shows that many channels have this number of misses. The script runs `scenarios/harsh.toml` as
-correlators over many channels. For each number of reflections and each mean excess delay the script finds the power at
-which 52 RECS are missed. The script then compares two other results of the paper: the cluster of range offsets near
-−22.5 m, and the standard deviation of the range offset. The script writes FOLDER/calibration.csv and
-FOLDER/calibration.png (the default folder is build/calibration).
+reflections. The example shows that many channels have 52 misses. The script runs `scenarios/harsh.toml` as correlators
+over many channels. For each number of reflections and each mean excess delay the script finds the power at which 52
+RECS are missed. The script then compares two other results of the paper: the cluster of range offsets near −22.5 m, and
+the standard deviation of the range offset. The script writes FOLDER/calibration.csv and FOLDER/calibration.png (the
+default folder is build/calibration).
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ ROOT = Path(__file__).resolve().parents[1]
 POWERS_DB = (-22.0, -20.0, -18.0, -16.8, -15.8, -15.0, -14.0, -12.0)
 EXCESSES_M = (15.0, 25.0, 40.0, 80.0)
 RAYS = (1, 3)
-PAPER_MISSES = 52  # missed RECS of 100,000
+PAPER_MISSES = 52  # number of missed RECS in 100,000 [WFO, Sec. VI-A]
 CHUNK = 10_000
 
 
 class Outcome(NamedTuple):
-    """Results of a channel; misses and offsets in the cluster are counts per 100,000 RECS."""
+    """Results of a multipath channel; `misses` and `cluster` are numbers of missed RECS and offsets in 100,000 RECS."""
 
     n_rays: int
     mean_excess_m: float
@@ -49,7 +49,7 @@ class Outcome(NamedTuple):
 
 
 def outcome(n_rays: int, excess_m: float, power_db: float, epochs: int) -> Outcome:
-    """Return the results of the early detector with a channel."""
+    """Return the results of the early detector in one multipath channel."""
     channel = (
         f"receiver.multipath.{key}" for key in (f"n_rays={n_rays}", f"mean_excess_m={excess_m}", f"power_db={power_db}")
     )
@@ -89,7 +89,7 @@ def calibrated(found: list[Outcome]) -> Outcome | None:
 
 
 def main() -> None:
-    """Run all channels, print the table, and write the file and the figure."""
+    """Run all channels, print the table, and write calibration.csv and calibration.png."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "build" / "calibration")
     parser.add_argument("--epochs", type=int, default=100_000)
@@ -118,7 +118,7 @@ def main() -> None:
 
 
 def draw(found: dict[tuple[int, float], list[Outcome]], path: Path) -> None:
-    """Draw the misses, the offsets in the cluster and the standard deviation of the range against the power."""
+    """Draw misses, offsets in the cluster and the standard deviation of the range offset against multipath power."""
     figure = Figure(figsize=(6.3, 7.0), layout="constrained")
     panels = figure.subplots(3, 1, sharex=True)
     labels = (

@@ -8,7 +8,8 @@ increases the delay of this signal. Section VI-B of the paper has the same attac
 """
 
 # %%
-# ``liftoff.toml`` explains every line of the attack. Here the correlators are simulated, not the samples.
+# The comments of ``liftoff.toml`` explain every line of the attack. In this example the correlators are simulated, not
+# the samples.
 import numpy as np
 
 import vestige as vs
@@ -27,7 +28,7 @@ results = direct_results(ScenarioPlan(scenario=vs.load_scenario(liftoff, ['fidel
 axes = plots.attack_comparison(results)
 
 # %%
-# The numbers are valid for the time from 1200 s on.
+# The script prints the median range offset of each detector for the time from 1200 s on.
 last = results["time_s"].values >= 1200
 for detector in ("early", "maximum"):
     offset_m = results["range_offset_m"].sel(detector=detector).values[last, 0]

@@ -2,8 +2,8 @@
 Correlators against time
 ========================
 
-Use this figure to see a second signal appear and move away. The waterfall of the paper is drawn as a surface and as a
-map.
+Use this figure to see a second signal appear and move away. The script draws the magnitude of the correlators over
+time as a surface, as in the paper, and as a map.
 """
 
 # %%

@@ -27,8 +27,8 @@ settings = ["epochs=180", "recs.every=10", ATTACK]
 results = direct_results(ScenarioPlan(scenario=vs.load_scenario(sky, settings)))
 
 # %%
-# The figure shows the error of the fix from all satellites. Level 2 detects the second signals
-# (see :doc:`/threats`).
+# The figure shows the error of the position fix from all satellites. Level 2 detects that each satellite has a second
+# signal (see :doc:`/threats`).
 error = results["fix_error_m"].sel(fix="all")
 figure, axes = plt.subplots(2, 1, sharex=True, layout="constrained")
 for axis in ("east", "north", "up"):

@@ -7,7 +7,7 @@ Use this example to measure an attack against each mitigation level in a script.
 """
 
 # %%
-# A3 is a replay of both bands.
+# A3 is the attack of the threat table that replays both bands.
 from concurrent.futures import ThreadPoolExecutor
 
 from vestige import plots

@@ -7,8 +7,8 @@ RECS at each C/N0 and compares the detected share with theory.
 """
 
 # %%
-# The scenario has one satellite, white noise, and a receiver that knows the range. The scenario has no errors.
-# ``quick.toml`` comes with vestige. ``vestige init`` writes this file into a folder.
+# The scenario has one satellite, white noise, and a receiver that knows the range. The scenario has no errors of clock,
+# multipath and ionosphere. ``quick.toml`` comes with vestige. ``vestige init`` writes this file into a folder.
 import numpy as np
 
 import vestige as vs
@@ -29,7 +29,7 @@ for seed, cn0_dbhz in enumerate(np.arange(26.0, 33.1, 1.0)):
     campaigns.append(direct_results(ScenarioPlan(scenario=vs.load_scenario(quick, settings))))
 
 # %%
-# The dots are simulated, with 95 % intervals. The curve shows the theory for a single correlator.
+# The dots show the simulated shares, with 95 % intervals. The curve shows the theory for a single correlator.
 sweep = plots.sweep_of(campaigns, detector="maximum")
 axes = plots.detection_curve(sweep)
 print(f"Theory: P_d = 0.9 needs {vs.required_cn0_dbhz(0.9, integration_s=16e-3, pfa=1e-7):.2f} dBHz in 16 ms.")

@@ -3,7 +3,7 @@ A detector of your own
 ======================
 
 Use this example to try an idea for a detector before you run a campaign with it. A detector is a class with the method
-``detect``. This method gets the magnitudes of all correlators of many epochs, and returns the index of the correlator
+``detect``. ``detect`` gets the magnitudes of all correlators of many epochs, and returns the index of the correlator
 that counts as the signal. :doc:`/extend` says how a scenario names the class.
 """
 
@@ -48,8 +48,8 @@ threshold = vs.threshold(1e-7)
 chosen = {name: one.detect(magnitudes / noise, threshold) for name, one in detectors.items()}
 
 # %%
-# The figure shows which correlator each detector chooses. Correlators are 15 m apart. The prediction from E1 is at
-# 0 m. The counts on the right are reflections that a detector took for the signal.
+# The figure shows which correlator each detector chooses. Correlators are 15 m apart. The prediction from E1 is at 0 m.
+# The counts on the right side of the figure are reflections that a detector took for the signal.
 offsets_m = results["tap_offset_m"].values
 figure, axes = plt.subplots(layout="constrained")
 for place, (name, taps) in enumerate(chosen.items()):

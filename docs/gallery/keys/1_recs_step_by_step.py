@@ -2,7 +2,7 @@
 Decrypt a RECS step by step
 ===========================
 
-Use this example to write a reader of RECS of your own, or to check such a reader. The script encrypts 1 ms of E6-C
+Use this example to write a reader of RECS of your own, or to check your reader. The script encrypts 1 ms of E6-C
 chips as the server does. The script then decrypts the chips with hashlib and cryptography only, and shows the result
 of a wrong key.
 """
@@ -50,7 +50,7 @@ def decrypted(aes_key):
 print("the same chips:", bool(np.array_equal(decrypted(wrapped), chips)))
 
 # %%
-# A wrong key gives random chips and no error message. Only the correlation with the signal shows the mistake.
+# A wrong key gives random chips and no error message. Only the correlation with the signal shows that the key is wrong.
 figure, axes = plt.subplots(layout="constrained")
 lag = np.arange(-60, 61)
 wrong = hashlib.sha256(bytes(16)).digest()
