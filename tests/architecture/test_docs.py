@@ -306,3 +306,45 @@ def test_toml_and_python_of_the_readme_run(
     assert len(printed) == len(comments)
     for value, comment in zip(printed, comments, strict=True):
         assert str(Decimal(value).quantize(Decimal(comment))) == comment
+
+
+def lost_text(page: str) -> list[str]:
+    """Return the lines of a page that Markdown shows in another way than they are meant.
+
+    A line that begins with % is a comment. A table needs a second line of dashes, the same number of cells in each row,
+    and no text directly before it. A line break in the description of a picture joins two words.
+    """
+    lines = re.sub(r"^```.*?^```", lambda code: "\n" * code[0].count("\n"), page, flags=re.M | re.S).split("\n")
+    found = [line for line in lines if re.match(r" *%", line) or re.search(r"!\[[^\]]*$", line)]
+    for before, line, after in zip(["", *lines], lines, [*lines[1:], ""], strict=False):
+        if not line.startswith("|"):
+            continue
+        cells = len(re.findall(r"(?<!\\)\|", line))
+        if not before.startswith("|"):
+            whole = not before.strip() and re.fullmatch(r"\|[-:| ]+\|", after)
+        else:
+            whole = cells == len(re.findall(r"(?<!\\)\|", before))
+        if not (whole and line.rstrip().endswith("|")):
+            found.append(line)
+    return found
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        "at least 95\n% of the runs",
+        "![two\nwords](a.png)",
+        "| a | b |\n\n|---|---|\n| 1 | 2 |",
+        "| a | b |\n|---|---|\n| 1 | 2 |\n\n| 3 | 4 |",
+        "| a | b |\n|---|---|\n| 1 |",
+        "Text:\n| a |\n|---|\n| 1 |",
+    ],
+)
+def test_lost_text_is_seen(page: str) -> None:
+    assert lost_text(page)
+    assert not lost_text("Text, 95 %\n\n| a \\| b | c |\n|---|---|\n| 1 | 2 |\n\n```text\n| no table\n```\n")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda one: str(one.relative_to(ROOT)))
+def test_no_text_of_a_page_is_lost(document: Path) -> None:
+    assert lost_text(document.read_text(encoding="utf-8")) == []

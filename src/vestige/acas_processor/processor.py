@@ -92,9 +92,9 @@ class AcasProcessor:
         Bank around the predicted range: number of correlators, and distance between neighbours in m.
     early_reach_m
         Distance in m by which the bank extends before the prediction, with the spacing `tap_spacing_m`. The window of
-        the correlator limits this distance to 820 m. If a meaconer with a short delay captures E1, the true E6 signal
-        is earlier than E1 predicts. The search for a second signal on E1 omits 2 chips, 586 m, around the tracked
-        signal, so the bank has to cover this distance.
+        the correlator limits the whole bank to 820 m, so with 75 m on the late side this distance is at most 735 m. If
+        a meaconer with a short delay captures E1, the true E6 signal is earlier than E1 predicts. The search for a
+        second signal on E1 omits 2 chips, 586 m, around the tracked signal, so the bank has to cover this distance.
     budget, kappa
         Error budget of the range check, and its factor κ: the check passes if |range offset| ≤ κσ. If
         `monitoring.alarms_per_day` is set, `range_kappa` replaces κ.

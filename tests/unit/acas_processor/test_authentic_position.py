@@ -305,3 +305,21 @@ def test_without_authenticated_data_a_range_is_in_use_and_in_no_position(quiet: 
 
 def test_without_orbits_there_is_none(quiet: VerdictBlock) -> None:
     assert _used(replace(quiet, measured=replace(quiet.measured, fixes=None)), [A] * M)[1] is None
+
+
+@pytest.mark.parametrize(("uncertainty_s", "proven"), [(1.0, True), (29.9, True), (30.0, False), (45.0, False)])
+@pytest.mark.parametrize("source", ["tags of a recording", "tags of a campaign", "--navigation"])
+def test_tags_prove_orbits_only_if_the_clock_is_known_to_a_subframe(
+    quiet: VerdictBlock, uncertainty_s: float, proven: bool, source: str
+) -> None:
+    """A tag is sent a subframe before its key; orbits that the user vouches for need no clock."""
+    snapshots = replace(quiet.measured.snapshots, time_uncertainty_s=np.array([uncertainty_s]))
+    processor = PROCESSOR
+    if source == "tags of a recording":
+        fix = replace(PROCESSOR.monitoring.fix, authenticated=frozenset(SVIDS))
+        processor = replace(PROCESSOR, monitoring=replace(PROCESSOR.monitoring, fix=fix))
+    if source == "tags of a campaign":
+        snapshots = replace(snapshots, data_authenticated=np.ones((1, M), np.bool_))
+    block = replace(quiet, measured=replace(quiet.measured, snapshots=snapshots))
+    found = next(authentic_positions(ranges_in_use(block, processor, np.array([15.0]))))
+    assert found.orbits_authenticated is (proven or source == "--navigation")

@@ -38,6 +38,7 @@ from vestige.acas_processor.position.possible_range import (
 )
 from vestige.acas_processor.verdict_block import PositionBlock, VerdictBlock
 from vestige.constants import SPEED_OF_LIGHT_MPS
+from vestige.crypto.osnma.disclosure import tags_prove_data
 from vestige.navigation.position_fix import UNKNOWNS, position_fix
 from vestige.records import Status
 from vestige.records.checks import CheckName
@@ -151,6 +152,8 @@ def _positions(
     used[rows] = np.isfinite(range_m[rows]) & fixes.fix.valid[:, None]
     trusted = snapshots.svids if settings.authenticated is None else tuple(settings.authenticated)
     authenticated = np.all(~used | np.isin(snapshots.svids, trusted), axis=1)
+    if settings.authenticated is not None or snapshots.data_authenticated is not None:
+        authenticated &= tags_prove_data(snapshots.time_uncertainty_s)
     return PositionBlock(rows=rows, fixes=fixes, used=used, orbits_authenticated=np.asarray(authenticated))
 
 

@@ -14,6 +14,7 @@ from typing import overload
 import numpy as np
 from jaxtyping import Bool, Float
 
+from vestige.constants import SUBFRAME_S
 from vestige.time import GalileoTime
 from vestige.valid_numbers import require_time_uncertainty
 
@@ -44,6 +45,15 @@ def provably_before_disclosure(
     else:
         require_time_uncertainty(time_uncertainty_s)
     return lead_s > time_uncertainty_s
+
+
+def tags_prove_data(time_uncertainty_s: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return whether verified tags prove navigation data, for each upper limit of the receiver clock's error in s.
+
+    A tag is sent a subframe before the key of the tag. If the receiver clock may be wrong by a subframe or more, somebody
+    may have made the tag after the disclosure of the key [OSNMA-RG].
+    """
+    return provably_before_disclosure(np.full(time_uncertainty_s.shape, float(SUBFRAME_S)), time_uncertainty_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
