@@ -1,8 +1,8 @@
 """Turn snapshots and their assistance into verdicts: the ACAS processor [WFO, Sec. II-B, III, IV].
 
 The processor works on blocks of n epochs × m satellites. One snapshot is a block of one epoch. `measure` takes most of
-the time and has no state: blocks can be measured in any order on any number of workers. `assess` takes little time and
-carries a state from block to block. The division of epochs into blocks changes no bit of the verdicts.
+the time and has no state, so blocks can be measured in any order on any number of workers. `assess` takes little time
+and carries a state from block to block. The division of epochs into blocks changes no bit of the verdicts.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Step:
 
     @cached_property
     def positions(self) -> tuple[AuthenticPosition, ...]:
-        """Authenticated positions of the block."""
+        """Positions of the block from ranges in use."""
         return tuple(authentic_positions(self.block))
 
     @property
@@ -92,9 +92,9 @@ class AcasProcessor:
         Bank around the predicted range: number of correlators, and distance between neighbours in m.
     early_reach_m
         Distance in m by which the bank extends before the prediction, with the spacing `tap_spacing_m`. The window of
-        the correlator limits this distance to 820 m. If a meaconer with a short delay captures E1, the true E6 signal
-        is earlier than E1 predicts. The search for a second signal on E1 omits 2 chips, 586 m, around the tracked
-        signal, so the bank has to cover this distance.
+        the correlator limits the length of the bank, from the first to the last correlator, to 820 m. If a meaconer
+        with a short delay captures E1, the true E6 signal is earlier than E1 predicts. The search for a second signal
+        on E1 omits 2 chips, 586 m, around the tracked signal, so the bank has to cover this distance.
     budget, kappa
         Error budget of the range check, and its factor κ: the check passes if |range offset| ≤ κσ. If
         `monitoring.alarms_per_day` is set, `range_kappa` replaces κ.
@@ -112,7 +112,8 @@ class AcasProcessor:
     Raises
     ------
     ValueError
-        If the level does not exist, or the bank is too short for the detector or too long for the correlator.
+        If the level does not exist, the bank is too short for the detector or too long for the correlator, or two own
+        checks have the same name.
     VestigeError
         If `monitoring.alarms_per_day` is too small for the checks of the level.
 
