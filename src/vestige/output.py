@@ -1,10 +1,10 @@
 """Write outputs so that an output is either complete or unchanged, and never destroys an input.
 
-A command whose output could be an input calls `check_output` before it computes. Every command writes through
-`replacement` or `new_folder`. Both functions write into a private folder beside the output, `.output.…`, and rename at
-the end. The private folder is new, so no other user can have prepared it. After an error or Ctrl-C the private folder
-is removed. A killed process leaves the private folder, which is hidden and harmless. `vestige simulate` can resume an
-unfinished recording (`simulated.unfinished_recording`).
+A command whose output could be one of its inputs calls `check_output` before the computation. Most commands write
+through `replacement` or `new_folder`. Both functions write into a private folder beside the output, `.output.…`, and
+rename at the end. The private folder is new, so no other user can have prepared it. After an error or Ctrl-C the
+private folder is removed. A killed process leaves the private folder, which is hidden and harmless. `vestige simulate`
+can resume an unfinished recording (`simulated.unfinished_recording`).
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def _beside(output: Path) -> Iterator[Path]:
         error.filename = str(output)  # the error names the path that the user has given
         raise
     with folder as private, naming(output, private):
-        yield Path(private) / output.name  # not the private folder, whose mode 0700 the output must not get
+        yield Path(private) / output.name  # not `private`, whose mode 0700 the output must not get
 
 
 def _sync(path: Path) -> None:

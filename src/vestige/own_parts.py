@@ -196,7 +196,7 @@ def digest(kind: str) -> str:
 def blamed_on_own_parts() -> Iterator[None]:
     """Turn an exception in a module of the user into an `OwnPartError` with file and line.
 
-    Other exceptions, and vestige's own errors for the user, pass unchanged.
+    Exceptions from other modules, and every `VestigeError`, pass unchanged.
     """
     try:
         yield

@@ -141,7 +141,7 @@ class GalileoTime:
         Raises
         ------
         ValueError
-            If the text does not have one of these forms, or the time is outside the range of `GalileoTime`.
+            If the text is not a time in a known form, or the time is outside the range of `GalileoTime`.
         """
         text = text.strip()
         if match := re.fullmatch(r"(\d{1,5}):(\d{1,6})(\.\d+)?", text):

@@ -5,9 +5,9 @@ Theory of operation
 `assess` computes the verdicts of a block of n epochs at once. The result has the same bits as the results of n blocks
 of one epoch. Most checks use only the measurements of an epoch and of the epochs shortly before this epoch. Two
 quantities depend on earlier verdicts. Reference levels are learned from epochs without an alarm. The searches cover the
-possible clock error, which depends on the last authentic position. The verdicts of a block are therefore computed with
-a guess. The guess says for each epoch whether no satellite has an alarm, and how many satellites are AUTHENTIC. Three
-steps find the right guess:
+possible clock error, which depends on the last epoch with AUTHENTIC satellites and without an alarm. The verdicts of a
+block are therefore computed with a guess. The guess says for each epoch whether no satellite has an alarm, and how many
+satellites are AUTHENTIC. Three steps find the right guess:
 
 1. The first guess follows from the checks that do not depend on a guess.
 2. Compute the verdicts of the block with the guess. The verdict of an epoch depends only on the guess for earlier
@@ -56,8 +56,8 @@ if TYPE_CHECKING:
     from vestige.acas_processor.processor import AcasProcessor
 
 FORGET_S = 3600.0  # time without tracking on E1 in s, after which a satellite counts as set and gets no verdict
-# Largest clock error in s after a fix with fewer than `POSITION_SATELLITES` AUTHENTIC satellites. This error is the
-# spread of the travel times from any satellite to any receiver on Earth.
+# Largest clock error in s after an epoch without an alarm, with fewer than `POSITION_SATELLITES` AUTHENTIC satellites.
+# This limit is larger than the differences of the travel times from all satellites to all receivers on Earth.
 TRAVEL_TIME_SPREAD_S = 0.07
 POSITION_SATELLITES = 4
 
@@ -339,7 +339,7 @@ class _Assessment:
         if limits[-1].fixed_at is None:
             return np.full(self._time_s.size, limits[0].initial_s)
         limit_s, first = np.empty(self._time_s.size), 0
-        for last in range(1, limit_s.size + 1):  # only a position fix changes the limit
+        for last in range(1, limit_s.size + 1):  # only an epoch with AUTHENTIC satellites starts a new limit
             if last == limit_s.size or limits[last] is not limits[first]:
                 limit_s[first:last] = limits[first].over(times[first:last])
                 first = last

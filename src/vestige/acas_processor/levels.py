@@ -20,13 +20,13 @@ E1, gives SPOOFED, because such signals do not come from the satellite. A missin
 failure that jamming, a building or a bad oscillator may also cause gives SUSPECT. If a satellite is found twice, every
 other satellite is SUSPECT too, because a meaconer repeats the whole band. The repeated signal of a weak satellite may
 hide the true signal. If several checks fail, the gravest failure counts. A check that was not run counts neither for
-nor against an attack. If steps 1 and 2 were not run, the status is NOT_AVAILABLE. If no check failed, the reason of the
-verdict names the checks that were not run. Between two RECS only the checks that need no RECS are run.
+nor against an attack. If no check failed and step 1 was not run, the status is NOT_AVAILABLE. If no check failed, the
+reason of the verdict names the checks that were not run. Between two RECS only the checks that need no RECS are run.
 
 A row of the table contains all properties of a check that the processor needs. Three of these properties are the
 function that makes the check from the settings, the use of reference levels, and the false-alarm probability. A new
-check needs a file in `checks/`, a row in this file, and a member of `CheckName`. The settings of the check, if any, are
-a field of `MonitoringSettings`. The checks of `OPTIONAL` belong to every level if their settings turn them on.
+check needs a class in `checks/`, a row in this file, and a member of `CheckName`. The settings of the check, if any,
+are a field of `MonitoringSettings`. The checks of `OPTIONAL` belong to every level if their settings turn them on.
 
 A check with frequent false alarms (power–distortion: 0.6 % [WESSON18]) has to fail `confirm` times in a row before the
 failure counts. The state that a receiver shows its user changes even less often: see `alarm.py`.
@@ -123,8 +123,8 @@ _SUSPECT, _SPOOFED = Status.SUSPECT, Status.SPOOFED
 def _e6_power(processor: AcasProcessor, p_fa: float) -> Check:
     """Return the check of E6 power.
 
-    The check fails at every missing signal. If the false alarms a day are set, the check fails only after an improbable
-    number of missing signals in a row.
+    The check fails at every missing signal that E1 predicts. If the false alarms a day are set, the check fails only
+    after an improbable number of missing signals in a row.
     """
     if processor.monitoring.alarms_per_day is None:
         return E6PowerCheck(min_pd=processor.min_pd)
@@ -363,8 +363,8 @@ def combine(
     """Return the status of each satellite at each epoch, and the check that caused the status.
 
     `failed` contains the confirmed failures of each satellite or of the receiver. Checks of other levels are ignored.
-    `available` is True where steps 1 and 2 were run. `own` contains the optional checks and the user's checks, which
-    follow the checks of the level.
+    `available` is True where step 1 was run. `own` contains the optional checks and the user's checks, which follow the
+    checks of the level.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """Turn snapshots and their assistance into verdicts: the ACAS processor [WFO, Sec. II-B, III, IV].
 
 The processor works on blocks of n epochs × m satellites. One snapshot is a block of one epoch. `measure` takes most of
-the time and has no state: blocks can be measured in any order on any number of workers. `assess` takes little time and
-carries a state from block to block. The division of epochs into blocks changes no bit of the verdicts.
+the time and has no state, so blocks can be measured in any order on any number of workers. `assess` takes little time
+and carries a state from block to block. The division of epochs into blocks changes no bit of the verdicts.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Step:
 
     @cached_property
     def positions(self) -> tuple[AuthenticPosition, ...]:
-        """Authenticated positions of the block."""
+        """Positions of the block from ranges in use."""
         return tuple(authentic_positions(self.block))
 
     @property
@@ -112,7 +112,8 @@ class AcasProcessor:
     Raises
     ------
     ValueError
-        If the level does not exist, or the bank is too short for the detector or too long for the correlator.
+        If the level does not exist, the bank is too short for the detector or too long for the correlator, or two own
+        checks have the same name.
     VestigeError
         If `monitoring.alarms_per_day` is too small for the checks of the level.
 

@@ -1,4 +1,4 @@
-"""Define the verdicts on n epochs and m satellites: statuses, states, checks, ranges and positions in use."""
+"""Define the verdicts on n epochs and m satellites, with states, checks, ranges in use and positions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NOTHING = np.zeros((0, 0))
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PositionBlock:
-    """Authenticated positions of n epochs."""
+    """Positions of n epochs from ranges in use."""
 
     rows: Int64[np.ndarray, " k"]  # epochs with enough ranges in use
     fixes: FixBlock  # position fix of each epoch in `rows`
@@ -51,7 +51,7 @@ class VerdictBlock:
     level: int  # mitigation level
     specs: tuple[CheckSpec, ...]  # checks of the level
     status: Int8[np.ndarray, "n m"]  # verdict of each satellite at each epoch, as index in `Status`
-    cause: Int8[np.ndarray, "n m"]  # check that caused the verdict (`combine`)
+    cause: Int8[np.ndarray, "n m"]  # index in `specs` of the check that caused the verdict (`combine`)
     state: Int8[np.ndarray, "n m"]  # state that a receiver shows its user after each epoch
     before: AlarmState  # state before the block
     due: Bool[np.ndarray, "n m"]  # epochs and satellites that need a verdict
@@ -99,7 +99,7 @@ class VerdictBlock:
         )
 
     def reason(self, epoch: int, satellite: int) -> str:
-        """Return in one line why a satellite has its status at an epoch, and why its range is not used."""
+        """Return the reason for a satellite's status at an epoch, and why an impossible range is not used."""
         why = self._why(epoch, satellite)
         impossible = int(self.impossible[epoch, satellite]) if self.impossible.size else 0
         return f"{why}; its range is not used: {REASONS[impossible]}" if impossible else why

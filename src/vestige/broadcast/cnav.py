@@ -45,7 +45,7 @@ def dummy_page(message: int) -> UInt8[np.ndarray, " 492"]:
     Raises
     ------
     ValueError
-        If the message has more than 424 bits.
+        If the message is negative or has more than 424 bits.
     """
     if not 0 <= message < 1 << _MESSAGE_BITS:
         raise ValueError(f"a HAS message has {_MESSAGE_BITS} bits, found {message.bit_length()}")

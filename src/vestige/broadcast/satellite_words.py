@@ -84,8 +84,8 @@ class SatelliteWords:
     Raises
     ------
     VestigeError
-        If there is no ephemeris, a value does not fit into the message, or two successive issues have the same IODnav;
-        the message names the satellite.
+        If there is no ephemeris, a value does not fit into its word, or two successive issues have the same IODnav. In
+        the last two cases the text of the error names the satellite.
     ValueError
         If the ephemerides belong to several satellites.
     """

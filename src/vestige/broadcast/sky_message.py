@@ -40,7 +40,7 @@ _FORGED_CLOCK_S = 2.0**-20  # clock offset of 286 m, a multiple of the resolutio
 
 
 def ephemeris_issues(ephemeris: Ephemeris, start: GalileoTime, end: GalileoTime) -> Iterator[EphemerisIssue]:
-    """Yield the issues of a satellite from `start` to `end`: the orbit does not change, and each IODnav is new.
+    """Yield the issues of a satellite from `start` to `end`, with the same orbit and consecutive values of IODnav.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class LevelVerdicts(VerdictBlock):
     processor: AcasProcessor  # processor that made the verdicts
     budget: Mapping[CheckName | str, AlarmShare]  # share of each check in the budget of false alarms
     seen: Bool[np.ndarray, "n m"]  # whether the satellite is in view
-    # largest error of the range in use that the attack caused since the previous RECS; NaN if no range is in use
+    # error of the range in use in m, as in `range_errors_m`; NaN if no range is in use
     range_error_m: Float[np.ndarray, "n m"]
 
     @cached_property
@@ -109,8 +109,8 @@ def level_verdicts(
 ) -> tuple[LevelVerdicts, ...]:
     """Return the verdicts of mitigation levels on a campaign.
 
-    Level 1 takes the results of any campaign. Levels above 1 need a sky, or a processor of level 2 or 3.
-    `alarms_per_day` replaces the value in the processor's `MonitoringSettings`; None keeps this value.
+    Verdicts of level 1 can be made from the results of any campaign. Levels above 1 need a sky, or a processor of level
+    2 or 3. `alarms_per_day` replaces the value in the processor's `MonitoringSettings`; None keeps this value.
 
     `VestigeError` is raised if the results have too few columns for a level above 1.
     """

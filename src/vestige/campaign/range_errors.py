@@ -1,9 +1,10 @@
 """Compute the errors of the ranges in use, and the largest error under attack.
 
 `acas_processor/position/range_in_use.py` decides which range may be used. The results store this range in
-`range_in_use_m` and `range_is_earlier`. This module only compares the ranges with the truth.
+`range_in_use_m`. `range_is_earlier` says whether this range belongs to the earliest of several signals. This module
+only compares the ranges with the truth.
 
-**Error of a range in use.** A verdict is used for the whole time since the previous RECS. The error of an E1 range in
+**Error of a range in use.** A verdict applies to the whole time since the previous RECS. The error of an E1 range in
 use is therefore the largest error that the attack caused since the previous RECS. If the range of the earliest of
 several signals is in use instead, the error of this range counts.
 

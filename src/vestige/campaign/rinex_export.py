@@ -5,9 +5,9 @@ the tracked signal. Under attack, the tracked signal may be a spoofing signal. T
 the results contain no carrier phase. The navigation file has the orbits and clocks of the run, with a new issue of the
 ephemerides every 2 h.
 
-Pseudoranges contain the residual of the ionosphere, but no troposphere. The settings of `rnx2rtkp` [RTKLIB] therefore
-apply no corrections, and use RAIM with exclusion of one satellite. If the scenario has the table `[atmosphere]`, the
-pseudoranges contain the delays from this table.
+If the scenario has no table `[atmosphere]`, pseudoranges contain the residual of the ionosphere, but no troposphere.
+The settings of `rnx2rtkp` [RTKLIB] therefore apply no corrections, and use RAIM with exclusion of one satellite. If the
+scenario has the table `[atmosphere]`, the pseudoranges contain the delays from this table.
 """
 
 from __future__ import annotations

@@ -210,6 +210,6 @@ def _submitted(
 
 
 def _stored(opened: Store) -> str:
-    """Return a message with the number of stored epochs, counted on disk; memory may miss the last written chunk."""
+    """Return a message with the number of epochs that are stored on disk, including the last written chunk."""
     done = sum(len(opened.epochs(chunk)) for chunk in opened.finished(verify=False))
     return f"{done} of {opened.n_epochs} epochs are stored in {opened.path}; the same command continues there"

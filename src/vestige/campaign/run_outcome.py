@@ -9,8 +9,8 @@ this RECS concerns the last part of the attack. An error is *harmful* if the err
 check, 2κσ. The noise of E6 can hide a smaller error from the range check. Several outcomes may be true for a run:
 
     detected     an alarm (SUSPECT, SPOOFED, NOT_DETECTED) of any satellite in attacked epochs or with the next RECS
-    missed       a harmful range was in use at any time
-    protected    no harmful range was in use in the last quarter of the attack
+    missed       a range with a harmful error was in use at any time
+    protected    no range with a harmful error was in use in the last quarter of the attack
     mitigated    protected, and more than half of the ranges were in use in the last quarter of the attack
     denied       more than half of the attacked RECS of the satellites in view had no verdict (NOT_AVAILABLE)
 
@@ -59,7 +59,7 @@ class OutcomeCounts:
     """Counts of alarms and failed tests of a run or of many runs, and the numbers that the budgets allow."""
 
     duration_s: float  # duration of the attacked epochs; without an attack, duration of all epochs
-    alarms: int  # number of alarms that began in the attacked epochs, or in all epochs
+    alarms: int  # number of alarms that began in the attacked epochs; without an attack, in all epochs
     budget_alarms: float  # number of alarms that the budget allows
     budget_range_alarms: float  # the range check's part of `budget_alarms`
     failures: int  # number of failed tests of the checks whose p_fa can be chosen
@@ -192,7 +192,7 @@ def run_outcome(
 
 
 def _failures(found: JudgedRun, attacked: Bool[np.ndarray, " n"], names: Set[CheckName | str]) -> tuple[int, float]:
-    """Return the number of failed tests of the named checks in attacked epochs, and how many the budget allows."""
+    """Return the number of failed tests of the named checks in attacked epochs, and the number that budgets allow."""
     made = [name for name in found.failed if name in names and name in found.budget]
     return (
         sum(int(np.count_nonzero(found.failed[name][attacked])) for name in made),
@@ -224,8 +224,8 @@ def outcomes_of(
 ) -> tuple[RunOutcome, ...]:
     """Return the outcome of one campaign in a time window at each level.
 
-    Level 1 takes any scenario. Levels above 1 need a sky, or a processor of level 2 or 3. `window_s` contains the
-    beginning and the end of the window in s after the start of the campaign; the end is excluded.
+    Level 1 is possible with any scenario. Levels above 1 need a sky, or a processor of level 2 or 3. `window_s`
+    contains the beginning and the end of the window in s after the start of the campaign; the end is excluded.
     """
     time_s = results["time_s"].values
     counted = (time_s >= window_s[0]) & (time_s < window_s[1])
@@ -245,7 +245,7 @@ def outcomes_of(
 def _position_error_m(
     scenario: CampaignScenario, results: xarray.Dataset, found: LevelVerdicts
 ) -> Float[np.ndarray, " n"]:
-    """Return the error of the authenticated position in m; NaN without an authenticated position."""
+    """Return the error of the position from ranges in use, in m; NaN without such a position."""
     if found.position is None:
         return np.full(results.sizes["epoch"], np.nan)
     place_m = true_place_m(scenario, results["time_s"].values, results["truth_clock_m"].values)

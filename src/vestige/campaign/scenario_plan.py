@@ -1,4 +1,4 @@
-"""Simulate the receiver of a campaign scenario, measure and judge its snapshots, and record the truth.
+"""Simulate the receiver of a campaign scenario, measure its snapshots, make verdicts, and record the truth.
 
 `measure` makes the snapshots of a chunk on any worker, and the processor measures these snapshots. In `judge`, the
 processor assesses the measurements in order of time. The processor alone decides about checks, alarms and ranges in
@@ -182,7 +182,7 @@ class ScenarioPlan:
 
     @cached_property
     def _judged(self) -> Judged:
-        """Scenario of the campaign, together with the processor that judges the columns of the campaign."""
+        """Scenario of the campaign, together with the processor that makes verdicts from the columns."""
         processor = receiver_processor(self.scenario, self._overhead, self._navigation)
         _log.info("%s", processor.limits)
         return Judged(scenario=self.scenario, processor=processor, svids=tuple(one.svid for one in self.simulations))
@@ -232,7 +232,7 @@ class ScenarioPlan:
     def judge(
         self, state: ReceiverState | None, first: int, columns: Mapping[str, np.ndarray]
     ) -> tuple[ReceiverState, Mapping[str, np.ndarray]]:
-        """Return the receiver's state after the epochs of `columns`, and `columns` with the judged columns added.
+        """Return the receiver's state after the epochs of `columns`, and `columns` with verdicts and positions added.
 
         The epochs begin at epoch `first`, and `state` is the receiver's state before this epoch. `columns` has at least
         the columns of `measure`.

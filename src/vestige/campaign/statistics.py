@@ -1,10 +1,10 @@
 """Count the detections and false alarms of a campaign, and compute confidence intervals of their probabilities.
 
 Every probability is estimated from k successes in n independent trials. The interval of a probability is the exact
-interval of Clopper and Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects p at level α if and only
-if p is outside the interval of confidence 1 − α. The campaign must make trials independent. Epochs that share a slow
-error, such as an ionosphere with a time constant of hours, are not independent trials. With such epochs the true
-interval is wider.
+interval of Clopper and Pearson (Biometrika 26, 1934, 404–413). The two-sided test rejects a probability p at the
+significance level α if and only if p is outside the interval of confidence 1 − α. The campaign must make trials
+independent. Epochs that share a slow error, such as an ionosphere with a time constant of hours, are not independent
+trials. With such epochs the true interval is wider.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def enough(successes: int, trials: int, wished_width: float) -> bool:
     """Return whether the confidence interval after `successes` in `trials` is at most `wished_width` wide.
 
     A campaign of a sweep stops when the function returns True. Call the function after each chunk in the order of the
-    chunks, and leave out all chunks after the first chunk for which the function returns True. With this procedure the
+    chunks. Leave out all chunks after the first chunk for which the function returns True. With this procedure the
     result does not depend on the number of workers. The width of the interval depends on the estimate. The campaign
     stops slightly earlier if the estimate is nearer to 0 or 1 than the true probability. The confidence of the interval
     is therefore only nominal.

@@ -26,7 +26,7 @@ class Amount(Enum):
 
 
 class _Terminal(logging.Handler):
-    """Handler that prints log messages as details, and that keeps the amount of text for the terminal."""
+    """Handler that prints log messages as details, and that stores the amount of text for the terminal."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
@@ -81,9 +81,10 @@ def is_detailed() -> bool:
 
 @contextmanager
 def usual_amount() -> Iterator[None]:
-    """Set the usual amount of text for a command, and restore the amount after the command.
+    """Set the usual amount of text before and after a command.
 
-    The options of the command may change the amount.
+    The options of the command may change the amount. If `--quiet` suppressed warnings, one line about the warnings is
+    printed after the command.
     """
     _choose(Amount.USUAL)
     _terminal.began_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""Define options for the reference values of a receiver: power, C/N0, E1 range errors, and accepted false alarms.
+"""Define options for reference values (power, C/N0, E1 range errors), position and accepted false alarms.
 
 If a power or a C/N0 is not stated, the receiver learns the value from RECS without an alarm.
 """

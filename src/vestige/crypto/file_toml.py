@@ -17,8 +17,8 @@ from vestige.errors import InputFileError
 DEEPEST = 20  # largest number of nested tables and lists, and of parts of a key; real files need at most 5
 
 # The pattern matches multi-line strings, single-line strings, and comments. The atomic group keeps a backslash and the
-# escaped character together. An unterminated string extends to the end of the text, because a new search from every
-# quote in the string would take too long.
+# escaped character together. An unterminated multi-line string extends to the end of the text, and an unterminated
+# single-line string extends to the end of the line. A new search from every quote in the string would take too long.
 _TEXTS = re.compile(
     r'"""(?>\\.|.)*?(?:"{3,5}|\Z)' r"|'''.*?(?:'{3,5}|\Z)" r'|"(?>\\[^\n]|[^"\\\n])*+"?' r"|'[^'\n]*+'?" r"|\#[^\n]*",
     re.DOTALL,

@@ -2,15 +2,15 @@
 
 Theory of operation
 -------------------
-The frame is at rest in space and coincides with ECEF at reception. r is the position of the receiver, s is the position
-of the satellite, and τ is the travel time:
+The formulas use a frame that is at rest in space and coincides with ECEF at reception. r is the position of the
+receiver, s is the position of the satellite, and τ is the travel time:
 
     d = r(t) − s(t − τ),   ρ = |d| = c τ,   u = d/ρ
     ρ̇ = u·(ṙ − ṡ) / (1 − u·ṡ/c)                                        exact: s is taken at t − τ, and τ changes too
     ρ̈ = [ (|ḋ|² − ρ̇²)/ρ + u·(r̈ − s̈ (1 − τ̇)²) ] / (1 − u·ṡ/c),   ḋ = ṙ − ṡ(1 − τ̇)
 
-The satellite's state at t − τ is in the ECEF axes of the time t − τ. The Earth rotates by ω_E τ until reception (Sagnac
-effect, 40 m).
+The satellite's state at t − τ is in the ECEF axes of the time t − τ. The Earth, with the rotation rate ω_E, rotates by
+ω_E τ until reception (Sagnac effect, up to about 40 m).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from vestige.navigation.orbit import satellite_position, satellite_state
 from vestige.time import GalileoTime
 
 _TYPICAL_FLIGHT_S = 0.08
-_LIGHT_TIME_STEPS = 3  # each step multiplies the error by ρ̇/c < 3e-6, so 0.02 s becomes 60 ns, 0.2 ps and 0
+_LIGHT_TIME_STEPS = 3  # each step multiplies the error by ρ̇/c < 3e-6, so 0.02 s becomes 60 ns, 0.2 ps and 1e-18 s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

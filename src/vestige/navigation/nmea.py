@@ -26,7 +26,7 @@ class NmeaFix:
     height_m
         Height over the ellipsoid in m.
     n_satellites
-        Number of satellites whose range is used.
+        Number of satellites whose ranges the position uses.
     """
 
     latitude_deg: float
@@ -38,10 +38,10 @@ class NmeaFix:
 def sentences(utc: datetime, fix: NmeaFix | None) -> tuple[str, str]:
     """Return the sentences GGA and RMC for a time, without line ends.
 
-    Without a model of the geoid the altitude is the height over the ellipsoid, and the geoid separation is 0. The sum
-    of altitude and separation is therefore the true height over the ellipsoid. Dilution of precision, speed and course
-    are empty. RMC ends with the mode, as before NMEA 0183 4.1. A navigational status after the mode could only be V
-    (not provided), and readers such as pynmea2 take V as no fix.
+    vestige has no model of the geoid, so the altitude is the height over the ellipsoid, and the geoid separation is 0.
+    The sum of altitude and separation is therefore the true height over the ellipsoid. Dilution of precision, speed and
+    course are empty. RMC ends with the mode, as before NMEA 0183 4.1. A navigational status after the mode could only
+    be V (not provided), and readers such as pynmea2 take V as no fix.
 
     Parameters
     ----------

@@ -155,7 +155,10 @@ def _orbit(
 
 
 def _harmonic(sine_term: float, cosine_term: float, angle: _Curve, twice: _Curve) -> _Curve:
-    """Return S sin 2φ + C cos 2φ, with derivatives if `angle` has derivatives. `twice` is sin 2φ and cos 2φ."""
+    """Return S sin 2φ + C cos 2φ, with derivatives if `angle` has derivatives.
+
+    S is `sine_term`, C is `cosine_term`, φ is `angle`, and `twice` contains sin 2φ and cos 2φ.
+    """
     sine, cosine = twice
     value = sine_term * sine + cosine_term * cosine
     if len(angle) == 1:
@@ -193,7 +196,7 @@ def _polar(radius: _Curve, angle: _Curve) -> tuple[_Curve, _Curve]:
 
 
 def _tilted(plane: tuple[_Curve, _Curve], inclination: _Curve) -> tuple[_Curve, _Curve, _Curve]:
-    """Return the three coordinates of a point of the orbital plane, which is rotated about the line of nodes."""
+    """Return the three coordinates of a point in the orbital plane after a rotation about the line of nodes."""
     x, y = plane
     cosine, sine = _circle(inclination)
     return x, _product(y, cosine), _product(y, sine)

@@ -8,19 +8,22 @@ with the Earth during the travel time. The equation
 
     P + c Δt_sat − corrections = |s − r| + b + error
 
-is linearised in the receiver's position r and clock error b, and solved by Gauss–Newton steps from the Earth's centre.
-W contains the weights 1/σ²:
+is linearised in the receiver's position r and in b, which is c times the receiver's clock error. The equation is solved
+by Gauss–Newton steps from the Earth's centre. x contains r and b, y contains the residuals, and the diagonal matrix W
+contains the weights 1/σ²:
 
     x ← x + (HᵀWH)⁻¹HᵀW y,   H = [−(s − r)/|s − r|, 1]
 
-The errors of satellites may have a common part c cᵀ in addition to the diagonal. An example is the error of the
-ionosphere above a receiver, for which c is proportional to the obliquity. A common part that is equal for all
-satellites affects only the clock. A common part that grows towards the horizon affects height and clock, and appears in
-no residual. W does not contain the common part, but the covariance does: with S = (HᵀWH)⁻¹HᵀW and σ² = 1/w,
+The pseudorange errors may have a common part with the covariance c cᵀ, where c is a vector, in addition to independent
+errors. An example is the error of the ionosphere above a receiver, for which c is proportional to the obliquity. A
+common part that is equal for all satellites affects only the clock. A common part that grows towards the horizon
+affects height and clock, and hardly changes the residuals. W ignores the correlation of the errors, but the covariance
+P of the fix contains the correlation. With S = (HᵀWH)⁻¹HᵀW,
 
     P = S (diag(σ² − c²) + c cᵀ) Sᵀ
 
-The range rate is linear in velocity and drift, with the matrix H up to the factor 1/(1 − u·ṡ/c).
+The range rate is linear in the receiver's velocity and clock drift. The matrix is H with its first three columns
+multiplied by 1/(1 − u·ṡ/c), where u is the unit vector from satellite to receiver.
 
 The first axis of arrays is the epoch, and the second axis is the satellite. NaN means that a satellite was not
 measured.
@@ -44,7 +47,7 @@ UNKNOWNS = 4  # position and clock of one system
 _STEPS = 12  # largest number of steps; 6 steps are enough from the Earth's centre
 _SETTLED_M = 1e-4
 # Ratio of the smallest to the largest eigenvalue of HᵀH below which a geometry counts as singular. A geometry with a
-# DOP of 10⁴ has the ratio 1e-8.
+# DOP of 10⁴ has a ratio of about 1e-9.
 _SINGULAR = 1e-10
 
 
@@ -55,7 +58,7 @@ class Transmission:
     Attributes
     ----------
     position_m, velocity_mps
-        ECEF coordinates at the time of transmission.
+        Position in m and velocity in m/s in ECEF coordinates at the time of transmission.
     clock_m, clock_mps
         Error of the satellite clock on E1, times c, in m, and the rate of this product in m/s.
     """
@@ -320,7 +323,7 @@ def _solvable(sighted: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
     """
     trace = np.trace(sighted, axis1=1, axis2=2)
     least = np.linalg.det(sighted) * (3 / np.maximum(trace, 1e-9)) ** 3
-    solvable = least > 1e4 * _SINGULAR * np.maximum(trace, 1.0)  # the determinant's rounding error is 1e-4 of the limit
+    solvable = least > 1e4 * _SINGULAR * np.maximum(trace, 1.0)  # 1e4 covers the determinant's rounding error
     rest = np.flatnonzero(~solvable)
     if rest.size:
         eigenvalues = np.linalg.eigvalsh(sighted[rest])

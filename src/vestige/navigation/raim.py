@@ -2,8 +2,10 @@
 
 Theory of operation
 -------------------
-The residuals of a weighted least-squares fix are r = (I − H(HᵀWH)⁻¹HᵀW) y. The tests use the matrices S = (HᵀWH)⁻¹HᵀW
-and P = I − HS. The diagonal element Pᵢᵢ is the share of an error of measurement i that appears in the residual rᵢ.
+H, W and y are defined in `position_fix`. The residuals of a weighted least-squares fix are r = (I − H(HᵀWH)⁻¹HᵀW) y.
+The tests use the matrices S = (HᵀWH)⁻¹HᵀW and P = I − HS. The diagonal element Pᵢᵢ is the share of an error of
+measurement i that appears in the residual rᵢ. m is the number of measurements, wᵢ is the weight of measurement i, and Q
+is the tail probability of the normal distribution.
 
     chi-square            T = Σ rᵢ²wᵢ ~ χ²(m − 4),    alarm if T > χ²⁻¹(1 − P_fa)
     bias b on satellite i T ~ χ²(m − 4, λ),  λ = b² wᵢ Pᵢᵢ
@@ -130,7 +132,7 @@ def separation_factor(p_fa: float, n_modes: int) -> float:
 def exclude_one(
     parts: Redundancy, residual_m: Float[np.ndarray, "n m"], weight: Float[np.ndarray, "n m"], p_fa: float
 ) -> Int[np.ndarray, " n"]:
-    """Return the column of the satellite whose exclusion makes a failed test pass; otherwise `NOT_EXCLUDED`.
+    """Return for each fix the column of the satellite whose exclusion makes a failed test pass, or `NOT_EXCLUDED`.
 
     An exclusion needs six satellites, because any four of five satellites fit exactly.
 

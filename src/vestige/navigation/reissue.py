@@ -1,8 +1,8 @@
 """Issue an ephemeris repeatedly as a satellite does, with the same orbit and clock referred to later times.
 
 Mean anomaly, node, inclination and clock continue with their rates, and the harmonics depend only on the argument of
-latitude. So a new issue gives exactly the orbit of the old issue. Ω0 is the longitude at the start of toe's week, so Ω0
-changes after the end of a week.
+latitude. So a new issue gives exactly the orbit of the old issue. Ω0 refers to the start of toe's week. If toe moves to
+another week, Ω0 therefore also changes by the Earth's rotation in a week.
 
 Satellites issue orbits whose toe is in the past, and receivers expect a toe in the past. `rnx2rtkp` refuses orbits with
 a future toe [RTKLIB], and some programs refuse orbits that are older than 2 h.

@@ -1,14 +1,16 @@
 """Compute the slant delay of the troposphere from Saastamoinen's zenith delays in a standard atmosphere.
 
 The delay is the same for all frequencies, and for code and carrier. The formulas use the pressure p in hPa, the
-temperature T in K, and the pressure e of water vapour in hPa. The receiver has the height h in km and the latitude φ:
+temperature T in K, and the pressure e of water vapour in hPa. The receiver has the height h in km and the latitude φ,
+and the satellite has the elevation E:
 
     dry    2.2768 mm · p / (1 − 0.00266 cos 2φ − 0.00028 h)         [SAAST72]
     wet    2.277 mm · (1255/T + 0.05) · e
     slant  (dry + wet) · 1.001/√(0.002001 + sin² E)                  [DO-229, A.4.2.4]
 
 Pressure and temperature come from the standard atmosphere at the receiver's height [ISA]. The mapping function is valid
-from 4° on. At 5° the mapping function differs by less than 1 % from Niell's mapping function.
+for elevations from 4° on. At an elevation of 5° the mapping function differs by less than 1 % from Niell's mapping
+function.
 """
 
 from __future__ import annotations

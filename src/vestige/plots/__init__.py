@@ -1,7 +1,8 @@
-"""Draw figures of the results of a campaign.
+"""Draw figures of campaigns, sweeps, searches and checks.
 
-A function that draws a figure takes the results of a campaign and returns the axes of the figure. The functions compute
-only bins and counts.
+A function that draws a figure returns the axes of the figure. Most of these functions take the results of a campaign.
+The functions compute only what the figure shows in addition to the results, such as bins, counts and confidence
+intervals.
 
 The arguments `detector` and `svid` choose a detector and a satellite. If `svid` is None, the results must have only one
 satellite. A figure is drawn on the axes `ax`, by default on new axes.

@@ -25,7 +25,7 @@ _NEAR_TAPS = 1.0
 def mark_bank_edge(
     ax: Axes, selected: xarray.Dataset, *shown_m: Float[np.ndarray, "..."], upright: bool = False
 ) -> Float[np.ndarray, " n_edges"]:
-    """Draw a dashed line at each edge of the bank that lies within a tap of a range offset in `shown_m`, in m.
+    """Draw a dashed line at each edge of the bank that a range offset in `shown_m` exceeds, or misses by up to a tap.
 
     The axis of the range offset is the ordinate, or the abscissa if `upright` is true. The lines may widen the limits
     of the axes. The function returns the range offsets of the lines in m.

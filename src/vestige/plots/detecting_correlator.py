@@ -25,7 +25,7 @@ from vestige.plots.figure import (
 )
 
 MAGNITUDE_SHARE = 0.66  # share of the height for flags and magnitude, below the phase
-_BELOW = 0.06  # free share of the height below the flags
+_BELOW = 0.06  # free space below the flags, as a share of the space for flags and magnitude
 _DOTS: dict[str, Any] = {"marker": ".", "markeredgewidth": 0, "rasterized": True}
 _FLAG_PT = 2.5  # size of the flags, so that a single miss in a long run is visible
 _CURVE_EPOCHS = 20_000  # largest number of epochs that are drawn as a curve; more epochs are drawn as dots
@@ -71,7 +71,7 @@ def detecting_correlator(
 def _draw_phase(
     ax: Axes, time_s: Float[np.ndarray, " n"], phase: Float[np.ndarray, " n"], against: str, above: float
 ) -> None:
-    """Draw the phase above the share `above` of the height, with an axis on the right."""
+    """Draw the phase at the top of the axes, from the share `above` of the height on, with an axis on the right."""
     right = ax.twinx()
     size = dot_size_pt(time_s.size)
     right.plot(time_s, phase, linestyle="none", color=BLUE, markersize=size, **_DOTS)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from vestige.errors import VestigeError
 
-# allowed NumPy kinds of number, and axes, of the variables that figures read
+# allowed NumPy kinds (`dtype.kind`) and axes of the variables that figures read
 VARIABLES = {
     "time_s": ("fiu", "epoch"),
     "taps": ("c", "epoch", "satellite", "tap"),

@@ -1,8 +1,8 @@
 """Set the common style of all figures, which is size, letters, colours and file formats.
 
-Figures are made for a column of a paper, 8 cm wide, where 7 pt letters are as large as a footnote. Each figure has its
-own `Figure` on the Agg canvas. Drawing needs no window, no shared state and no change of global settings. Artists with
-a point for each epoch are drawn as pixels even in a PDF or SVG.
+Most figures are made for a column of a paper, 8 cm wide, where 7 pt letters are as large as a footnote. Each figure has
+its own `Figure` on the Agg canvas. Drawing needs no window, no shared state and no change of global settings. Artists
+with a point for each epoch are drawn as pixels even in a PDF or SVG.
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
 def position_error(results: xarray.Dataset) -> Axes:
     """Draw the error of the fix against time in panels for east, north, up and clock, and return the lowest axes.
 
-    Lines show the fixes of all satellites, and dots show the fixes of the authenticated satellites.
+    Lines show fixes with all satellites, and dots show fixes with the authenticated satellites only.
 
     Raises `VestigeError` if the results are from a scenario without a constellation, or if there is no fix.
     """

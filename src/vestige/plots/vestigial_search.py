@@ -27,7 +27,10 @@ class SearchTrace:
 
 
 def vestigial_search(trace: SearchTrace, *, title: str) -> Axes:
-    """Return axes with magnitude against time, the threshold, and the peaks. The earliest peak is the true signal."""
+    """Return axes with magnitude against time, the threshold and the peaks.
+
+    The earliest peak is marked as the true signal.
+    """
     ax = new_axes()
     size = dot_size_pt(len(trace.time_s))
     ax.plot(trace.time_s, trace.magnitude, ".", color=GREY, markersize=size, label="searched", rasterized=True)

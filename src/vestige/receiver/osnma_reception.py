@@ -7,16 +7,17 @@ and constraint length 7 (171, 133 octal) [OS-ICD, 4.1.4]. E1-B and E1-C have the
 
     Es/N0 = C/N0 / 250 Hz · e^{−σφ²},    σφ² = B_φ/(C/N0) (1 + 1/(2T C/N0))
 
-Here σφ is the phase error of the carrier loop. The phase error changes within a page, and the interleaver spreads the
-affected symbols. A soft-decision Viterbi decoder loses half a page with the probability in the table `_HALF_LOST`. The
-table comes from a simulation of the code, which `tests/unit/receiver/test_osnma_reception.py` repeats. Beyond the
-table, error events of the free distance 10 dominate, so the logarithm of the probability is extrapolated linearly. A
-page is lost if the checksum of one of its halves fails. The probability of a lost page is
+Here σφ is the rms phase error of the carrier loop, whose noise bandwidth is B_φ and whose integration time is T. The
+phase error changes within a page, and the interleaver spreads the affected symbols. A soft-decision Viterbi decoder
+loses half a page with the probability in the table `_HALF_LOST`. The table comes from a simulation of the code, which
+`tests/unit/receiver/test_osnma_reception.py` repeats. Beyond the table, error events of the free distance 10 dominate,
+so the logarithm of the probability is extrapolated linearly. A page is lost if the checksum of one of its halves fails.
+The probability of a lost page is
 
     C/N0     22 dBHz  23 dBHz  24 dBHz  25 dBHz  26 dBHz
-    lost     0.52     0.13     0.02     0.0008   0.00002     without phase error
+    lost     0.52     0.12     0.013    0.0007   0.00004     without phase error
 
-If the C/N0 falls from 25 to 22 dBHz, the lost pages of an ideal receiver thus rise from 0.08 % to 52 %. Fading, a worse
+If the C/N0 falls from 25 to 22 dBHz, the lost pages of an ideal receiver thus rise from 0.07 % to 52 %. Fading, a worse
 decoder or soft decisions of few bits increase the loss.
 
 Pages 10 to 14 of every satellite's subframe carry the same key [OSNMA-ICD], so a single satellite is enough.

@@ -59,7 +59,8 @@ Fidelity = Literal["samples", "correlators"]
 SVID = 11  # SVID of the single line of sight, chosen here because the paper gives no SVID
 # parameters that give the time at which a key is sent, whatever the value of alpha
 KEY_ON_AIR = ChainParameters(alpha=bytes(ALPHA_BYTES))
-# delay in s above which the receiver's clock is wrong, because travel times differ by less than 0.1 s
+# Delay of an E1 signal in s above which different travel times cannot explain the delay. Travel times differ by less
+# than 0.1 s.
 CLOCK_FOLLOWS_S = 0.1
 _STREAMS_A_SATELLITE = 1 << 16
 # upper limit of the time in s that samples and message last after the last epoch if no attack delays the signals
@@ -149,9 +150,10 @@ class Simulation:
 
     @property
     def spoofer_as_received(self) -> Spoofer:
-        """Attacker for E1 tracking and for drawn correlators, whose signals under a sky have the geometry of a replay.
+        """Attacker that E1 tracking and drawn correlators use.
 
-        Samples contain the geometry of a replay without this attacker.
+        Under a sky, delay and Doppler of this attacker's signals follow from the satellites' earlier positions. Samples
+        do not need this attacker, because `samples.attacked_sky` computes the earlier positions.
         """
         if self.elevation is None or not self.spoofer.attacks:
             return self.spoofer

@@ -1,8 +1,8 @@
 """Compute the truth of a block of epochs and of the epochs around the block, which also affect the block's samples.
 
 Between two epochs the receiver's samples change from the truth of the first epoch to the truth of the second epoch
-(`continuous`). In a spoofing signal, the chips of an epoch arrive later than in the true signal. So the samples of a
-block depend on epochs before its first and after its last epoch. A delayed signal has the errors of a time that is
+(`continuous`). In a spoofing signal, the chips of an epoch may arrive later than in the true signal. So the samples of
+a block depend on epochs before its first and after its last epoch. A delayed signal has the errors of a time that is
 earlier by the delay.
 """
 

@@ -4,8 +4,8 @@ The numbers describe the stored components (the real samples, or I and Q togethe
 front end has 4 distinct values and a third of its samples at the outermost values. An 8-bit front end has many values
 and hardly any sample at the outermost values, unless the front end clips. The spectral centre is the centre of the
 front end's pass band, as a radio frequency. The spectral centre is the mean frequency, weighted with the power above
-the flat floor. Quantisation and the image frequencies cause the flat floor. For real samples only the half of the
-spectrum with the band's carrier is used.
+the flat floor. Outside the pass band, the noise of quantisation causes the flat floor. For real samples only the half
+of the spectrum with the band's carrier is used.
 """
 
 from __future__ import annotations

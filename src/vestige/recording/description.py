@@ -70,7 +70,7 @@ class RecordingDescription:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Return the sample files and the description files of the recording."""
+        """Return the sample files, the description files and the observation file of the recording."""
         described = (path for file in self.bands.values() for path in (file.path, file.described_in))
         observations = () if self.observations is None else (self.observations,)
         return tuple(dict.fromkeys((self.path, *described, *observations)))

@@ -1,6 +1,6 @@
 """Make blocks of one epoch for the processor, from a snapshot of a recording or from E1 tracking between snapshots.
 
-A block includes the data of other channels since the previous block.
+A block includes the data of the second OSNMA channel and of the inertial sensors since the previous block.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class OtherChannels:
 def tracked_block(
     index: int, epoch: ObservationEpoch, *, time_uncertainty_s: float, increments: VelocityIncrements | None
 ) -> SnapshotBlock:
-    """Return a block with the state of E1 tracking at an epoch without RECS.
+    """Return a block with the measurements of E1 tracking at an epoch without RECS.
 
     Parameters
     ----------

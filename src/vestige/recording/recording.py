@@ -141,7 +141,7 @@ def describe_recording(path: Path) -> RecordingDescription:
 def find_observations(folder: Path) -> Path | None:
     """Return the only file of E1 observations in a folder, or None.
 
-    Raises `InputFileError` if there are several such files.
+    Raises `InputFileError` if there are several files of E1 observations.
     """
     paths = [
         path for path in sorted(folder.iterdir()) if OBSERVATION_NAMES.fullmatch(path.name) and observation_kind(path)
@@ -166,7 +166,7 @@ def observation_names(description: RecordingDescription) -> list[Path]:
 
 
 def unread_observations(description: RecordingDescription) -> tuple[InputFileError, ...]:
-    """Return the errors of files that have the name of an observation file, but other contents."""
+    """Return the errors of files that have the name of an observation file with `obs` in it, but other contents."""
     wrong = []
     for path in observation_names(description):
         if "obs" in path.name.lower():

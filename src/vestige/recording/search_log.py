@@ -1,8 +1,8 @@
-"""Store the states of exhaustive searches in a log file, so that an interrupted search continues without a loss.
+"""Store the progress of exhaustive searches in a log file, so that an interrupted search continues without a loss.
 
 Each new log replaces the old log only after the new log is on the disk, so the log file is complete at any moment. The
-log names the recording, the codes and the settings of the searches (`of`). So a search never continues from the state
-of another search. The log has one state for each search, by the name of the search.
+log names the recording, the codes and the settings of the searches (`of`). So a search never continues from the
+progress of another search. The log contains the progress of each search, by the name of the search.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vestige.output import replacement
 from vestige.sample_processor.search.exhaustive_search import SearchState
 
 EXPECTED_LOG = "the log of an exhaustive search"
-_MAX_BYTES = 1 << 26  # largest size of a log file in bytes; the state of one search has some kB
+_MAX_BYTES = 1 << 26  # largest size of a log file in bytes; the progress of one search takes some kB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,11 +31,11 @@ class _Content:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchLog:
-    """States of exhaustive searches, and the log file in which these states are stored."""
+    """Progress of exhaustive searches, and the log file in which the progress is stored."""
 
     path: Path
     of: Mapping[str, str | float]  # identity of the searches: recording, codes and settings as text and numbers
-    states: dict[str, SearchState] = field(default_factory=dict)  # state of each search by name
+    states: dict[str, SearchState] = field(default_factory=dict)  # progress of each search by name
 
     @classmethod
     def open(cls, path: Path, of: Mapping[str, str | float]) -> SearchLog:
@@ -63,7 +63,7 @@ class SearchLog:
         return cls(path=path, of=of, states=content.states)
 
     def keep(self, name: str, state: SearchState) -> None:
-        """Store the state of a search under the name of the search, and write the log file."""
+        """Store the progress of a search under the name of the search, and write the log file."""
         self.states[name] = state
         content = {"of": dict(self.of), "states": {key: asdict(one) for key, one in self.states.items()}}
         with replacement(self.path) as part:

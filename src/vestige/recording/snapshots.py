@@ -1,6 +1,6 @@
 """Make snapshots from a recording, one for each time of transmission of RECS in the E6 samples.
 
-A snapshot is made for every time of transmission if its RECS can arrive during the recording. The E6 samples of a
+A snapshot is made for every time of transmission whose RECS can arrive during the E6 samples. The E6 samples of a
 snapshot begin 1 ms before the first RECS arrives, and end 1 ms after the last RECS has arrived. The observations come
 from the observation file, from tracking, or from 100 ms of E1 samples around the RECS. Only short windows of samples
 are read, so a recording may be far larger than memory.
@@ -63,7 +63,7 @@ class RecordingSource:
     cn0_estimator
         Name of the estimator for the C/N0 of E1 when E1 is measured in the samples; see `measure_e1`.
     channels
-        Data of a second OSNMA channel and of inertial sensors; no such data by default.
+        Data of a second OSNMA channel and of inertial sensors; empty by default.
     progress
         Function that is called during long steps with the name of the step, the finished amount and the whole amount.
 
@@ -96,10 +96,10 @@ class RecordingSource:
             require_time_uncertainty(self.time_uncertainty_s)
 
     def __iter__(self) -> Iterator[SnapshotBlock]:
-        """Yield a block for each snapshot, and a block of E1 tracking for each whole second between snapshots.
+        """Yield a block for each snapshot, and a block for each whole second of E1 tracking.
 
-        The blocks of E1 tracking are made only if `tracked` is given and `searchable` is true, because the checks of
-        level 1 do not use E1 between two RECS.
+        The blocks of E1 tracking are made only if `tracked` is given and `searchable` is true. The checks of level 1 do
+        not use E1 between two RECS.
         """
         between = deque(self.tracked if self.tracked is not None and self.searchable else ())
         since, index, last = None, 0, None

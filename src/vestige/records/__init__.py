@@ -1,8 +1,8 @@
 """Define the records that the parts of vestige exchange.
 
-Records are frozen dataclasses with keyword arguments, and the names of attributes contain the units. By convention, **a
-positive offset is later**. The processor receives only `Snapshot` and `Assistance`, so the processor cannot tell a
-simulation from a recording.
+Records are frozen dataclasses with keyword arguments, and the names of attributes contain the units. By convention, a
+**positive offset means a later arrival**. The processor receives only `Snapshot` and `Assistance`, so the processor
+cannot tell a simulation from a recording.
 """
 
 from __future__ import annotations

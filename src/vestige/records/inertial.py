@@ -30,9 +30,10 @@ class Accelerations:
             require_finite("accelerations", **{name: float(np.abs(values).sum())})
 
     def increments(self, first: GalileoTime | None, last: GalileoTime) -> VelocityIncrements:
-        """Return the velocity increments ∫ a dt between two epochs, one for each step between samples.
+        """Return the velocity increments between two epochs, one for each step between samples.
 
-        The acceleration is linear between samples. If `first` is None, or samples are missing, there are no increments.
+        An increment is the integral of the acceleration, which is interpolated linearly between samples. The result has
+        no increments if `first` is None or samples are missing.
         """
         found = None if first is None or not last - first > 0 else self._between(first, last)
         if found is None:

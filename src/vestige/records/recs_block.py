@@ -46,7 +46,7 @@ class RecsLookup(Protocol):
 
 @runtime_checkable
 class Corrections(Protocol):
-    """Corrections of the delay of E6 behind E1, in `Assistance` or in another object with these properties."""
+    """Corrections of the delay of E6 relative to E1, which `Assistance` and other sources of data provide."""
 
     @property
     def group_delays(self) -> tuple[GroupDelay, ...]:

@@ -186,7 +186,7 @@ class SnapshotBlock:
     time
         Receiver-clock times to which the observations refer.
     received_at
-        [n, m], receiver-clock time of the last E6 sample in which a satellite is searched. The processor compares
+        [n, m], receiver-clock time at which the last E6 sample for a satellite was received. The processor compares
         `received_at` with the disclosure of the key.
     time_uncertainty_s
         Upper limit of the error of the receiver's clock against Galileo System Time, in s.

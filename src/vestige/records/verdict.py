@@ -20,7 +20,7 @@ class Outcome(Enum):
         The statistic exceeds the threshold. A check with confirmation fails only if the statistic exceeds the threshold
         in several tests in a row.
     NOT_RUN
-        An input of the check is missing. `CheckResult.reason` names the input.
+        The check was not made, for example because an input is missing. `CheckResult.reason` gives the reason.
 
     Examples
     --------
@@ -61,7 +61,7 @@ class Status(Enum):
         A check failed, but this check alone does not prove an attack.
     SPOOFED
         The range of E6 disagrees with E1, the satellite was found twice, or OSNMA differs from the second channel. A
-        delay between the front ends that is not calibrated has the same effect.
+        delay between the front ends that is not calibrated also leads to SPOOFED.
     NOT_DETECTED
         The encrypted signal was not found in E6, although the C/N0 of E1 predicts a detection.
     NOT_AVAILABLE

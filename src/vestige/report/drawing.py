@@ -2,9 +2,9 @@
 
 The module has two methods, and the page states the method that was used. *Stretches* are groups of consecutive epochs
 that are drawn with a common value: a mean, a largest value, or the statuses that occurred. Every epoch of a stretch
-contributes to the common value. *Chosen rows* are single epochs: every k-th epoch, and also epochs of interest. Epochs
-of a kind are left out only if the kind has more epochs than its share of the limit. Counts and statistics use all
-epochs.
+contributes to the common value. *Chosen rows* are single epochs: every k-th epoch, and epochs of interest of several
+kinds, for example alarms. Epochs of a kind are left out only if the kind has more epochs than its share of the limit.
+Counts and statistics use all epochs.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ UInt8Array = UInt8[np.ndarray, " n_stretches"]
 
 
 def stretches(time_s: Float[np.ndarray, " n_epochs"], interval_s: float, limit: int) -> Stretches:
-    """Return at most `limit` stretches of epochs at the given times, each with the same number of epochs.
+    """Divide epochs at the given times into at most `limit` stretches of equal length; the last stretch may be shorter.
 
     Raises `ValueError` if there is no epoch.
     """

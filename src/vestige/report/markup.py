@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 
 
 class Html(str):
-    """Text that is markup already; only this module and the templates make `Html`."""
+    """Text that is markup already and is not escaped again."""
 
     __slots__ = ()
 
@@ -25,8 +25,8 @@ def markup(content: object) -> Html:
 def element(tag: str, *content: object, **attributes: object) -> Html:
     """Return an HTML element.
 
-    The argument `class_` becomes the attribute `class`. An underscore in another argument becomes a hyphen in the name
-    of the attribute. An attribute with the value None is omitted.
+    An underscore at the end of an argument's name is removed, so `class_` becomes the attribute `class`. Every other
+    underscore becomes a hyphen. An attribute with the value None is omitted.
     """
     names = {name: name.rstrip("_").replace("_", "-") for name in attributes}
     text = "".join(f' {names[name]}="{markup(value)}"' for name, value in attributes.items() if value is not None)

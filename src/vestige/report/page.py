@@ -86,6 +86,6 @@ def _script() -> str:
 
 
 def _json(data: Mapping[str, Any]) -> str:
-    """Return data as JSON that cannot close the HTML element around it."""
+    """Return data as JSON that cannot close the HTML element in which the JSON stands."""
     text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

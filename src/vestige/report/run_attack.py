@@ -40,7 +40,7 @@ def attack_cards(attacks: Mapping[str, Mapping[str, AttackReport]], chosen: str)
 
 
 def attack_content(attacks: Mapping[str, Mapping[str, AttackReport]]) -> list[Html]:
-    """Return a table with the signal that each detector found, the first alarm, and the return to the true signal."""
+    """Return a paragraph and a table with the outcome of the attack for each satellite and detector."""
     words = {
         DetectedSignal.TRUE: "the true signal",
         DetectedSignal.SPOOFER: "the spoofing signal",

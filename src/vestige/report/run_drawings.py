@@ -112,7 +112,10 @@ def _satellite(
 
 
 def _truth(one: xarray.Dataset) -> dict[str, Any]:
-    """Return the range offsets of the true signal and of spoofing signals with true chips; NaN without a signal."""
+    """Return the range offset of the true signal, and range offset and power of spoofing signals with true chips.
+
+    A value is NaN at epochs without the signal.
+    """
     power_db, place_m = spoofing_power_and_offset(one)
     matching = ~one["forged"].values.astype(bool) if "forged" in one.variables else np.ones(power_db.shape[1], bool)
     names = [str(name) for name in one["attack"].values]

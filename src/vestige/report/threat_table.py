@@ -3,9 +3,9 @@
 The name of a column gives the meaning of the column, so the reader accepts further levels and columns.
 `expected_level_2` is the expected outcome of level 2, and `level_2` tells whether the measurement agrees.
 `detected_level_2` is the number of runs in which level 2 detected the attack. A table with a column `level` has a row
-for each level. In such a table, names of columns without a level refer to the level of the row. If only one level is
-measured, names without a level refer to the measured level. Tables of release 0.2.0 and earlier have `worst_accepted_m`
-in place of `worst_range_m`.
+for each level. In a table with a column `level`, names of columns without a level refer to the level of the row. If
+only one level is measured, names without a level refer to the measured level. Tables of release 0.2.0 and earlier have
+`worst_accepted_m` in place of `worst_range_m`.
 """
 
 from __future__ import annotations

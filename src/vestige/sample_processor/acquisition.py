@@ -19,7 +19,7 @@ Noise adds to the power of the weak satellite. So a signal is accepted only if i
 of the strongest signal.
 
 `acquire` takes the strongest cell of each satellite on E1-C. `vestige.sample_processor.search.e1_search` takes every
-signal from the same powers.
+signal from the powers of E1-B and E1-C.
 
 The replica is BOC(1,1), the part of CBOC that a front end with a bandwidth of 2 to 4 MHz passes.
 """
@@ -241,7 +241,7 @@ def _cell_powers(
             for total, shift, of_shift in zip(powers[begin : begin + together], group.tolist(), y, strict=True):
                 doppler_hz = shift * stretches.spacing_hz - stretches.carrier_rest_hz
                 _add_with_code_doppler(total, of_shift, doppler_hz, stretches.starts_s, stretches.rate_hz)
-    noise = np.mean(powers, axis=1, keepdims=True) / (2 * n_added)  # a signal fills few of 12,000 code phases
+    noise = np.mean(powers, axis=1, keepdims=True) / (2 * n_added)  # a signal fills few of 16,000 code phases
     powers /= np.maximum(noise, np.finfo(np.float32).tiny)  # the noise is 0 if all samples are 0
     return powers
 

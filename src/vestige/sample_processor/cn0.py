@@ -3,8 +3,8 @@
 Theory of operation
 -------------------
 Prompts P_k = I_k + jQ_k of coherent time T are a phasor of power S plus noise of power N (both dimensions together).
-C/N0 is S/(N T). Each row is a block of prompts. Within a row the phasor keeps its phase, and also its sign if data bits
-are removed.
+C/N0 is S/(N T). Each row of the input is a block of prompts. Within a row the phasor keeps its phase, and also its sign
+if data bits are removed.
 
 | estimator | from | weakness |
 |---|---|---|
@@ -48,7 +48,7 @@ def narrow_to_wide_dbhz(
 
 
 def moments_dbhz(prompts: Complex[np.ndarray, "n k"], integration_s: float) -> Float[np.ndarray, " n"]:
-    """Return C/N0 of each row from S = √(2 M₂² − M₄) and N = M₂ − S."""
+    """Return C/N0 of each row from S = √(2 M₂² − M₄) and N = M₂ − S, where M₂ and M₄ are the means of |P|² and |P|⁴."""
     power = _power(prompts)
     second, fourth = np.mean(power, axis=1), np.mean(power**2, axis=1)
     inner = 2 * second**2 - fourth

@@ -7,7 +7,7 @@ conjugate of the sample one lag earlier. Blocks of products are summed coherentl
 blocks are added. At the lag of a code period, and at multiples of this lag, the sum is larger than at other lags. The
 result does not depend on the centre frequency, the satellites in view, or an inversion of the spectrum. The score of a
 rate tells how far the sums at the multiples of the code period exceed the median of all sums. An acquisition has to
-confirm the rate, because a divisor of the true rate has a high score, too.
+confirm the rate, because divisors and multiples of the true rate have a high score, too.
 """
 
 from __future__ import annotations

@@ -7,6 +7,9 @@ Sample n, taken t_n after the hand-over's start, has code phase and carrier phas
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
     φ_n = 2π (f_c − f_0 + f_d) t_n + π ḟ_d t_n²                 f_0: frequency at 0 Hz in the samples
 
+R_c is the chip rate, f_c the carrier frequency, and x_n is sample n. f_d and ḟ_d are Doppler and Doppler rate of the
+hand-over.
+
 Tap k, delayed by d_k, is c_k = (1/M) Σ_n x_n e^{−jφ_n} chip[⌊u_n − d_k⌋]. The sum runs over the samples whose delayed
 code phase u_n − d_k lies in the segment. M is the number of samples in the duration of the segment. So a path of
 amplitude a at delay d_k gives c_k = a.
@@ -15,9 +18,9 @@ amplitude a at delay d_k gives c_k = a.
 [WFO, Sec. IV-A]. Let y_j be the carrier-free samples summed over chip j. A wrong code w of random signs gives Σ_j w_j
 y_j. The mean power of this sum over *all* wrong codes is exactly Σ_j |y_j|², because the cross terms cancel. So one
 pass over the chips gives the result of infinitely many wrong codes, and no reference cell is drawn at random. The
-estimate is also right for coloured noise and interference. The power of the true signal raises the floor by E_c/N_0
-(−32 dB at 35 dBHz), as with any wrong code. A floor that is estimated from J chips has a relative error of 1/√J, which
-is 0.35 % for 16 ms. The loss of detection by this error (CFAR loss) is 0.0005 dB.
+estimate is also right for coloured noise and interference. The power of the true signal raises the floor by the energy
+of a chip over the noise density (−32 dB at 35 dBHz), as with any wrong code. A floor that is estimated from J chips has
+a relative error of 1/√J, which is 0.35 % for 16 ms. The loss of detection by this error (CFAR loss) is 0.0005 dB.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ taps are summed in one loop, because loading a sample takes as long as multiplyi
 
 **Carrier.** All taps use the same table of carrier rotations, computed in float64. The phase at the middle of each
 block is applied to the block's sums in float64. This phase includes the Doppler rate. Inside the block, the samples are
-rotated by the Doppler rate to first order, with an error of 1e-7 at 100 Hz/s.
+rotated by the Doppler rate to first order, with a relative error of 1e-7 at 100 Hz/s.
 
 **Noise floor.** Σ_j |y_j|² over chips is Σ_n |y_n|² over samples, plus twice the real part of y_n y*_(n−l) for all
 samples n and n − l in the same chip. So no loop over chips is needed. Two lags l are summed in one loop. The last
@@ -90,7 +90,7 @@ def _wipe(x, cos, sin, places, slope, curve, y_re, y_im):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _two_lag_sums(own, fraction, y_re, y_im, apart_1, re_1, im_1, apart_2, re_2, im_2):
-    """Return Σ own |y_n|² + Re(y_n y*_(n−l)) over two lags l, if samples n and n − l lie in the same chip."""
+    """Return Σ_n `own` |y_n|² plus Re(y_n y*_(n−l)) for two lags l, where samples n and n − l lie in the same chip."""
     total, zero = np.float32(0.0), np.float32(0.0)
     for i in range(y_re.size):
         phase = np.uint32(fraction[i] & np.uint32(_IN_CHIP))

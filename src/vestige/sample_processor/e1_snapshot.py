@@ -19,7 +19,7 @@ from an `Acquisition`, and measures in one batch the values that a tracking loop
    prompts alone have 23 degrees of freedom for the noise, so the estimate has a standard deviation of 0.9 dB. The noise
    of wrong codes is accurate to 0.01 dB.
 
-All values refer to the middle of the batch.
+All values refer to the middle of the measured code periods.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class E1Snapshot:
 def measure_e1(batch: SampleBatch, acquisition: Acquisition, *, cn0_estimator: str = NOISE_FLOOR) -> E1Snapshot | None:
     """Return the E1 measurement of one acquired satellite, or None if the batch has too few code periods.
 
-    The batch must have at least `MIN_PERIODS` + 2 code periods.
+    A batch of `MIN_PERIODS` + 2 code periods is long enough.
     """
     start_s, doppler_hz = acquisition.code_start_s, acquisition.doppler_hz
     for _ in range(_CODE_STEPS):

@@ -161,7 +161,7 @@ def _power(prompts: Complex128[np.ndarray, "periods 1"], noise: float) -> float:
 
 
 def secondary_share(batch: SampleBatch, found: E6Acquisition, doppler_hz: float) -> tuple[float, int] | None:
-    """Return the share of E6-C's power that its secondary code explains, and the code index of the first period.
+    """Return the share of E6-C's power that its secondary code explains, and the code's index in the first period.
 
     The share is 1 for a signal without noise and below 0.1 for another code. `OPEN_SHARE` lies between these values.
     The result is None if the batch has too few periods.

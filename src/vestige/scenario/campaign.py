@@ -59,7 +59,7 @@ from vestige.time import GalileoTime
 
 AnyAttack = Annotated[Attacks, Field(discriminator="kind"), OrOwn(Attack)]
 
-_RECS_LOOKED_AT = 300  # intervals are multiples of 0.1 s, so the places of RECS in a subframe repeat after 300 RECS
+_RECS_LOOKED_AT = 300  # intervals are multiples of 0.1 s, so the positions of RECS in a subframe repeat after 300 RECS
 _LAST_WEEK = 9999  # last week (year 2191) in which a run may start, so that no run reaches the end of the calendar
 
 
@@ -85,7 +85,7 @@ class ReceiverTable(Section):
     cn0_dbhz, cn0_e1_dbhz
         C/N0 in dBHz of E6-C alone, and of E1-C alone.
     signal
-        Whether E6-C is on air. Without E6-C every detection in E6 is a false alarm.
+        Whether E6-C is on air. Without E6-C every detection in E6 is false.
     time_uncertainty_s
         Upper limit of the clock error that the receiver assumes, in s.
     clock_offset_s

@@ -91,7 +91,11 @@ def navigation_text(scenario: CampaignScenario) -> str | None:
 def receiver_processor(
     scenario: CampaignScenario | StoredScenario, overhead: Overhead, navigation: str | None
 ) -> AcasProcessor:
-    """Return the processor of a scenario's receiver; `overhead` gives the satellites, and `navigation` the orbits."""
+    """Return the processor of a scenario's receiver.
+
+    `overhead` gives the number and the mean C/N0 of the satellites in view. `navigation` is the text of a RINEX file
+    with the orbits, or None.
+    """
     receiver, table = scenario.receiver, scenario.processor
     front_end = receiver.front_end.front_end(receiver.sample_rate_hz)
     antenna = _antenna(scenario)

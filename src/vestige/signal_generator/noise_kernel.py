@@ -3,10 +3,11 @@
 Theory of operation
 -------------------
 One 64-bit hash of the sample number gives one pair of standard normal numbers by the method of Box and Muller. The
-radius r = √(−2 ln U) uses 31 bits, and an angle within ±π/4 uses 30 bits. Three bits swap sine and cosine and set two
-signs, which extends the angle to the full circle. The loops have no look-ups and no branches, so the compiler can use
-vector instructions. Polynomials compute logarithm, sine and cosine, for the same reason. A pair depends only on its key
-and number. So the bits of the noise do not depend on which worker makes which part of an epoch.
+radius r = √(−2 ln U) of a uniform number U uses 31 bits, and an angle within ±π/4 uses 30 bits. Three bits swap sine
+and cosine and set two signs, which extends the angle to the full circle. The loops have no look-ups and no branches, so
+the compiler can use vector instructions. Logarithm, sine and cosine are polynomials, because vector instructions can
+compute polynomials. A pair depends only on its key and number. So the bits of the noise do not depend on which worker
+makes which part of an epoch.
 
 Three loops run one after the other over a piece of 1024 pairs. The loops compute hash, logarithm and rotation. A single
 loop for all three steps takes 1.1 times as long. The reason is the long chain of steps for a pair, which cannot overlap

@@ -9,9 +9,10 @@ number of components:
 
     x_i += level[⌊u_0 + i u_1⌋] · (a e^{jφ_i})          u_0, u_1 in float64, new for each block
 
-Code phase and carrier phase are parabolas in time. Code rate and carrier phase are computed in float64 at the middle of
-each block of 1024 samples. Several consecutive blocks use one table of the carrier. The number of these blocks follows
-from the Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
+The code phase of sample i is u_0 + i u_1 sub-chips. The path has the amplitude a and the carrier phase φ_i. Code phase
+and carrier phase are parabolas in time. Code rate and carrier phase are computed in float64 at the middle of each block
+of 1024 samples. Several consecutive blocks use one table of the carrier. The number of these blocks follows from the
+Doppler rate, so that the phase error never exceeds `_MAX_TURN_RAD`.
 
 No sum depends on the order of vector lanes, and products and sums are fused explicitly. So a block has equal bits on
 every machine.

@@ -2,17 +2,18 @@
 
 Theory of operation
 -------------------
-Sample n is taken at the time t_n after the start of the signal (`start_s`). At the start, chip number L arrives by a
-path without delay. The first L chips arrive before the start. A signal has Doppler f_d and Doppler rate ḟ_d on its
-carrier f_c. A signal with the paths r adds the samples
+Sample n is taken at the time t_n after the start of the signal (`start_s`). At the start, chip number L (`lead_chips`)
+arrives by a path without delay. The first L chips arrive before the start. A signal has Doppler f_d and Doppler rate
+ḟ_d on its carrier f_c. A signal with the paths r adds the samples
 
     x_n = Σ_r a_r · chip[L + ⌊u_n − d_r⌋] · exp j2π[(f_c − f_0 + f_d + f_r) t_n + ½ ḟ_d t_n²]
     u_n = R_c (1 + f_d/f_c) t_n + ½ R_c (ḟ_d/f_c) t_n²        chips
 
-The Doppler thus affects code and carrier alike. A correlator with the start and the Doppler of the signal gives a_r at
-the delay d_r. A path's own Doppler f_r rotates only the phase of the path. The change of the delay d_r by f_r is
-neglected, because a Doppler of 1 Hz moves the delay by only 4 mm in 16 ms. A signal with another range rate, such as a
-spoofing signal, needs its own `ReceivedSignal`.
+R_c is the chip rate, and f_0 is the radio frequency at 0 Hz in the samples. The Doppler thus affects code and carrier
+alike. A correlator with the start and the Doppler of the signal gives a_r at the delay d_r. A path's own Doppler f_r
+rotates only the phase of the path. The change of the delay d_r by f_r is neglected, because a Doppler of 1 Hz moves the
+delay by only 4 mm in 16 ms. A signal with another range rate, such as a spoofing signal, needs its own
+`ReceivedSignal`.
 
 **Strength.** Noise is complex, white and Gaussian with variance 1 per sample, so N0 is 1/f_s. A component with a given
 C/N0 has the amplitude √(C/N0 / f_s). The noise is a pure function of its key and the number of the sample.
@@ -122,7 +123,7 @@ def _add(
     carrier_hz: float,
     if_hz: float,
 ) -> None:
-    """Add a signal to samples; the first sample is taken at `t0` after the signal's `start_s`."""
+    """Add a signal to samples; the first sample is taken `t0` s after the signal's `start_s`."""
     rate = signal.chips.chip_rate_hz
     add_paths(
         x,

@@ -37,7 +37,7 @@ class Component:
     signal: SignalDefinition
     chip: Chips  # function that returns chips by number since the reference second: int8 if ±1, else float32
     symbol: Sequence | None = None  # function that returns symbols ±1 by number since the reference second, or None
-    # Function that returns chips number `first` to `first + n - 1`; None if this is not faster than `chip`.
+    # Function that returns chips number `first` to `first + n - 1`; None if no such function is faster than `chip`.
     stretch: Callable[[int, int], Int8[np.ndarray, " n"]] | None = None
     # Primary and secondary code if `chip` is the product of these codes; None for other chips.
     primary: Int8[np.ndarray, " n"] | None = None

@@ -1,4 +1,4 @@
-"""Decide whether the chips of a RECS belong to the open E6-C code, which is public and repeats each millisecond.
+"""Decide whether the chips of a RECS belong to the open E6-C code, whose public primary code repeats each millisecond.
 
 E6-C was not encrypted before the service began. RECS made from a recording of unencrypted E6-C (`vestige recs make`)
 test the whole processing. With RECS of the open code, a search for the earliest arrival is meaningless, because equal

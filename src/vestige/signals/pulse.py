@@ -1,8 +1,8 @@
 """Compute the spectrum and the correlation of chip pulses, with and without a band limit.
 
 Every Galileo pulse in vestige is piecewise constant over a chip. A chip has n equal sub-chips with levels a_0 … a_{n-1}
-and mean square 1. Spectrum and correlations follow exactly from the levels. With the width w = T_c/n of a sub-chip, the
-functions are:
+and mean square 1. Spectrum and correlations follow exactly from the levels. With the duration T_c of a chip and the
+width w = T_c/n of a sub-chip, the functions are:
 
     spectrum          S(f) = (w sinc(f w))² |Σ_k a_k e^{-j2πf(k+½)w}|² / T_c        unit area over all f
     autocorrelation   R(τ): linear between R(m w) = (1/n) Σ_k a_k a_{k+m}           random code, |τ| < T_c

@@ -78,7 +78,7 @@ class AcasTestCase:
 
     @cached_property
     def satellites(self) -> tuple[ExportedSatellite, ...]:
-        """All satellites that the receiver receives at any epoch, each with all epochs of the test case."""
+        """All satellites of the scenario, each with all epochs of the test case."""
         message = self.message
         forged = None if message is None else message.forged(self.scenario.seed)
         return tuple(
@@ -123,8 +123,8 @@ class AcasTestCase:
     def _message_begin(self) -> GalileoTime | None:
         """Time in the first subframe of the message; None with OSNMA events, where the message has all subframes.
 
-        The message begins `SUBFRAMES_BEFORE` subframes before the first epoch. So slow tags have data to authenticate,
-        and the message covers the longest delay of a spoofing signal.
+        The message begins `SUBFRAMES_BEFORE` subframes before the first epoch. So tags with ADKD 12 have data to
+        authenticate, and the message covers the longest delay of a spoofing signal.
         """
         if self.simulation.osnma.events:
             return None
@@ -181,7 +181,7 @@ class AcasTestCase:
         return {band: SpooferInterference(simulation=simulation, band=band) for band in Band}
 
     def receivers(self) -> Iterator[ExportedReceiver]:
-        """Yield the true state of the receiver in each block of epochs; yield nothing for a single line of sight."""
+        """Yield the true position and clock in each block of epochs; yield nothing for a single line of sight."""
         if self.scenario.constellation is None:
             return
         for (one,) in self.blocks(0):

@@ -16,7 +16,7 @@ from vestige.scenario.campaign import CampaignScenario
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedReceiver:
-    """True state of the receiver at the time tags of its E1 observations."""
+    """True position, motion and clock error of the receiver at the time tags of its E1 observations."""
 
     scenario: CampaignScenario  # scenario with a constellation
     path: ContinuousTruth  # truth of any satellite, because the truth of every satellite has the receiver's clock

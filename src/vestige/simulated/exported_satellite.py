@@ -35,7 +35,7 @@ class ExportedSatellite:
     first: int
     end: int
     symbols: Sequence | None = None  # symbols of E1-B, counted from the start; None for random symbols
-    forged_symbols: Sequence | None = None  # symbols of an attacker's own message; None for random symbols
+    forged_symbols: Sequence | None = None  # symbols of the message that an attacker invents; None for random symbols
     known: TruthWithin | None = None  # truth at the epochs; None if the truth is not yet computed
 
     @property
@@ -116,8 +116,8 @@ class ExportedSatellite:
         """E1 observations at the time tag of each epoch, 86 ms after transmission.
 
         The entry of an epoch is None if the satellite is below the mask, or the receiver has no lock or is still
-        acquiring. The entry is also None while the receiver follows a meaconer with a delay of seconds. The reason is
-        that the time of a receiver with this delay differs from the time of the samples.
+        acquiring. The entry is also None while the receiver follows a spoofing signal with a delay of 0.1 s or more.
+        The reason is that the time of a receiver with this delay differs from the time of the samples.
 
         An attacker's delay depends on the time of transmission. The signal that is received at the time tag was sent up
         to 15 ms before or after the epoch. So the delay at the epoch is corrected by the rate of the delay times the

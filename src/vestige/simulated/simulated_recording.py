@@ -46,7 +46,7 @@ Say = Callable[[str], None]
 SCALES: Mapping[SampleType, float] = {"int8": 20.0, "int16": 1000.0, "float32": 1.0}
 _PROBE_S = 0.05
 _KEPT_BATCHES = 50  # number of batches (half a second) after which progress is stored, for a resumption
-_LONG_S = 900.0  # length in s of a recording whose other files take seconds to write
+_LONG_S = 900.0  # length in s of a recording above which its other files take seconds to write
 _WRITING = 1.5  # time to make, convert, check and store samples as a multiple of the time to make samples
 
 

@@ -38,7 +38,8 @@ class ForgeryAfterDisclosure(CheckedAttack):
     ----------
     delay_s
         Time in s from the true transmission to the attacker's transmission, more than 0, at most 120. The attacker has
-        the key only after the last bit of the key is sent. A scenario with a delay before this time gives an error.
+        the key only after the last bit of the key is sent. A scenario in which the attacker transmits before the key is
+        complete gives an error.
     power_db
         Power of the spoofing signal relative to the true signal in dB.
     range_offset_m

@@ -1,4 +1,4 @@
-"""Simulate an attack that ends before the next RECS, so that no RECS detects the attack.
+"""Simulate an attack that is on only between two RECS, so that no sample of a RECS contains the spoofing signal.
 
 Between two RECS the spoofing signal switches on at the delay of the true signal. The spoofing signal moves the tracking
 loop away from the true signal, moves the loop back, and then switches off. Let x be the time since the last RECS, from

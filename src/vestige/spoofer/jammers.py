@@ -2,14 +2,15 @@
 
 Theory of operation
 -------------------
-A correlator multiplies the samples by random chips c and integrates over T ≫ T_c. Each output is a sum over many chips,
-so the output is Gaussian. For a jammer of spectral density S_J, the covariance of the outputs at the delays d_i and d_k
-is
+A correlator multiplies the samples by random chips c and integrates over a time T, much longer than a chip. Each output
+is a sum over many chips, so the output is Gaussian. For a jammer of spectral density S_J, the covariance of the outputs
+at the delays d_i and d_k is
 
     C(d_i − d_k) = 1/T ∫ S_J(f) S_c(f) e^{j2πf(d_i − d_k)} df        S_c: spectrum of the chips
 
-White noise N0 gives the covariance N0/T · R(d_i − d_k). With J/N in a noise bandwidth B, the jammer's power is J =
-(J/N) N0 B. In units of N0/T, the covariance C(Δ) at the distance Δ = d_i − d_k is
+White noise N0 gives the covariance N0/T · R(d_i − d_k), with the autocorrelation R of the chips. With J/N in a noise
+bandwidth B, the jammer's power is J = (J/N) N0 B. In units of N0/T, the covariance C(Δ) at the distance Δ = d_i − d_k
+is
 
     wideband, pulsed noise   (J/N) R(Δ)                   white while on; mean power counts, many pulses fall in T
     continuous wave          (J/N) B S_c(f) e^{j2πfΔ}     all correlators see the same amplitude
@@ -17,7 +18,8 @@ White noise N0 gives the covariance N0/T · R(d_i − d_k). With J/N in a noise 
 
 Sampling aliases the side lobes of S_c beyond ±f_s/2 onto the frequencies of the line or the sweep. This effect, about 3
 % more noise at 12.5 MHz, is neglected. C(0) is the *rise* of the noise density, which the jammer causes after the
-correlator. The phase of a wave, a sweep or a pulse is drawn at random once per epoch.
+correlator. The phase of a wave, a sweep or a pulse is drawn at random once per epoch of a campaign, or once per
+recording.
 """
 
 # ruff: noqa: ARG002  all waveforms have the same signature

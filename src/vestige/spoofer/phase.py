@@ -4,9 +4,10 @@
     slipping    φ = φ0 + 2π f (t − t_start)         a frequency error of the attacker's oscillator
     coherent    φ = φ0 − 2π f_c τ(t)/c              as with a delay line: a cycle per wavelength of delay
 
-The sum of the true signal and the spoofing signal has the amplitude |1 + √η e^{jφ} R(τ)|. So the phase decides whether
-the signals cancel or reinforce each other. If the delay of a locked or slipping spoofing signal changes, its code and
-carrier diverge.
+Let η be the power of the spoofing signal relative to the true signal, τ the delay of the spoofing signal, and R the
+autocorrelation of the code. A correlator at the delay of the true signal has the amplitude |1 + √η e^{jφ} R(τ)|. So the
+phase decides whether the signals cancel or reinforce each other. If the delay of a locked or slipping spoofing signal
+changes, its code and carrier diverge.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from pathlib import Path
 from vestige.crypto.file_bytes import read_text
 from vestige.errors import InputFileError
 
-_MAX_FILE_BYTES = 1 << 26  # largest size of a file, about 2 million points
+_MAX_FILE_BYTES = 1 << 26  # largest size of a file in bytes, for about 2 million points
 _HEADER = "time_s,value"
 
 

@@ -120,8 +120,8 @@ class TimePush(_LiftOffAttack):
 class E1Asynchronous(CheckedAttack):
     """E1 spoofing signal of an attacker who does not know the delay of the true signal; E6 is not attacked.
 
-    The spoofing signal does not affect a tracking loop on the true signal. The spoofing signal captures a receiver that
-    acquires while the attack is on.
+    A spoofing signal more than a chip away from the true signal does not capture a tracking loop on the true signal. A
+    receiver that acquires while the attack is on takes the strongest signal.
 
     Attributes
     ----------

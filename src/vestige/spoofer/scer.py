@@ -10,11 +10,13 @@ and the powers of the errors add:
 
     N/N0 = Σ_i η (Ec/N0 of satellite i) (1/ρ_i² − 1)        i: all satellites of the attack
 
-All satellites are received with one front end, so the noise of this sum affects every satellite. The sum of independent
-Gaussian noises is Gaussian noise with the sum of the powers. So a single sequence of noise simulates the errors of all
-satellites exactly. Each term is the noise density after a correlator whose chips begin together with the estimated
-chips. In a correlator whose chips begin at another time, the density is 0.5 to 1 times the term, and 2/3 on average. So
-the sum is an upper limit of the noise in a real receiver.
+η is the power of the part of the spoofing signal that correlates with the true chips, relative to the true signal. Ec
+is the energy of a chip at the victim. ρ_i² is the share of the power of the estimates that correlates with the true
+chips of satellite i. All satellites are received with one front end, so the noise of this sum affects every satellite.
+The sum of independent Gaussian noises is Gaussian noise with the sum of the powers. So a single sequence of noise
+simulates the errors of all satellites exactly. Each term is the noise density after a correlator whose chips begin
+together with the estimated chips. In a correlator whose chips begin at another time, the density is 0.5 to 1 times the
+term, and 2/3 on average. So the sum is an upper limit of the noise in a real receiver.
 
 A repeater (`chips = "repeated"`) receives all satellites together, so its noise counts once.
 """

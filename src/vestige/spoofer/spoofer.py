@@ -76,8 +76,8 @@ class BandEffects:
     doppler_hz: Float[np.ndarray, "n k"]
     forged_chips: Bool[np.ndarray, " k"]  # whether the attacker invented the chips of a spoofing signal
     forged_nav_data: Bool[np.ndarray, " k"]  # whether the attacker invented the navigation data of a spoofing signal
-    white: Float[np.ndarray, " n"]  # density of added white noise over N0: repeated noise and wideband jamming
-    jammers: tuple[Jamming, ...]  # jamming waveforms other than white noise
+    white: Float[np.ndarray, " n"]  # density of all added white noise over N0, such as repeated noise or jamming
+    jammers: tuple[Jamming, ...]  # jamming waveforms other than wideband noise
 
     def part(self, rows: slice) -> BandEffects:
         """Return the effects in the epochs of the slice `rows`."""

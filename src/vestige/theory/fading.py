@@ -3,15 +3,15 @@
 Theory of operation
 -------------------
 Reflections with random phases add a complex Gaussian g of mean power P to a direct signal of amplitude 1. In units of
-the noise per dimension, a correlator output is z = A (1 + g) + w, with A² = 2 (C/N0) T_I. The noise w is the noise of
-`thresholds`. The terms A g and w are complex Gaussian. So |z| is Rician with the amplitude A and the variance s² = 1 +
-A² P/2 per dimension:
+the noise per dimension, a correlator output is z = A (1 + g) + w, with A² = 2 (C/N0) T_I. The noise w has variance 1
+per dimension, as in `vestige.theory.thresholds`. The terms A g and w are complex Gaussian. So |z| is Rician with the
+amplitude A and the variance s² = 1 + A² P/2 per dimension:
 
     miss = P(|z| < γ) = 1 − Q₁(A/s, γ/s)
 
-C/N0 refers to the direct signal. A real reflection is delayed, so only a part of its power reaches the correlator of
-the direct signal. The average is therefore an upper limit of the probability of a miss. With P = 0 the formula gives
-`miss_probability` of `thresholds`.
+γ is the detection threshold, and Q₁ is the Marcum Q function of order 1. C/N0 refers to the direct signal. A real
+reflection is delayed, so only a part of its power reaches the correlator of the direct signal. The average is therefore
+an upper limit of the probability of a miss. With P = 0 the formula gives `miss_probability` of `thresholds`.
 """
 
 from __future__ import annotations

@@ -8,9 +8,10 @@ and III-E]. The two searches have these numbers of hypotheses:
     exhaustive   N = (ΔT / code step) · (Doppler span / Doppler step)      half a chip, 1/(2 T_I)
     hand-over    N = (ΔT / E1 code period) · taps                          one Doppler bin, known from E1
 
-The paper's count for the hand-over, 30 s / 4 ms = 7500, has one code offset at each position. With a bank of taps, this
-number is multiplied by the number of taps. The hand-over saves tests on E6 because a detection on E1 comes first. The
-detection on E1 has its own number of hypotheses: `exhaustive_hypotheses` over one E1 period with the E1 chip.
+The paper counts 30 s / 4 ms = 7500 hypotheses for the hand-over, one code offset in each period of the E1 code. With a
+bank of taps, this number is multiplied by the number of taps. The hand-over saves tests on E6 because a detection on E1
+comes first. The detection on E1 has its own number of hypotheses: `exhaustive_hypotheses` over one E1 period with the
+E1 chip.
 
 The numbers are not rounded to whole steps. Hypotheses less than a chip apart have correlated noise, so N of these
 hypotheses give fewer false alarms than N independent hypotheses. `effective_taps` computes the number of independent
@@ -39,7 +40,8 @@ def code_offsets(time_uncertainty_s: float, chip_s: float = 1 / E6C.chip_rate_hz
 def doppler_bins(doppler_span_hz: float, integration_s: float) -> float:
     """Return the number of Doppler bins 1/(2 T_I) wide within the whole Doppler span.
 
-    `doppler_span_hz` is the whole width of the uncertainty, such as 10 kHz for ±5 kHz.
+    `doppler_span_hz` is the whole width of the uncertainty, such as 10 kHz for ±5 kHz. `integration_s` is the
+    integration time T_I.
     """
     return doppler_span_hz * 2.0 * integration_s
 

@@ -3,10 +3,10 @@
 Theory of operation
 -------------------
 An error τ of the code offset, in chips, multiplies the amplitude of a coherent correlator by the triangle R(τ). A
-frequency error f multiplies the amplitude by sinc(f T_I). On a grid of step Δ the error is at most Δ/2. The mean loss
-is the loss of the mean *power* over all errors, which are uniformly distributed. An uncompensated acceleration makes
-the phase a parabola over T_I. An uncompensated code Doppler moves the replica by D chips over T_I, from −D/2 to D/2.
-The mean of the triangle over this interval is therefore 1 − D/4.
+frequency error f multiplies the amplitude by sinc(f T_I), where T_I is the integration time. On a grid of step Δ the
+error is at most Δ/2. The mean loss is the loss of the mean *power* over all errors, which are uniformly distributed. An
+uncompensated acceleration makes the phase a parabola over T_I. An uncompensated code Doppler moves the replica by D
+chips over T_I, from −D/2 to D/2. The mean of the triangle over this interval is therefore 1 − D/4.
 
 A positive number is a loss. [WFO] leaves out all these effects.
 """
@@ -51,7 +51,10 @@ def doppler_grid_loss(step_hz: float, integration_s: float) -> GridLoss:
 
 
 def acceleration_loss_db(acceleration_mps2: float, integration_s: float) -> float:
-    """Return the loss in dB by an acceleration along the line of sight; the frequency is correct at T_I/2."""
+    """Return the loss in dB by an acceleration along the line of sight.
+
+    The frequency of the replica is correct in the middle of the integration.
+    """
     time_s = integration_s / 2 * _NODES
     phase = np.pi * acceleration_mps2 / SPEED_OF_LIGHT_MPS * E6C.carrier_hz * time_s**2
     return -20 * float(np.log10(np.abs(np.exp(1j * phase) @ _WEIGHTS) / 2))

@@ -30,8 +30,8 @@ Reals = TypeVar("Reals", float, Float[np.ndarray, "..."])  # the result has the 
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _DEPTH = 45.0  # values of the integrand below e^-45 times the largest value are neglected
-_CERTAIN = 60.0  # largest a − b that is computed; P_K is then below e^-1800, which is 0 in float64
-_MAX_ORDER = 1000  # largest order; at higher orders `ive` underflows where the series ends
+_CERTAIN = 60.0  # a − b is limited to this value, at which P_K is below e^-1800, which is 0 in float64
+_MAX_ORDER = 1000  # largest order; at much higher orders `ive` underflows for z just above the order
 
 
 def marcum_q(a: Reals, b: Real, order: int = 1) -> Reals:

@@ -2,9 +2,9 @@
 
 This file contains only the paper's own inputs and its printed digits. A number agrees if its rounded value has the
 printed digits. If a number does not agree, a remark gives the reason, with the number of the erratum (E1, E2, …;
-docs/paper_map.md). Rows 1 to 37 follow the paper. A row that is named after an erratum, such as E1, has numbers that
-belong to this erratum. The row `omitted` has the sizes of effects that the paper's theory leaves out. `NOT_COMPUTED`
-lists the numbers that theory cannot give, with reasons.
+docs/paper_map.md). Rows 1 to 37 are in the order of the paper. A row that is named after an erratum, such as E1, has
+numbers that belong to this erratum. The row `omitted` has the sizes of effects that the paper's theory leaves out.
+`NOT_COMPUTED` lists the numbers that theory cannot give, with reasons.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def _q(name: str, value: float, unit: str = "", digits: str = ".4g", printed: st
 
 
 def _errors() -> list[PaperNumber]:
-    """Return rows 1 to 7, which have orders of magnitude."""
+    """Return rows 1 to 7, which describe delays, range errors and the length of a chip."""
     tecu_m = (GAMMA_E1_E6 - 1) * IONOSPHERE_M3_PER_S2 * 1e16 / E1_CARRIER_HZ**2
     mboc_m = dll_noise_m(CN0_DBHZ, bandwidth_hz=24.552e6, spacing_chips=0.1)
     boc_m = dll_noise_m(CN0_DBHZ, bandwidth_hz=14e6, spacing_chips=0.25, shares={BOC11: 1.0})
@@ -223,8 +223,8 @@ def _handover() -> list[PaperNumber]:
 
 
 def _models() -> list[PaperNumber]:
-    """Return rows 23 to 26, which describe the clock and the dynamics."""
-    # spectral densities of the noise that drives the frequency drift, and of the white frequency noise
+    """Return rows 23, 25 and 26, which describe the clock and the dynamics."""
+    # spectral densities of the noise that drives the random walk of the frequency, and of the white frequency noise
     drift_psd, bias_psd = 2 * np.pi**2 * H_MINUS_2_HZ, H0_S / 2
     adev = np.sqrt(H0_S / 2 + drift_psd / 3)
 
@@ -255,11 +255,11 @@ def _models() -> list[PaperNumber]:
 
 
 def _results() -> list[PaperNumber]:
-    """Return rows 27 to 36, which describe harsh conditions without spoofing."""
+    """Return rows 27 and 29 to 36: harsh conditions without spoofing, and the printed length of a chip."""
     correlation = 1 - TAP_M / CHIP_M
     independent = effective_taps(PFA, TAPS, correlation)
     useful_chips = E6C.chip_rate_hz * RECS_S
-    body_chips = np.ceil(useful_chips / 128) * 128  # number of chips in whole AES blocks
+    body_chips = np.ceil(useful_chips / 128) * 128  # number of useful chips, rounded up to whole AES blocks of 128 bits
     missed, epochs = 52, 100_000
     noise_only = required_cn0_dbhz(1 - missed / epochs, RECS_S, PFA)
     recs_35, recs_34 = (

@@ -20,10 +20,10 @@ for every |δ| ≤ Δ/2.
 [WFO] prints the formula without the ½ and the sign, which gives |2δ|. The results of [WFO] were computed with the ½ and
 the sign. The evidence is the cluster of early detections at −30 m + ½·15 m = −22.5 m.
 
-The distance |τ − τ_p| never exceeds Δ/2. With the maximum detector, an outer tap may be higher than the punctual tap in
-two cases. The outer taps are n > 1 taps away, or the punctual tap is near an end of the bank of correlators. If an
-outer tap is higher, τ is the middle between the punctual tap and the higher outer tap. If all three taps are equal, τ
-is τ_p.
+The distance |τ − τ_p| never exceeds Δ/2. The first n and the last n taps of the bank of correlators are never punctual.
+With the maximum detector, only an outer tap among the first n or the last n taps can be higher than the punctual tap.
+If an outer tap is higher, τ is the middle between the punctual tap and the higher outer tap. If all three taps are
+equal, τ is τ_p.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ over all positions of the signal between the points of the grid. Three effects c
   another share of the signal.
 * The Doppler bins of the screen are 1/(2 f T_I) apart, and the Doppler bins of the cells are 1/(2 T_I) apart. So the
   nearest bin of the screen may have another frequency than the cell.
-* Within a segment of the screen, the carrier is not removed.
+* The screen first adds the chips of short segments. Within a segment, the carrier is not removed.
 """
 
 from __future__ import annotations

@@ -49,8 +49,8 @@ def search_budget(
     `overall_pfa` is the probability that noise alone exceeds the threshold in any test. The noise of neighbouring tests
     has the correlation ½ in code offset, and 2/π in Doppler. `correlated_neighbours` reduces N to the number of
     independent tests that give as many false alarms. For a time uncertainty of 30 s, the threshold without this
-    reduction is too high by 0.01 dB. `doppler_step_hz` is the distance of the Doppler bins, by default 1/(2 T_I). The
-    distance 0 means a known Doppler.
+    reduction is too high by less than 0.0001 dB. `doppler_step_hz` is the distance of the Doppler bins, by default 1/(2
+    T_I). The distance 0 means a known Doppler.
     """
     pfa = float(single_event_pfa(overall_pfa, max(hypotheses, 1.0)))
     independent = max(hypotheses, 1.0)

@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-In units of the noise per dimension, the output of a correlator over T_I is z = A e^{jφ} + w. A² is 2 (C/N0) T_I, and w
-is complex Gaussian noise of unit variance per dimension. The magnitude of z is compared with a threshold g [WFO, Sec.
-III-A]:
+In units of the noise per dimension, the output of a correlator over the integration time T_I is z = A e^{jφ} + w. A² is
+2 (C/N0) T_I, and w is complex Gaussian noise of unit variance per dimension. The magnitude of z is compared with a
+threshold g [WFO, Sec. III-A]:
 
     no signal    P_fa = e^{-g²/2}             so  g = √(−2 ln P_fa)
     signal       P_d  = Q₁(A, g)              miss = 1 − P_d = P₁(A, g)

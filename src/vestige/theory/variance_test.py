@@ -27,7 +27,7 @@ _TAILS = (np.arange(600) + 0.5) / 10  # values of v in the sum
 def variance_threshold(
     freedom: int, wide: Int[np.ndarray, "*n"], ratio: Float[np.ndarray, "*n"], p_fa: float
 ) -> Float[np.ndarray, "*n"]:
-    """Return the threshold t with P(T > t) ≤ p_fa.
+    """Return the threshold t that the sum of squares T exceeds with a probability of at most p_fa.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def variance_threshold(
     wide
         d of each test, from 0 to n: the number of degrees of freedom with the larger variance.
     ratio
-        k of each test, 1 or more; a test with k = NaN gets the threshold NaN.
+        k of each test, the larger variance, 1 or more; a test with k = NaN gets the threshold NaN.
     p_fa
         False-alarm probability of one test.
 

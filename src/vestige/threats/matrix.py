@@ -1,12 +1,12 @@
-"""Measure the threat table: run every scene with many seeds, and write each run as a line of a file.
+"""Measure the threat table: run every scene with many seeds, and write the outcomes of each run to a file.
 
 A run takes about a second, so only its outcome is kept. A line of `runs.csv` has the outcome of a run at a mitigation
 level. Threat, scene, seed, attack or no attack, level and a digest of the scenario identify the line. A later call adds
 the missing runs to the file. If the scenario or the version of vestige has changed, the run is measured again.
 
-All levels are evaluated with the same simulation. Each attacked run is measured a second time without its attack.
-Alarms of the second run are false alarms. The worker of the attacked run also measures the second run. If another scene
-differs only in its attack, the second run is measured once for the two scenes.
+All levels of a run are evaluated with the same simulation. Each attacked run is measured a second time without its
+attack. Alarms of the second run are false alarms. The worker of the attacked run also measures the second run. If
+another scene differs only in its attack, the second run is measured once for the two scenes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from vestige.threats.runs import RUNS, RunKey, line_of, read_runs, write_runs
 from vestige.threats.scene_outcome import Agreement, SceneOutcome, agreement, scene_outcome
 from vestige.threats.scenes import LEVEL_NUMBERS, Scene, Threat, scene_scenario
 
-_IN_FLIGHT = 6  # number of runs per worker that are submitted in advance; some of the runs are already measured
+_IN_FLIGHT = 6  # number of runs per worker that are submitted in advance, including runs that are already measured
 _SEEDS_TOGETHER = 6  # number of seeds whose `undisturbed_truth` a worker keeps for all scenes
 Outcomes = tuple[RunOutcome, ...]  # outcomes of a run, in the order of LEVEL_NUMBERS
 
@@ -137,7 +137,7 @@ def measure_threats(
 
     The workers of the pool measure the runs in parallel. New runs are added to `runs.csv` in `folder`. Without
     `folder`, no run is stored. `progress` is called with a text, the number of completed runs, and the number of all
-    runs.
+    runs. The second runs, without the attack, are not counted.
 
     Raises `InputFileError` if `runs.csv` is not a file of runs.
     """

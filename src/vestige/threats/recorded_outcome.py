@@ -1,14 +1,15 @@
 """Determine the outcome of an attack in a recording that a receiver has processed, in the words of the threat table.
 
-`campaign/run_outcome.py` defines the words of the threat table. An outcome needs the errors of the ranges and the
-epochs, which this module takes from the recording:
+`campaign/run_outcome.py` defines the words of the threat table. An outcome needs the epochs and the errors of the
+ranges. This module takes epochs and errors from the recording:
 
 **Error of a range.** The error is the tracked pseudorange minus the pseudorange of the same receiver without the
 attack. The pseudorange without the attack is computed from the scenario, without samples. The two pseudoranges have the
-same clock, orbits and atmosphere.
+same clock, orbits and atmosphere. If a signal that is earlier than the E1 signal gives the range in use, its distance
+from the E1 pseudorange is added to the error.
 
 **Epochs.** Each RECS is an epoch. If the level tests E1 between RECS, each second between two RECS is also an epoch. A
-satellite of the scenario that is not tracked has no verdict.
+satellite of the scenario that is not tracked has the verdict NOT_AVAILABLE.
 
 The error of the position is not computed, because this error follows from the errors of the ranges.
 """

@@ -8,8 +8,9 @@ scene. So a recording is a part of the scene, and differs from the scene only in
 * The interval between two RECS is shorter, and some satellites are left out.
 * If the recording begins before the attack, the receiver is locked when the attack begins. If the recording begins
   later, the receiver is switched on during the attack, as in the scene (`acquired`).
-* The sampling rate is the lowest rate that E6 allows. The stated limit of the clock error is 10 ms. So the search for
-  E6 signals at other times than E1 predicts covers 10 ms on both sides, not 1 s.
+* The sampling rate is slightly above the lowest rate that E6 allows, unless a jammer is wider. The stated limit of the
+  clock error is 10 ms. So the search for E6 signals at other times than E1 predicts covers 10 ms on both sides, not 1
+  s.
 
 The file `threats.toml` gives the part of the scene, the factor and the satellites of each recording.
 """

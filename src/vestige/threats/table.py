@@ -1,10 +1,10 @@
 """Write the threat table to files: `threats.csv` with a row for each scene, and `threats.zarr` over scene and level.
 
-In the CSV file the name of a column ends with its level, such as `detected_level_2`. The column `expected_level_2` has
-the expected outcome with its reason. The column `level_2` says whether the measured outcome agrees with the expected
-outcome. In the store `threats.zarr`, the statistics of the CSV file are variables over `scene` and `level`. The
-variable `check_failed` is the number of runs in which a check failed. The variable `check_time_s` is the median time of
-the check's first failure in the runs in which the check failed.
+In the CSV file, the name of a column that depends on the level ends with the level, such as `detected_level_2`. The
+column `expected_level_2` has the expected outcome with its reason. The column `level_2` says whether the measured
+outcome agrees with the expected outcome. In the store `threats.zarr`, the statistics of the CSV file are variables over
+`scene` and `level`. The variable `check_failed` is the number of runs in which a check failed. The variable
+`check_time_s` is the median time of the check's first failure in the runs in which the check failed.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Check(Protocol):
-    """Protocol of a check. Each check has its own file, a row in `levels.py`, and a member of `CheckName`."""
+    """Protocol of a check. Each check of vestige has a row in `levels.py` and a member of `CheckName`."""
 
     @property
     def name(self) -> CheckName | str:
@@ -95,7 +95,10 @@ class _Level(Check, Protocol):
 
 
 class LevelMonitor(Monitor):
-    """Two-sided monitor of a level L in dB: it passes if |ΔL| ≤ K σ. `sigma_db` is σ without interference."""
+    """Two-sided monitor of a quantity L in dB, which passes if |ΔL| ≤ K σ.
+
+    ΔL is L minus its expected value, K is `two_sided_factor(p_fa)`, and `sigma_db` is σ without interference.
+    """
 
     __slots__ = ()
     unit: ClassVar = "dB"
@@ -106,7 +109,7 @@ class LevelMonitor(Monitor):
         return two_sided_factor(self.p_fa) * self.sigma_db
 
     def probability_of_detection(self: _Level, change_db: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Return the probability that the monitor detects a change of the level by `change_db`."""
+        """Return the probability that the monitor detects a change of the quantity by `change_db`."""
         return two_sided_detection(change_db / self.sigma_db, self.p_fa)
 
 
@@ -116,7 +119,10 @@ def two_sided_factor(p_fa: float) -> float:
 
 
 def two_sided_detection(shift_sigma: Float[np.ndarray, "*n"], p_fa: float) -> Float[np.ndarray, "*n"]:
-    """Return P(|z + shift| > K), the detection probability of a two-sided test of a normal statistic."""
+    """Return P(|z + shift| > K), the detection probability of a two-sided test of a normal statistic.
+
+    K is `two_sided_factor(p_fa)`, z is standard normal, and `shift_sigma` is the shift of the mean.
+    """
     factor = two_sided_factor(p_fa)
     return ndtr(shift_sigma - factor) + ndtr(-shift_sigma - factor)
 

@@ -181,7 +181,10 @@ _PARTS = {
 
 
 def clock_history(evidence: Evidence, window: int) -> tuple[ClockHistory, Int64[np.ndarray, " k"]]:
-    """Return the clock at all epochs with a fix, earlier blocks first, and the rows of this block that have a fix."""
+    """Return the clock at the epochs with a fix, and the rows of the block that have a fix.
+
+    The history begins with at most `window` − 1 epochs from earlier blocks.
+    """
     fix = evidence.measured.fix
     rows = np.zeros(0, np.int64) if fix is None else np.flatnonzero(fix.fix.valid)
     own = (

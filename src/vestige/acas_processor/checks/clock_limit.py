@@ -15,8 +15,8 @@ P is the set of pseudoranges of the epoch. The travel times of Galileo signals a
 correct. The standard deviation of b is σ_b, and K follows from `p_fa`.
 
 The check depends on U. A replay passes if it is no later than U allows, or if the error of the clock cancels the delay
-of the replay. U is the limit that the receiver states. The smaller limit from the receiver's last authentic fix does
-not count here, because the attack may have begun before that fix.
+of the replay. U is the limit that the receiver states. After AUTHENTIC verdicts, the processor assumes a smaller limit
+for its searches. The check does not use the smaller limit, because an attack may have begun before these verdicts.
 """
 
 from __future__ import annotations

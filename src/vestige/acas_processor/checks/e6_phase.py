@@ -4,11 +4,11 @@ Theory of operation
 -------------------
 One oscillator drives both front ends. Geometry, troposphere and clocks change the ranges of both carriers by the same
 amount. The phase φ is the phase of the detecting correlator minus the phase that the E1 carrier predicts
-(`searches/handover.py`). Without a second signal only the ionosphere changes φ. A second E6 signal of relative
-amplitude a adds a²/2 to the variance of φ while the range between the signals changes. The phase between the two
-signals turns once for each 23.4 cm of their range difference. The statistic is √(T/(N − 2)). T is the scatter of φ
-about a straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). The variance of φ at
-each RECS is
+(`searches/handover.py`). Without a second signal, only the ionosphere, noise and multipath change φ. A second E6 signal
+of relative amplitude a adds a²/2 to the variance of φ while the range between the signals changes. The phase between
+the two signals turns once for each 23.4 cm of their range difference. The statistic is √(T/(N − 2)). T is the scatter
+of φ about a straight line over the last N RECS, relative to the noise (`monitoring/recs_windows.py`). The variance of φ
+at each RECS is
 
     σ² = 1/m² + (f6/f1)² (σ_PLL² + (2π σ_FLL Δt)²)
 
@@ -27,7 +27,8 @@ either if the N RECS take more than 120 s, because the ionosphere changes linear
 assumes that φ has only noise and multipath about a straight line. An ionosphere that does not change linearly raises
 the false-alarm rate. False alarms were measured for `p_fa` = 10⁻⁶ and reflections that change with each RECS. Without a
 spoofer, 73 of 59,677 overlapping windows of 100 RECS failed, and no window of 30 RECS failed (docs/checks). At 35 dBHz
-and v = 3 mm/s the condition is true up to 27 s between two RECS. So the check does not run with a RECS each 30 s.
+and v = 3 mm/s the condition is true up to 27 s between two RECS. With a RECS every 30 s, a window of 30 RECS takes more
+than 120 s, so the check is not run.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ _SURE = 4.0  # largest change of a phase step by noise and reflections, in stand
 
 
 class _Tested(NamedTuple):
-    """Properties of windows of N RECS, one for each test."""
+    """Properties of windows of N RECS; each test has a window."""
 
     scatter: Float[np.ndarray, " tests"]  # T, the scatter of φ about a straight line relative to the noise
     limit: Float[np.ndarray, " tests"]  # threshold of T

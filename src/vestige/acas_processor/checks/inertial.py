@@ -3,8 +3,7 @@
 Theory of operation
 -------------------
 Three causes change the pseudorange rate between two epochs: the satellite's motion, the receiver's acceleration along
-the line of sight, and the receiver's clock. The ephemeris predicts the part of the satellite's motion for a receiver
-that does not accelerate:
+the line of sight, and the receiver's clock. The ephemeris predicts Δ_satellite, the change for a receiver at rest:
 
     ρ̇₁ − ρ̇₀ = Δ_satellite − Δ(e·v) + Δdrift        e: unit vector to the satellite, v: velocity against the Earth
     Δ(e·v) = ē·∫a dt + Δe·v̄                         ē, v̄: means of the values at both ends, a: acceleration
@@ -13,11 +12,11 @@ The statistic of the test is ρ̇₁ − ρ̇₀ − Δ_satellite + Δ(e·v). Wi
 
     variance = σ_ρ̇,0² + σ_ρ̇,1² + (σ_bias T)² + N² T + c² Sg T
 
-σ_ρ̇,0 and σ_ρ̇,1 are the standard deviations of the two range rates, and T is the time between the epochs. The bias of
-the accelerometers is σ_bias, their velocity random walk is N, and the frequency random walk of the receiver's
-oscillator is Sg. The test fails if the magnitude of the statistic exceeds K standard deviations. The test does not
-detect a pull-off that stays below the drift of oscillator and accelerometers. The test also does not detect a pull-off
-after which the range rate has its earlier value at the next epoch.
+σ_ρ̇,0 and σ_ρ̇,1 are the standard deviations of the two range rates, and T is the time between the epochs. The standard
+deviation of the accelerometers' bias is σ_bias, and the velocity random walk of the accelerometers is N. The frequency
+random walk of the receiver's oscillator is Sg. The test fails if the magnitude of the statistic exceeds K standard
+deviations. The test does not detect a pull-off that stays below the drift of oscillator and accelerometers. The test
+also does not detect a pull-off after which the range rate has its earlier value at the next epoch.
 
 In this check an acceleration is the second derivative of the position relative to the Earth, without gravity.
 """
@@ -48,7 +47,7 @@ class InertialMonitor(Monitor):
     # standard deviation of the bias of the accelerometers along the line of sight
     sigma_bias_mps2: float = 0.01  # 1 mg, which is usual for a consumer sensor
     walk_mps_per_sqrt_s: float = 0.002  # N, velocity random walk of the accelerometers
-    # Sg = 2π² h−2, random walk of the receiver's oscillator; 0 for differences of satellites, without clock error
+    # Sg = 2π² h−2, frequency random walk of the receiver's oscillator; 0 if differences between satellites are tested
     clock_walk_hz: float = 2 * math.pi**2 * 4.311e-21  # [WFO, Sec. V]
     p_fa: float = 1e-6
 
@@ -69,8 +68,7 @@ class InertialMonitor(Monitor):
     ) -> Float[np.ndarray, "*n"]:
         """Return the measured minus the expected change of the range rate.
 
-        `satellite_change_mps` is Δ_satellite, the change for a receiver that does not accelerate. `delta_velocity_mps`
-        is Δ(e·v).
+        `satellite_change_mps` is Δ_satellite, the change for a receiver at rest. `delta_velocity_mps` is Δ(e·v).
         """
         return rate_change_mps - satellite_change_mps + delta_velocity_mps
 

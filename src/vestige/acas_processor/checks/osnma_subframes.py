@@ -1,7 +1,7 @@
 """Compare OSNMA with a second channel, and count lost and different fields in each subframe [WFO, Sec. IV-C].
 
-A subframe is compared at the first epoch after its end. The key of the subframe counts as received if all pages of the
-key came from one satellite and agree with the second channel.
+A subframe is compared at the first epoch after its end. The key of the subframe counts as received in two cases: the
+whole key agrees with the second channel, or all pages of the key came from one satellite and agree.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ class RaimMonitor(Monitor):
         return 1 - missed_detection(bias_m**2 * fix.weight[0, column] * share, freedom, self.p_fa)
 
     def series(self, evidence: Evidence) -> CheckSeries:
-        """Return the results for a block; the reason of a failure names the satellite to exclude, if there is one."""
+        """Return the results for a block; if a single satellite explains a failure, the reason names this satellite."""
         fix, snapshots = evidence.measured.fix, evidence.measured.snapshots
         nothing = np.full(evidence.shape[0], np.nan)
         used = np.zeros(evidence.shape[0], np.int64) if fix is None else fix.satellites

@@ -22,7 +22,11 @@ _AXES = ("east", "north", "up")
 
 
 def separations(fix: Fix) -> tuple[Float[np.ndarray, "n 3 m"], Int[np.ndarray, " n"]]:
-    """Return |Δx_q|/σ_ss,q by axis and satellite (NaN if undefined), and the number of satellites left out in turn."""
+    """Return the separations in σ by axis and satellite, and the number of satellites left out in turn.
+
+    A separation is |Δx_q|/σ_ss,q. Δx_q is the difference on the axis q between the positions with and without the
+    satellite, and σ_ss,q is the standard deviation of Δx_q. Undefined separations are NaN.
+    """
     parts = redundancy(local_geometry(fix), fix.weight)
     separation = solution_separation(parts, fix.residual_m, fix.weight)
     sigma = separation.sigma_m[:, :3]
@@ -49,7 +53,8 @@ def _largest(values: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n"]:
 class SolutionSeparationMonitor(Monitor):
     """Monitor that compares the position without each satellite with the position from all satellites.
 
-    The statistic is the largest |Δx_q|/(K_q σ_ss,q) over satellites and axes, so its threshold is 1.
+    The statistic is the largest |Δx_q|/(K_q σ_ss,q) over satellites and axes q, so its threshold is 1. `separations`
+    computes |Δx_q|/σ_ss,q, and `factors` computes K_q.
     """
 
     name: ClassVar = CheckName.SOLUTION_SEPARATION

@@ -33,9 +33,9 @@ are valid for a check with T tests a day:
     power–distortion   ⌈ln P / ln 0.006⌉ failures in a row
     all others         P_fa = P
 
-In an example, level 1 has eight satellites, a RECS each 30 s, 46 correlators and a = 1. Noise in the 46 correlators
-raises 0.11 alarms a day, P is 1.9·10⁻⁵, and κ is 4.27. Checks that a user wrote keep their own probability, and raise
-alarms in addition to the number a.
+In an example, a receiver at level 1 has eight satellites, a RECS each 30 s, 46 correlators and a = 1. Noise in the 46
+correlators raises 0.11 alarms a day, P is 1.9·10⁻⁵, and κ is 4.27. Checks that a user wrote keep their own probability,
+and raise alarms in addition to the number a.
 
 Among the checks whose probability can be chosen, the clock checks and RAIM are *exact*: their statistics have the
 distribution from which the threshold is computed. All other checks allow for errors that are not always present, such

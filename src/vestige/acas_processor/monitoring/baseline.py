@@ -1,14 +1,13 @@
 """Find the reference levels of power, C/N0 and noise floor, configured or learned [WFO, Sec. IV-B].
 
-The checks of step 3 compare measured values with a reference level. This level has one of two sources:
+The checks of step 3 compare measured values with a reference level. A reference level has one of two sources:
 
-1. If the receiver's settings state the level (calibrated front end, antenna with known C/N0), this level is the
-   reference.
-2. Otherwise the receiver learns the level: the median of the last `BASELINE_WINDOW` values of epochs with RECS and
-   without an alarm. Before `LEARNED` values are collected, the check is not run.
+1. The receiver's settings may state the reference level (calibrated front end, antenna with known C/N0).
+2. Otherwise the receiver learns the reference level as the median of the last `BASELINE_WINDOW` values of epochs with
+   RECS and without an alarm. Before `LEARNED` values are collected, the check is not run.
 
-If an attack is present from the beginning, the receiver learns the level of the attack. The median of k values has
-π/(2k) times the variance of a single value, so thresholds are multiplied by √(1 + π/(2k)).
+If an attack is present from the beginning, the receiver learns the reference level from values of the attack. The
+median of k values has π/(2k) times the variance of a single value, so thresholds are multiplied by √(1 + π/(2k)).
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ class Antenna:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceLevels:
-    """Reference levels that the receiver's settings state; None for a level that the receiver learns."""
+    """Reference levels that the receiver's settings state; None for a reference level that the receiver learns."""
 
     # power of each band without interference, in dB relative to the reference power of the front end
     e1_power_db: float | None = None
@@ -74,7 +73,7 @@ class ReferenceLevels:
     antenna: Antenna | None = None
 
     def configured(self, quantity: Quantity, elevation_rad: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "*n"] | None:
-        """Return the stated level by epoch, and for C/N0 also by satellite; None if the receiver learns the level."""
+        """Return the stated reference level by epoch, and for C/N0 also by satellite; None if the level is learned."""
         power_db = {Quantity.E1_POWER_DB: self.e1_power_db, Quantity.E6_POWER_DB: self.e6_power_db}.get(quantity)
         if power_db is not None:
             return np.full(elevation_rad.shape[0], power_db)
@@ -88,8 +87,8 @@ class ReferenceLevels:
 class Reference(NamedTuple):
     """Reference level of a quantity at each epoch, and for C/N0 and noise floor also for each satellite.
 
-    `value` is NaN where the level is unknown. `learned` is the number of values from which the level was learned;
-    infinite where the settings state the level.
+    `value` is NaN where the reference level is unknown. `learned` is the number of values from which the reference
+    level was learned; infinite where the settings state the reference level.
     """
 
     value: Float[np.ndarray, "*n"]
@@ -97,11 +96,11 @@ class Reference(NamedTuple):
 
     @property
     def growth(self) -> Float[np.ndarray, "*n"]:
-        """Factor that enlarges thresholds, because the level is a median of few values."""
+        """Factor that enlarges thresholds, because the reference level is a median of few values."""
         return np.sqrt(1 + np.pi / 2 / np.maximum(self.learned, 1))
 
     def why_unknown(self, place: tuple[int, ...]) -> str:
-        """Return why a level is unknown."""
+        """Return why the reference level is unknown."""
         if np.isinf(self.learned[place]):
             return "no level is expected: the elevation is not known"
         return f"its usual level is being learned: {self.learned[place]:.0f} of {LEARNED} snapshots without an alarm"
@@ -154,7 +153,7 @@ class Observed:
         }
 
     def _own_share(self, snr: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
-        """Return the power that the signal adds to the noise floor of wrong codes, divided by the noise power.
+        """Return the power that the signal adds to the measured noise floor, divided by the noise power.
 
         The result is at most Ec/N0, the energy of a chip over the noise density.
         """
@@ -171,7 +170,8 @@ class Observed:
     ) -> Mapping[Quantity, Reference]:
         """Return the reference level of each quantity at each epoch, from the values before this epoch.
 
-        `teaches` is True at epochs with RECS and without an alarm, whose values give the levels of later epochs.
+        `teaches` is True at epochs with RECS and without an alarm. The values of these epochs give the reference levels
+        of later epochs.
         """
         found = {}
         for quantity, values in self.values.items():

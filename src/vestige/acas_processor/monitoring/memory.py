@@ -14,7 +14,7 @@ RECEIVER = 0  # key of the numbers of the receiver in `CheckMemory`
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixMemory:
-    """Last position from authentic ranges without an alarm."""
+    """Last position fix of an epoch that has no alarm and at least four AUTHENTIC satellites."""
 
     time_s: float  # time of the position in s after the first epoch that the receiver ever processed
     position_m: Vector  # ECEF coordinates
@@ -25,7 +25,7 @@ class Subframe:
     """OSNMA of one subframe: the parts that were received so far."""
 
     start: int  # beginning of the subframe in s since the GST epoch
-    # bits of each satellite, one bit for each page: page due, page received, and page received with different data
+    # bits of each satellite, a bit for each page and a bit for the key: due, received, and received with different data
     due: Mapping[int, int] = field(default_factory=dict)
     received: Mapping[int, int] = field(default_factory=dict)
     differs: Mapping[int, int] = field(default_factory=dict)

@@ -40,15 +40,15 @@ class MonitoringSettings:
     cadence
         Frequency of the tests: number of satellites, and times between epochs, RECS and searches.
     alarms_per_day
-        Number of false alarms a day that the whole level may raise. The thresholds and confirmations of all checks of
-        the level follow from this number (`alarm_budget.py`). With None, the checks whose probability can be chosen may
-        together raise one alarm a day, and range check and E6 power have their own probability.
+        Number of false alarms a day that the whole level may raise. Thresholds and confirmations follow from this
+        number (`alarm_budget.py`). With None, the checks whose probability can be chosen may together raise one alarm a
+        day, and the other checks have their own probability.
     test_p_fa
         False-alarm probability of one test of every check, in place of the shares of the budget. The purpose is to
         measure detection curves. The three clock checks have this probability together. With None, the checks have the
         shares of the budget.
     levels
-        Reference levels that are known beforehand; the receiver learns the other levels.
+        Reference levels that are known beforehand; the receiver learns the other reference levels.
     fix
         Orbits, and the assumed errors of the observations.
     e1_power, e6_power, e1_cn0, e6_cn0, noise_floor, second_signal, clock, power_distortion, inertial

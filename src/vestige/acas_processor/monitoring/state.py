@@ -15,7 +15,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchMemory:
-    """Memory of the exhaustive search: time and result of the last search, and any suspicion since then."""
+    """Memory of the exhaustive search, which decides when the next search is due."""
 
     searched_at: GalileoTime | None = None  # time of the last search
     found_twice: bool = False  # whether a search with the last RECS found more than one signal of a satellite
@@ -29,9 +29,10 @@ class ReceiverState:
     origin: GalileoTime  # time of the first epoch that the receiver processed
     last: GalileoTime  # time of the last epoch
     uncertainty: TimeUncertainty = field(default_factory=TimeUncertainty)
-    baseline: Baseline = field(default_factory=Baseline)  # reference levels of power, C/N0 and noise floor
+    baseline: Baseline = field(default_factory=Baseline)  # values from which reference levels are learned
     position_m: Vector | None = None  # ECEF position of the last fix; None before the first fix
-    fix: FixMemory | None = None  # last position from authentic ranges; None before the first such position
+    # last fix of an epoch without an alarm and with at least four AUTHENTIC satellites; None if there was no such epoch
+    fix: FixMemory | None = None
     osnma: OsnmaMemory = field(default_factory=OsnmaMemory)
     memory: Mapping[CheckName | str, CheckMemory] = field(default_factory=dict)  # memory of each check
     search: SearchMemory = field(default_factory=SearchMemory)

@@ -1,6 +1,6 @@
-"""Compute the authenticated position of a snapshot in geodetic coordinates, with standard deviations and latency.
+"""Compute the position of a snapshot from the ranges in use, with its standard deviations and its latency.
 
-`range_in_use.py` chooses the ranges for this position.
+`range_in_use.py` chooses the ranges in use.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vestige.time import GalileoTime
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuthenticPosition:
-    """Position of the receiver at the time of a snapshot, from authentic ranges, with its standard deviations."""
+    """Position of the receiver at the time of a snapshot, from ranges in use, with its standard deviations."""
 
     index: int
     time: GalileoTime  # time of the snapshot
@@ -41,7 +41,7 @@ class AuthenticPosition:
 
 
 def authentic_positions(block: VerdictBlock) -> Iterator[AuthenticPosition]:
-    """Yield the authenticated position of each epoch of a block that has a position."""
+    """Yield the position of each epoch of a block that has a position from ranges in use."""
     found, snapshots = block.position, block.measured.snapshots
     if found is None:
         return

@@ -2,8 +2,8 @@
 
 All pseudoranges of an epoch contain the same clock error. A position fix solves for this error. Without a fix the
 travel times limit the error. Travel times from Galileo satellites to the Earth lie between `SHORTEST_TRAVEL_S` and
-`LONGEST_TRAVEL_S`. So the median pseudorange minus the middle of both limits is the clock error to within
-`TRAVEL_SPREAD_S`.
+`LONGEST_TRAVEL_S`. So the median pseudorange divided by c, minus the middle of both limits, is the clock error to
+within `TRAVEL_SPREAD_S`.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Compute the error budget of the range check: the errors of E6 range and E1 prediction without an attack.
 
-The range offset of a true signal is the sum of independent errors. The range check passes if the range offset is at
-most κ times the standard deviation of this sum [TAES2023, Eq. 21-24]:
+The range offset of a true signal is the sum of independent errors. The range check passes if the magnitude of the
+range offset is at most κ times the standard deviation of this sum [TAES2023, Eq. 21-24]:
 
     authentic if  |τ_E6 − τ_E6,predicted| ≤ κ σ_auth
     σ_auth² = σ_HWB² + σ_BGD² + (γ−1)² σ_I,E1² + σ_MP,E1² + σ_MP,E6² + σ_n,E1² + σ_n,E6²,    γ = (f1/f6)²
 
-The module `thermal_noise` computes the noise terms for other C/N0 and front ends.
+The module `thermal_noise` computes σ_n,E1 and σ_n,E6 for a given C/N0 and front end.
 """
 
 from __future__ import annotations

@@ -8,8 +8,8 @@ stored, and no comparison is made at the next epoch.
 Velocity increments are in local axes, which rotate with the position. If an aircraft flies 7.5 km in 30 s, its local
 axes rotate by 1.2 mrad. Each increment is rotated into ECEF at its position on the path between the two fixes. The path
 follows from the positions at both ends of the step and from the increments. The increments are rotated twice: first
-along a straight line, then along the path that follows from the increments. The path also gives the velocities at both
-ends of the step.
+along a straight line, then along the path that follows from the increments. The path also gives the mean of the
+velocities at both ends of the step.
 """
 
 from __future__ import annotations
@@ -35,8 +35,9 @@ def delta_velocity_towards_mps(
 ) -> Float[np.ndarray, "*n m"]:
     """Return the velocity increment towards satellites, Δ(e·v) = ē·Δv + Δe·v̄, with the rotation of the line of sight.
 
-    `before` and `now` are unit vectors e to the satellites, and `delta_velocity_mps` is Δv = ∫ a dt. `mean_mps` is the
-    mean of the receiver's velocities at the beginning and at the end. All vectors have the same axes.
+    `before` and `now` are unit vectors e to the satellites, with the mean ē and the difference Δe. `delta_velocity_mps`
+    is Δv, the integral of the acceleration over the step. `mean_mps` is v̄, the mean of the receiver's velocities at
+    the beginning and at the end of the step. All vectors have the same axes.
     """
     own = np.einsum("...mi,...i->...m", (before + now) / 2, delta_velocity_mps)
     return own + np.einsum("...mi,...i->...m", now - before, mean_mps)
@@ -57,7 +58,7 @@ class RateSteps:
 
 
 def rate_steps(evidence: Evidence) -> RateSteps:
-    """Return the rate steps that end in the block; without inertial sensors there are no steps."""
+    """Return the changes of range rates over the steps that end in the block; no step without inertial sensors."""
     snapshots = evidence.measured.snapshots
     recs = np.flatnonzero(snapshots.recs) if snapshots.increments is not None else np.zeros(0, np.int64)
     ends, sensed = _ends(evidence, recs), _sensed(evidence, recs)
@@ -91,9 +92,9 @@ def remembered_rates(evidence: Evidence) -> CheckMemory:
     """Return the memory for the next block; empty without a position at the last RECS.
 
     The first numbers of the receiver are time (GST second and fraction), position (ECEF), and whether the increments
-    since the RECS have no gap. The numbers of each increment follow: the time of its end, and velocity (east, north,
-    up). The numbers of a satellite are the range rate, the range rate for a receiver at rest without clock drift, the σ
-    of the range rate, and the unit vector to the satellite (ECEF).
+    since the RECS have no gap. The numbers of each increment follow: the time of its end, and the velocity increment
+    (east, north, up). The numbers of a satellite are the range rate, the range rate for a receiver at rest without
+    clock drift, the σ of the range rate, and the unit vector to the satellite (ECEF).
     """
     snapshots = evidence.measured.snapshots
     after = int(np.max(np.flatnonzero(snapshots.recs), initial=-1)) + 1
@@ -101,7 +102,7 @@ def remembered_rates(evidence: Evidence) -> CheckMemory:
     return _with_increments(evidence, last, after, evidence.shape[0])
 
 
-_OF_END, _OF_INCREMENT = 6, 5  # numbers that the memory stores of the receiver for a RECS, and for an increment
+_OF_END, _OF_INCREMENT = 6, 5  # number of receiver values in the memory for a RECS, and for an increment
 
 
 def _with_increments(evidence: Evidence, left: CheckMemory, first: int, last: int) -> CheckMemory:
@@ -139,8 +140,7 @@ class _Ends(NamedTuple):
     time: GalileoTimes
     valid: Bool[np.ndarray, " q"]  # whether there is a position at the end
     position_m: Float[np.ndarray, "q 3"]
-    # The next values are NaN for satellites without a range rate.
-    rate_mps: Float[np.ndarray, "q m"]
+    rate_mps: Float[np.ndarray, "q m"]  # measured range rates; NaN for satellites without a range rate
     static_mps: Float[np.ndarray, "q m"]
     sigma_mps: Float[np.ndarray, "q m"]
     towards: Float[np.ndarray, "q m 3"]
@@ -222,13 +222,13 @@ def _why_no_step(
 def _gained(
     ends: _Ends, sensed: _Sensed, interval_s: Float[np.ndarray, " k"], steps: Int64[np.ndarray, " p"]
 ) -> Float[np.ndarray, "p m"]:
-    """Return Δ(e·v) of steps that have equal numbers of increments."""
+    """Return the velocity increments towards the satellites in steps that have equal numbers of increments."""
     here = np.stack([np.flatnonzero(sensed.step == step) for step in steps.tolist()])
     ends_s = sensed.time[here] - ends.time[steps[:, None]]
     places = np.stack([ends.position_m[steps], ends.position_m[steps + 1]], axis=1)
     local = sensed.delta_velocity_mps[here]
     path = _bent(places, ends_s, interval_s[steps], np.zeros(local.shape))
-    for _ in range(2):  # first along a straight line, then along the path that follows from the increments
+    for _ in range(2):  # the first path is a straight line, and the second path follows from the increments
         axes = local_axes_at(path.middles_m.reshape(-1, 3)).reshape(*local.shape, 3)
         gained = np.einsum("pkij,pki->pkj", axes, local)
         path = _bent(places, ends_s, interval_s[steps], gained)

@@ -4,8 +4,9 @@
     σ_ρ̇ = λ σ_f(C/N0)                                                                standard deviation of a range rate
 
 σ_code and σ_f are the standard deviations of the noise of the receiver's loops (`thermal_noise`, [KAPLAN06, 5.6.2]).
-The obliquity M and the relative multipath A come from `elevation_model`. A share of the ionosphere's variance is common
-to all satellites. This share enters the covariance of the fix, not its weights.
+λ is the wavelength of E1. The obliquity M and the relative multipath A at the elevation e come from `elevation_model`.
+A share of the ionosphere's variance is common to all satellites. This share enters the covariance of the fix, but not
+the weights of the fix.
 """
 
 from __future__ import annotations

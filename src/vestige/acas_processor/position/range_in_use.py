@@ -1,4 +1,4 @@
-"""Choose the usable range of each satellite, and compute the authenticated position [WFO, Sec. III-D, IV].
+"""Choose the range in use of each satellite, and compute the position from these ranges [WFO, Sec. III-D, IV].
 
 A satellite can have a range in use only in epochs with RECS. The range in use is
 
@@ -6,7 +6,8 @@ A satellite can have a range in use only in epochs with RECS. The range in use i
    nobody can send chips before they are broadcast. If both searches found this signal within one chip, the exhaustive
    search gives its range;
 2. if the correlators of the RECS contain two signals: the range of E1 if the earlier signal agrees with the E1
-   prediction, otherwise the range of the earlier signal;
+   prediction, or the range of the earlier signal if this signal comes before the E1 prediction by more than the limit
+   of the range check;
 3. the range of E6, if the detected signal comes before the E1 prediction and the range check fails. As in rule 1,
    nobody can send chips before they are broadcast;
 4. the range of E1, if both the verdict and the state are AUTHENTIC.
@@ -82,7 +83,7 @@ def ranges_in_use(
 def ranges_near(
     block: VerdictBlock, processor: AcasProcessor, clock_limit_s: Float[np.ndarray, " n"], known: KnownPositions
 ) -> VerdictBlock:
-    """Return the verdicts after the removal of found signals that `known` excludes; see also `ranges_in_use`."""
+    """Remove the ranges of earlier signals that `known` excludes, and return the verdicts with new positions."""
     rows = np.flatnonzero(block.earlier.any(axis=1) & np.isfinite(known.reach_m))
     if not rows.size or block.position is None:
         return block
@@ -105,9 +106,10 @@ def ranges_near(
 
 
 def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[np.ndarray, "n m"]:
-    """Return the offset of the earlier of two signals in a RECS from the E1 prediction, in m; NaN for one signal.
+    """Return the offset of the earlier of two signals in the correlators from the E1 prediction, in m; otherwise NaN.
 
-    A signal that only the detector found counts if its range check failed.
+    The signal that the detector found also counts if this signal comes before the E1 prediction and the range check
+    failed.
     """
     offset_m = np.where(block.failed[CheckName.E1_E6_RANGE], block.measured.detected.range_offset_m, np.nan)
     offset_m[~(offset_m < 0)] = np.nan
@@ -120,7 +122,7 @@ def _earlier_in_bank_m(block: VerdictBlock, processor: AcasProcessor) -> Float[n
 def _earliest_m(
     handed_over_m: Float[np.ndarray, "n m"], exhaustive_m: Float[np.ndarray, "n m"]
 ) -> Float[np.ndarray, "n m"]:
-    """Return the offset of the earliest signal of both searches from the E1 prediction, in m; NaN for one signal.
+    """Return the offset of the earliest signal of both searches from the E1 prediction, in m; otherwise NaN.
 
     Nobody can send before the satellite, so the earlier of two signals counts. Two offsets within a chip belong to the
     same signal. In this case the offset of the exhaustive search counts, because this search covers all offsets.

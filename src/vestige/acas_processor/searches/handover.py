@@ -5,10 +5,10 @@ The E1 pseudorange contains all delays common to both bands (geometry, clocks, t
     P6 − P1 = (γ − 1)(I1 + c·BGD(E1,E6)) + (HW6 − HW1)        γ = (f1/f6)²; positive if E6 is later
     f_d6    = f_d1 · f6/f1                                     f6/f1 = 125/154
 
-P is a pseudorange, f_d is a Doppler, and HW is the delay of a front end. I1 is the ionospheric delay on E1. The time
-t_tx of a RECS is a time of transmission on the satellite's clock, so the satellite clock needs no correction. The
-expected time of reception t solves t = t_tx + P6(t)/c. The pseudorange at Δt after the observation is P1(t) = P1 − λ1
-(f_d1 Δt + ½ ḟ_d1 Δt²).
+P is a pseudorange, f is a carrier frequency, f_d is a Doppler, and HW is the delay of a front end in m. I1 is the
+ionospheric delay on E1. The time t_tx of a RECS is a time of transmission on the satellite's clock, so the satellite
+clock needs no correction. The expected time of reception t solves t = t_tx + P6(t)/c. The pseudorange at Δt after the
+observation is P1(t) = P1 − λ1 (f_d1 Δt + ½ ḟ_d1 Δt²), with the wavelength λ1 and the Doppler rate ḟ_d1 of E1.
 
 One oscillator drives both front ends, so the carrier phase of E6 follows the phase of E1 apart from the ionosphere and
 a constant. The carrier phase φ1 of E1 is in cycles and grows with the range. The E6 correlator has the phase

@@ -2,11 +2,11 @@
 
 The searches are step 4 of level 2 [WFO, Sec. IV-B] and step 5 of level 3 [WFO, Sec. IV-C].
 
-`E1VestigialSearch` (level 2) searches all signals on E1, and hands each signal over to E6. `E6ExhaustiveSearch` (level
-3) searches every half chip and Doppler bin of E6. Both searches take a snapshot and its assistance, and return peaks
-and number of signals of each satellite. Both searches cover the possible clock error (`TimeUncertainty`). Before the
-first authentic fix the possible clock error is the stated limit. After the fix the possible clock error is the possible
-drift of the oscillator since the fix.
+`E1VestigialSearch` (level 2) searches for all signals on E1, and hands each signal over to E6. `E6ExhaustiveSearch`
+(level 3) searches every half chip and Doppler bin of E6. Both searches take a snapshot and its assistance, and return
+peaks and number of signals of each satellite. Both searches cover the possible clock error (`TimeUncertainty`). Before
+the first authentic fix the possible clock error is the stated limit. After the fix the possible clock error is the
+error of the clock at the fix plus the possible drift of the oscillator since the fix.
 
 `block_searches.py` uses both searches for a block of one epoch.
 """
@@ -59,12 +59,13 @@ class SatelliteSearch:
     svid: int
     signals: tuple[Acquisition, ...]  # signals on E1, the strongest signal first; empty for the exhaustive search
     # Peaks in E6, in order of time. The first peak is the true signal. The tuple is empty if the first peak may have
-    # arrived after the disclosure of its key. In this case E6 proves nothing, but `count` still counts the signals.
+    # arrived after the disclosure of the key of the RECS. In this case E6 proves nothing, but `count` still counts the
+    # signals.
     peaks: tuple[Peak, ...]
     count: float  # number of signals; NaN if the search was not run
     carrying: int = 0  # number of signals that carry the encrypted chips
-    # Whether the first peak of several signals is known to be the true signal. The value is False if an earlier signal
-    # on E1 was not found in E6, because the true signal may be too weak on E6.
+    # Whether the first peak of several signals is known to be the true signal. The value is False if E6 has only one
+    # peak and a signal on E1 comes before this peak, because the true signal may be too weak on E6.
     true_is_known: bool = False
     not_run: int = 0  # 0 if the search was run, else 1 + the index of the reason in `SEARCH_NOT_RUN`
     sent: GalileoTime | None = None  # time of transmission of the RECS of the peaks; None without peaks
@@ -78,7 +79,7 @@ class E1VestigialSearch:
     # arguments of `search_e1`
     doppler_span_hz: float = 5000.0
     periods: int = 24
-    taps: int = 5  # correlators of `search_handover`
+    taps: int = 5  # number of correlators at each possible arrival time
     # settings with the same meaning as in `AcasProcessor`
     cipher_mode: CipherMode = CipherMode.CBC
     group_delay_convention: GroupDelayConvention = OS_ICD_CONVENTION
@@ -91,8 +92,9 @@ class E1VestigialSearch:
     ) -> tuple[SatelliteSearch, ...]:
         """Return the result for every satellite with a RECS; if E6 or a key is missing, E1 alone decides.
 
-        Satellites with more than one signal on E1 are handed over. Before the first authentic fix all satellites are
-        handed over, because without such a fix a single signal may be a replay.
+        The signals of a satellite are handed over to E6 if the satellite has more than one signal on E1. Before the
+        first authentic fix all signals are handed over, because without an authentic fix a single signal may be a
+        replay.
 
         The snapshot has at least 8 ms of E1 (better 100 ms), and E6 if available.
         """

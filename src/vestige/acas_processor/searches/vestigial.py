@@ -6,11 +6,12 @@ A meaconer must repeat the encrypted signal on E6, where the true signal remains
 So a receiver that finds the chips of one RECS twice is being spoofed. Nobody can send chips before they are broadcast,
 so the earliest signal is the true signal [WFO, Sec. III-D, III-E].
 
-`handover_peaks` hands over all signals of the satellite on E1 to E6. Each signal is measured on E1 and handed over as a
-line, which is a set of candidate times at equal intervals (`CandidateEpochs`). E1 is measured again every
-`REMEASURE_S`, because errors of the Doppler shift the line. A Doppler error of 1 Hz shifts the line by a tap in a
-minute, and a Doppler rate of 0.5 Hz/s by a tap in ten seconds. After the first authentic position the clock is known,
-and the smaller time uncertainty shortens both searches in proportion.
+`line_stretches` measures a signal on E1, and makes lines from the measurements. A line is a set of candidate times at
+equal intervals, at which the chips may arrive in E6 (`CandidateEpochs`). `handover_peaks` searches E6 at the candidate
+times of all signals of the satellite. E1 is measured again every `REMEASURE_S`, because errors of the Doppler shift the
+line. A Doppler error of 1 Hz on E1 shifts the line by 11 m in a minute. A Doppler rate of 0.5 Hz/s shifts the line by
+5 m in ten seconds. After the first authentic position the clock is known, and the smaller time uncertainty shortens
+both searches in proportion.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from vestige.time import GalileoTime
 
 REMEASURE_S = 2.0  # time between measurements of E1 in s
 _CHIP_S = 1 / E6C.chip_rate_hz
-TRAVEL_TIME_S = (0.02, 0.16)  # shortest and longest travel time in s, with a margin of 50 ms on both sides
+TRAVEL_TIME_S = (0.02, 0.16)  # shortest and longest travel time in s, with a margin of at least 50 ms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +42,7 @@ class VestigialDecision:
 
     svid: int
     peaks: tuple[Peak, ...]
-    true: Peak | None  # earliest peak; None without a peak, or if its chips may have been known at its arrival
+    true: Peak | None  # earliest peak; None without a peak, for an open code, or if the chips may have been public
     spoofed: bool  # whether there is more than one signal
     open_code: bool = False  # whether the chips belong to the open code, whose peaks prove nothing
 
@@ -112,7 +113,7 @@ def arrival_window(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateInterval:
-    """Line of candidate times, with the first and last start at which the line is valid."""
+    """Line of candidate times, with the first and last arrival of the chips for which the line is valid."""
 
     line: CandidateEpochs
     first_start: GalileoTime
@@ -152,8 +153,8 @@ def line_stretches(
 ) -> tuple[CandidateInterval, ...]:
     """Return the lines of candidate times of a signal on E1; () if the signal cannot be measured in its batch.
 
-    The lines cover the starts from `first_start` to `last_start`. The signal was found in a batch whose first sample is
-    at `found_at`. `handover_line` explains the other arguments.
+    The lines cover the arrivals from `first_start` to `last_start`. The signal was found in a batch whose first sample
+    is at `found_at`. `handover_line` explains the other arguments.
     """
     first = _measured(e1, found, found_at)
     if first is None:

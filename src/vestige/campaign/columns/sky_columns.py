@@ -6,16 +6,17 @@ the fix `authenticated` uses the ranges in use of satellites with navigation dat
 broadcast orbits.
 
 E1 pseudoranges contain noise, multipath and a residual of the ionosphere. The residual on E1 is d/(γ − 1), where d is
-the residual of the delay difference E6 − E1. The range check compares E6 with E1, so only d affects the range check.
+the residual of the delay difference E6 − E1, and γ is the squared ratio of the carrier frequencies of E1 and E6. The
+range check compares E6 with E1, so only d affects the range check.
 
 The receiver assumes σ² = σ_code²(C/N0) + σ_ionosphere² M(e)² + σ_multipath² A(e)² + σ_floor² for each pseudorange. The
 functions M and A of the elevation e come from `navigation.elevation_model`. A part of the ionosphere's variance is
 assumed to be common to all satellites (`ionosphere_common` of `[position]`). The covariance P of the fix includes this
 common part. The weights do not include this part, and RAIM and solution separation take σ from the weights.
 
-The NEES, xᵀP⁻¹x, combines the errors x of the three coordinates and of the clock. For a consistent fix, the NEES is χ²
-with 4 degrees of freedom. With multipath the NEES is smaller, because σ_multipath is an upper limit that also covers
-rare large errors.
+The NEES, xᵀP⁻¹x, combines the errors x of the three coordinates and of the clock. For a consistent fix, the NEES has a
+χ² distribution with 4 degrees of freedom. With multipath the NEES is smaller, because σ_multipath is an upper limit
+that also covers rare large errors.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ class ClusterExecutor(Executor):
         outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
         return outer
 
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002  (no use for them)
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002  (not used here)
         """End the connection and cancel the calls that have not ended."""
         self._closed.set()
         self._client.close()
@@ -119,7 +119,7 @@ def connect(address: str, *, warn: Callable[[str], None] = lambda _line: None) -
     UnsupportedError
         If dask.distributed is not installed.
     VestigeError
-        If no scheduler answers, or the scheduler has no workers.
+        If `address` is not valid, no scheduler answers, or the scheduler has no workers.
     """
     try:
         distributed = import_module("distributed")

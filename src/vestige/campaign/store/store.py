@@ -54,7 +54,7 @@ from vestige.errors import InputFileError
 from vestige.scenario.limits import MAX_EPOCHS
 
 MENDS = "the same command repairs it"
-_DIGITS = 10  # number of digits that no number of a chunk reaches
+_DIGITS = 10  # numbers of chunks have fewer digits than this value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

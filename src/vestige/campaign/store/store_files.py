@@ -58,8 +58,8 @@ def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
     """Return the arrays in the root of a store by name; the metadata of each array are read separately.
 
     This function uses neither `group.arrays()` nor `group[name]` of zarr. `group.arrays()` opens all arrays at once. If
-    one array is damaged, Python therefore prints warnings about all arrays except the damaged array at its exit.
-    `group[name]` takes three times as long as this function.
+    one array is damaged, Python therefore prints warnings about all other arrays when Python exits. `group[name]` takes
+    three times as long as this function.
 
     Raises `ValueError` with the name of the array if its metadata are damaged.
     """

@@ -1,5 +1,7 @@
 """Run a sweep, which is one campaign for each value of a setting, and write a table of the results.
 
+In a sweep of several settings, a value means a combination of values of these settings.
+
 The results of a sweep are in a folder. Each value has its own store, such as `receiver.cn0_dbhz=28.zarr`. `run` would
 write the same store for a scenario with this value. The store can therefore be resumed, opened and plotted like any
 other store. The folder also has `sweep.csv` with a row for each value. Curves are drawn from this table, which is

@@ -1,4 +1,4 @@
-"""`vestige plot`: figures of the results of a campaign; the argument KIND chooses the figure."""
+"""`vestige plot`: draw figures of the results of campaigns; the argument KIND chooses the figure."""
 
 from __future__ import annotations
 
@@ -104,9 +104,10 @@ def command(
     stop_s: float | None,
     flank_from_m: float | None,
 ) -> None:
-    """Draw a figure of RESULTS, the store that `vestige run` writes, and print the name of the file written.
+    """Draw a figure of RESULTS, and print the name of each file written.
 
-    A campaign that has not ended is drawn up to its last stored epoch.
+    RESULTS is the store of `vestige run`, the folder of a sweep or of `vestige threats`, or a CSV table of counts. The
+    figures of a sweep also take several stores. A campaign that has not ended is drawn up to its last stored epoch.
     """
     chosen = KINDS.get(kind)
     if chosen is None and output.suffix.lower().lstrip(".") in (*FORMATS, "gif"):

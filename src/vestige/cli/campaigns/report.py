@@ -1,4 +1,4 @@
-"""`vestige report`: a self-contained page for the results of a run or of a threat table."""
+"""`vestige report`: write a self-contained page about the results of a run or of a threat table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`vestige run`: run a campaign scenario, or a sweep of campaigns, into stores."""
+"""`vestige run`: run a campaign scenario, or a sweep of campaigns, and write the results into stores."""
 
 from __future__ import annotations
 

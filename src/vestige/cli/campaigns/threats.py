@@ -1,4 +1,4 @@
-"""`vestige threats`: measured outcome of each attack at each mitigation level, beside the expected outcome."""
+"""`vestige threats`: measure the outcome of each attack at each mitigation level, and print the expected outcome."""
 
 from __future__ import annotations
 
@@ -98,10 +98,10 @@ def command(
     scheduler: str | None,
     as_json: bool,
 ) -> None:
-    """Measure the outcome of each attack of the threat table at each mitigation level, beside the expected outcome.
+    """Measure the outcome of each attack of the threat table at each mitigation level, and print the expected outcome.
 
-    The same runs are judged at all levels. Runs with many seeds give the share of each outcome, and its exact
-    confidence interval. With -o the same command continues a measurement that was stopped.
+    The verdicts of all levels come from the same runs. Runs with many seeds give the share of each outcome, and its
+    exact confidence interval. With -o the same command continues a measurement that was stopped.
     """
     if quick and n_seeds is not None:
         raise click.UsageError("--quick and --seeds both set the number of runs; leave one of the two out")

@@ -270,7 +270,7 @@ class _EarlyRecs:
         self._late_s = epoch.time_tag_error_s
 
     def say(self) -> None:
-        """Print the warning about the RECS that `take` has counted, if there are any."""
+        """Print the warning about the RECS that `take` has counted; print nothing if the count is 0."""
         from vestige.recording.tracked.track_recording import early_recs_warning
 
         if self._count and self._tracking is not None and self._tracking.first_observed is not None:

@@ -59,7 +59,7 @@ class VerdictEntry(VerdictRow):
 
 
 class PositionEntry(TypedDict):
-    """A position from authentic ranges. The position is authentic if the orbits are authenticated, too."""
+    """A position from ranges in use. The position is authentic if the orbits are authenticated, too."""
 
     snapshot: _Count
     time: str

@@ -1,4 +1,4 @@
-"""`vestige inspect`: content and faults of a recording, and the data that are missing for ACAS."""
+"""`vestige inspect`: print content and faults of a recording, and the data that are missing for ACAS."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ class _Process(GroupedCommand):
 @output_options
 @click.option("--strict", is_flag=True, help="Stop at a damaged assistance file, instead of printing a warning.")
 def command(recording_path: Path, **options: Any) -> None:
-    """Authenticate RECORDING: one verdict for each satellite and RECS.
+    """Authenticate RECORDING, and give one verdict for each satellite and RECS.
 
     RECORDING is a folder with a `recording.toml`, SigMF files or ION metadata, or a single file of these kinds. For
     each RECS the command tests whether the encrypted signal in E6 arrives at the time that E1 predicts. The command

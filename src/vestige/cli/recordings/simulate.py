@@ -56,7 +56,7 @@ def command(scenario: Path, **options: Any) -> None:
     OSNMA keys and truth. `vestige process` authenticates this test case. If SCENARIO is a recording, the command
     writes samples with open E6-C and an OSNMA key chain. `vestige recs make` makes RECS for samples with open E6-C.
 
-    With `-o -` the I,Q samples go to standard output, and no file is written. With `--band both`, samples of E1 and E6
+    With `-o -` the I/Q samples go to standard output, and no file is written. With `--band both`, samples of E1 and E6
     alternate.
     """
     from vestige.cli.progress import progress

@@ -52,8 +52,8 @@ def time_tag_warning(error_s: float, said_s: float = 0.0) -> str:
 def on_signal_clock(step: Step, late_s: float) -> Step:
     """Return a step for output, with the times of its snapshots on the clock of the signal.
 
-    The state for the next snapshot, and the time of reception in the disclosure rule, stay on the clock of the
-    receiver.
+    The state for the next snapshot stays on the clock of the receiver. The time of reception, which is compared with
+    the disclosure of the key, also stays on this clock.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ class Tally:
     seen: set[int] = field(default_factory=set)
 
     def add(self, step: Step) -> None:
-        """Count the verdicts, positions and changes of state of a snapshot."""
+        """Count a snapshot with its verdicts and positions, and note alarms and the satellites on E1."""
         self.snapshots += 1
         self.positions += len(step.positions)
         self.counts.update(verdict.status.name for verdict in step.verdicts)
@@ -100,9 +100,10 @@ class Tally:
 
     @property
     def advice(self) -> tuple[str, ...]:
-        """Lines that name likely causes if there is no verdict, or if all verdicts are NOT_DETECTED; () otherwise.
+        """Lines that name likely causes if the verdicts are missing or of no use; () otherwise.
 
-        There are also lines if all verdicts are NOT_AVAILABLE, and a satellite was too weak on E1 for a verdict.
+        The result has lines if there is no verdict, or if all verdicts are NOT_DETECTED. The result also has lines if
+        all verdicts are NOT_AVAILABLE, and a satellite was too weak on E1 for a verdict.
         """
         if not self.counts:
             if self.too_early:
@@ -177,7 +178,7 @@ def entries(step: Step) -> list[VerdictEntry]:
 
 
 def positions(step: Step) -> list[PositionEntry]:
-    """Return the positions from authentic ranges in a step as values for JSON; the list may be empty."""
+    """Return the positions from ranges in use of a snapshot as values for JSON; the list may be empty."""
     return [
         {
             "snapshot": found.index,
@@ -198,7 +199,7 @@ def positions(step: Step) -> list[PositionEntry]:
 
 
 def lines(step: Step) -> list[str]:
-    """Return verdicts, position and changes of state of a snapshot as JSON texts; each object has a key `kind`."""
+    """Return a JSON text with the field `kind` for each verdict, position and change of a satellite's state."""
     objects: list[VerdictLine | PositionLine | StateLine] = [{"kind": "verdict", **entry} for entry in entries(step)]
     objects += [{"kind": "position", **entry} for entry in positions(step)]
     objects += [_change(change, int(step.block.measured.snapshots.index[-1])) for change in step.changes]
@@ -254,7 +255,7 @@ def _print_position(step: Step) -> None:
 
 
 def print_changes(step: Step) -> None:
-    """Print the changes of state of a snapshot as text."""
+    """Print which satellites changed their state with a snapshot, one line of text for each change."""
     for change in step.changes:
         what = "ALARM" if change.alarm else "state"
         why = f": {change.reason}" if change.reason and change.after is not Status.AUTHENTIC else ""
@@ -262,9 +263,9 @@ def print_changes(step: Step) -> None:
 
 
 def _print_not_run(verdicts: Iterable[Verdict]) -> None:
-    """Print the checks that were not run for some satellite, in a line for each reason.
+    """Print the checks that were not run for at least one satellite, one line of text for each reason.
 
-    The first two checks of a verdict are left out.
+    The first two checks of a verdict, E6 power and E1–E6 range, are left out.
     """
     why = defaultdict(list)
     for name, reason in dict.fromkeys(
@@ -312,7 +313,7 @@ def print_json(steps: Iterable[Step], tally: Tally, *, hardware_bias_s: float, r
 
 
 def exit_status(tally: Tally, limit: str | None) -> None:
-    """End with the exit status `FAILED` if the verdicts match the value of `--fail-on`."""
+    """End the command with the exit status `FAILED` if the verdicts match the value of `--fail-on`."""
     if tally.fails(limit):
         click.get_current_context().exit(FAILED)
 
@@ -321,8 +322,8 @@ def exit_status(tally: Tally, limit: str | None) -> None:
 def csv_writer(path: Path) -> Iterator[Callable[[Step], None]]:
     """Yield a function that writes the verdicts of a snapshot to a CSV file.
 
-    After Ctrl-C or damaged input the file contains the verdicts so far, and the exception has a note that names the
-    file.
+    After Ctrl-C or damaged input the file contains the verdicts so far, if there are any. The exception then has a note
+    that names the file.
     """
     stop: BaseException | None = None
     with replacement(path) as part, part.open("w", newline="", encoding="utf-8") as stream:

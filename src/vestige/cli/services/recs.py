@@ -1,4 +1,4 @@
-"""`vestige recs`: content of RECS files, and their chips once the key is known."""
+"""`vestige recs`: describe RECS files, decrypt their chips with validated OSNMA keys, and make RECS."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ command.add_command(make_command, "make")
 @_reference
 @json_option
 def info(files: tuple[Path, ...], certificates: tuple[Path, ...], reference: GalileoTime | None, as_json: bool) -> None:
-    """Print header, times of transmission, required keys and signature of each file in FILES.
+    """Print header, times of transmission, required keys and signature status of each file in FILES.
 
     The signature of a file is expected in the same folder, and is verified with the given certificates. Every file is
     read. If some files are invalid, the exit code is 1, and the errors are printed after the content of the valid
@@ -91,9 +91,9 @@ def decrypt_command(
 ) -> None:  # fmt: skip
     """Decrypt the RECS in FILE with validated OSNMA keys.
 
-    The output contains the transmitted chips of every RECS that has a key, one RECS after another. The chips of each
-    RECS are padded to a whole byte. The report lists every RECS, and the place of the RECS in the output. Without -o
-    only the report is printed.
+    The output contains the transmitted chips of every RECS whose key is in the key file, one RECS after another. The
+    chips of each RECS are padded to a whole byte. The report lists every RECS with the first byte and the number of
+    bytes of its chips in the output. Without -o only the report is printed.
     """
     import json
 
@@ -168,7 +168,7 @@ def _print_description(file: dict[str, Any]) -> None:
 def _decrypt_segments(
     segments: Sequence[EncryptedSegment], keys: dict[GalileoTime, ValidatedKey], mode: Any
 ) -> tuple[bytes, list[dict[str, Any]]]:
-    """Return the packed chips of all segments that have a key, and a row for each segment."""
+    """Return the packed chips of all segments whose key is in `keys`, and a row of the report for each segment."""
     import hashlib
 
     from vestige.crypto.recs.recs_segment import decrypt as decrypt_segment

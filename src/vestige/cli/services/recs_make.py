@@ -1,4 +1,4 @@
-"""`vestige recs make`: an assistance folder for a recording whose E6-C is not encrypted."""
+"""`vestige recs make`: make an assistance folder for a recording whose E6-C is not encrypted."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ from vestige.cli.terminal import echo, warn
 @start_option
 @json_option
 def command(recording_path: Path, output: Path, length_ms: str, as_json: bool, **options: Any) -> None:
-    """Make RECS for a recording with open E6-C: its chips, encrypted again under a validated OSNMA key.
+    """Make RECS for a recording with open E6-C, from its chips and a validated OSNMA key.
 
     The command writes all files that `vestige process --assistance` needs: RECS, BGD (zero, because the true values are
-    not known), the keys and their trust anchor. RECS that are made in this way contain the open code, which repeats
-    each millisecond and is known to everybody. RECS with the open code test all steps of the processing, but prove
-    nothing against a spoofer. The exhaustive search does not use RECS with the open code, and the hand-over search
-    counts repetitions of the code once.
+    not known), the keys and their trust anchor. RECS that are made in this way contain the open code, which everybody
+    knows and which repeats after 100 ms. RECS with the open code test all steps of the processing, but prove nothing
+    against a spoofer. The exhaustive search does not use RECS with the open code. The hand-over search counts peaks
+    that are whole multiples of 100 ms apart as a single peak.
     """
     import json
 

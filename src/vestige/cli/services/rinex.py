@@ -1,4 +1,4 @@
-"""`vestige rinex`: E1 observations and navigation data of a simulated sky, for any receiver software."""
+"""`vestige rinex`: write the E1 observations and navigation data of a simulated sky, for any receiver software."""
 
 from __future__ import annotations
 

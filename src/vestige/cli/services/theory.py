@@ -1,4 +1,4 @@
-"""`vestige theory`: thresholds, probabilities of detection and required C/N0; also the paper's numbers, recomputed."""
+"""`vestige theory`: compute thresholds, probabilities of detection and required C/N0, or the paper's numbers."""
 
 from __future__ import annotations
 

@@ -4,8 +4,8 @@ The demo authenticates a small recording three times: unchanged, with a wrong ke
 tracks and authenticates four simulated satellites, makes statistics, and shows an attack.
 
 The demo makes all its data: the recording (`first_light.toml`), an OSNMA key chain, and the RECS. The demo also
-simulates a few seconds of four satellites with message, keys and RECS (`night.toml`). The statistics come from
-`quick.toml`, a short campaign in the paper's harsh conditions.
+simulates a few seconds of the signals of four satellites, with message, keys and RECS (`night.toml`). The statistics
+come from `quick.toml`, a short campaign in the paper's harsh conditions.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vestige.cli.options import PATH
 from vestige.cli.terminal import echo
 from vestige.output import check_new_folder
 
-# The demo uses four of the eight satellites of `night.toml`, half the sampling rate, and the RECS of second 8.
+# The demo uses four of the eight satellites of `night.toml`, about half of its sampling rate, and the RECS of second 8.
 SKY_EPOCHS = "5:9"
 SKY_SETTINGS = ("receiver.sample_rate_hz=6.2e6", "constellation.svids=[7,8,13,14]", "recs.every=8")
 
@@ -125,7 +125,7 @@ def _delay_e6(recording: Path, output: Path, *, samples: int) -> None:
 
 
 def _encrypt_under_the_next_key(assistance: Path, output: Path) -> None:
-    """Write a copy of an assistance folder whose RECS are encrypted under the key of the next subframe."""
+    """Write a copy of an assistance folder, with the RECS encrypted under the key of the next subframe."""
     from vestige.crypto.recs.recs_segment import decrypt, encrypt
     from vestige.recording.assistance.assistance_writer import write_assistance
     from vestige.recording.assistance.folder import read_assistance

@@ -2,8 +2,8 @@
 
 A leaf belongs to a public key, and is SHA-256 of `type 4 | PKID 4 | point`, with lengths in bits. A parent is SHA-256
 of its two children. Anybody can compute the root from a leaf and the siblings on the way up. Only the true key at its
-true leaf gives the true root [OSNMA-ICD, 6.2]. The user provides the root, and all trust in OSNMA keys is based on this
-root.
+true leaf gives the true root [OSNMA-ICD, 6.2]. The user provides the root, and the trust in every key of the tree is
+based on this root.
 
 A new public key is also broadcast in a DSM-PKR. The DSM-PKR contains the four siblings on the way from the leaf of the
 key to the root. The DSM-PKR is `NB 4 | leaf 4 | siblings 4 x 256 | type 4 | PKID 4 | point | padding`. The point has
@@ -42,7 +42,7 @@ class MerkleTree:
 
 
 def leaf_hash(pkid: int, point: bytes) -> bytes:
-    """Return the hash of a public key that is its leaf in the Merkle tree, 32 bytes.
+    """Return the leaf of a public key in the Merkle tree, which is a hash of 32 bytes.
 
     Raises `AuthenticationError` if `point` does not have the length of a compressed point.
     """

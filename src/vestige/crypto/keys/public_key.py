@@ -39,7 +39,7 @@ class ClaimedPublicKey:
 class PublicKey:
     """A public key that may be used, made by the functions of `merkle_tree` or by `trusted_by_user`."""
 
-    pkid: int | None  # number of the key; None for a key from PEM, which may have any number
+    pkid: int | None  # number of the key; None for a PEM key without a Merkle tree, which fits any PKID
     point: bytes
     trust: Trust
     message: bytes = field(default=b"", compare=False, repr=False)  # DSM-PKR with the key; empty without a DSM-PKR
@@ -79,7 +79,7 @@ def load_point(point: bytes) -> ec.EllipticCurvePublicKey:
 
 
 def compressed_point(key: ec.EllipticCurvePublicKey) -> bytes:
-    """Return the point of a P-256 or P-521 key, 33 or 67 bytes."""
+    """Return the compressed point of a P-256 or P-521 key, 33 or 67 bytes."""
     scheme = scheme_of_curve(key.curve)
     if scheme is None:
         raise ValueError(f"{key.curve.name} is no curve of OSNMA")

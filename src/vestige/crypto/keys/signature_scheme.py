@@ -32,7 +32,7 @@ class SignatureScheme:
 
     @property
     def signature_bytes(self) -> int:
-        """Length of a signature in bytes, which consists of r and s."""
+        """Length of a signature in bytes; a signature consists of r and s."""
         return 2 * self.coordinate_bytes
 
 

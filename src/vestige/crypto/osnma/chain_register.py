@@ -17,10 +17,12 @@ signed together with each DSM-KROOT. So the status follows from verified root ke
 The time of reception of a root key is not signed, so an attacker may choose it. Therefore a withdrawal counts from the
 earliest of its times of reception. A root key that ends a withdrawal must be later than the latest reception of the
 withdrawal and later than the withdrawing root key. The root key must also be later than the root keys of the chain that
-were known before. The times of root keys are signed.
+were known before. These conditions do not apply to root keys of the chain that the withdrawal announced as next chain.
+The times of root keys are signed.
 
-A genuine withdrawal that an attacker records and sends again counts as a new withdrawal. The receiver then has no keys
-until the root key of the next hour. In return, the receiver never misses a withdrawal.
+An attacker may record a genuine withdrawal, and send the withdrawal to a receiver that did not receive it before. The
+receiver treats the withdrawal as new, and then has no keys until the root key of the next hour. In return, the receiver
+never misses a withdrawal.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ class _Withdrawal:
     """A withdrawal of all chains from `since` on, except `in_force` and chains that became usable again.
 
     A chain becomes usable again with a root key that is later than `until` and than the root key of the chain in
-    `known`.
+    `known`. A root key of the chain `successor` need not be later.
     """
 
     since: GalileoTime  # earliest time of reception, which is not signed

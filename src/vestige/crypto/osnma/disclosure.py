@@ -1,6 +1,6 @@
 """Decide whether samples were provably received before the key of their RECS was on air [WFO, Sec. III-D].
 
-From the first bit of a key on, anybody can make the chips of the RECS of this key. So a correlation is a proof only if
+After the disclosure of a key, anybody can make the chips of the RECS of this key. So a correlation is a proof only if
 the correlated samples end early enough. The time from the last correlated sample to the disclosure must be longer than
 the possible error of the receiver's clock. Only `provably_before_disclosure` makes this decision, for one snapshot and
 for arrays.
@@ -67,6 +67,9 @@ class ReceptionProof:
     labels_behind_s: float = 0.0
 
     def holds(self, start: GalileoTime) -> bool:
-        """Return whether a RECS whose first chip has the time tag `start` was received before the disclosure."""
+        """Return whether a RECS was provably received before the disclosure of its key.
+
+        `start` is the time tag of the first chip of the RECS.
+        """
         end = start + (self.duration_s + self.labels_behind_s)
         return provably_before_disclosure(self.disclosed_at - end, self.time_uncertainty_s)

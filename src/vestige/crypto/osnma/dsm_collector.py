@@ -22,7 +22,7 @@ from vestige.time import GalileoTime
 # is reused only after hours.
 MAX_AGE_S = 1800
 
-_ALL = 0  # key of the collection from all satellites together
+_ALL = 0  # number in place of an SVID for the collection from all satellites together
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class DsmCollector:
     def __init__(self) -> None:
         self._collections: dict[tuple[int, int, int], _Collection] = {}
         self._handed_out: dict[DsmMessage, GalileoTime] = {}  # earliest time of reception of each returned message
-        # time of the first reception of each HKROOT message whose last page is zero
+        # time of the first reception of each HKROOT message whose last OSNMA field is zero
         self._unsure: dict[bytes, GalileoTime] = {}
 
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
@@ -90,7 +90,7 @@ class DsmCollector:
         """
         hkroot = subframe.hkroot
         if hkroot is None and subframe.hkroot_if_sent is not None:
-            # A zero in the last page counts as transmitted if the same HKROOT message is received again.
+            # A zero in the last page counts as transmitted if another subframe has the same HKROOT message.
             first = self._unsure.setdefault(subframe.hkroot_if_sent, subframe.time)
             hkroot = subframe.hkroot_if_sent if first != subframe.time else None
         return [] if hkroot is None else self._add(subframe, hkroot)
@@ -116,7 +116,7 @@ class DsmCollector:
         return messages
 
     def progress(self) -> str:
-        """Return a text with the received part of each DSM-KROOT, such as `DSM 7: 5 of 8 blocks`."""
+        """Return a text with the number of received blocks of each DSM-KROOT, such as `DSM 7: 5 of 8 blocks`."""
         parts = {
             dsm_id: collection.root_key_progress()
             for (source, _, dsm_id), collection in sorted(self._collections.items())

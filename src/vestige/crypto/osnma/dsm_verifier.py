@@ -50,7 +50,7 @@ class DsmVerifier:
                 self._problems.report_once(ProblemKind.IGNORED, epoch.time, str(error))
 
     def progress(self) -> str:
-        """Return a text with the received part of each DSM-KROOT."""
+        """Return a text with the number of received blocks of each DSM-KROOT."""
         return self._collector.progress()
 
     def _verify(self, message: DsmMessage, time: GalileoTime) -> None:

@@ -9,9 +9,9 @@ The receiver takes pages as they come, and returns keys as soon as they are vali
 at the same time. A satellite with a different key is reported. The different key is accepted only if it belongs to the
 chain. At most one key of a subframe can belong to the chain.
 
-Verified root keys alone decide which chain may be used (`chain_register`). The NMA header of a subframe is not
-authenticated, so it can only add restrictions. If a satellite's header says "don't use", the key of the subframe is
-withheld. If the tags prove that the header is forged, the key is used (`status_claim`).
+Only verified root keys and alert messages decide which chain may be used (`chain_register`). The NMA header of a
+subframe is not authenticated, so it can only add restrictions. If a satellite's header says "don't use", the key of the
+subframe is withheld. If the tags prove that the header is forged, the key is used (`status_claim`).
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class OsnmaReceiver:
     Attributes
     ----------
     n_subframes
-        Number of subframes processed so far. New results appear only when this number grows.
+        Number of subframes processed so far. Pages give new results only when this number grows.
     """
 
     def __init__(self, public_keys: Sequence[PublicKey], tree: MerkleTree | None = None) -> None:

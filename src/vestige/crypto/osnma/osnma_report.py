@@ -78,7 +78,7 @@ class RootCheck:
     header: NmaHeader
     kroot: DsmKroot | None  # fields of the DSM-KROOT; None if a field is invalid or not supported
     received_at: GalileoTime  # subframe that completed the DSM-KROOT
-    root: RootKey | None  # root key if signature and padding verify, otherwise None
+    root: RootKey | None  # root key if it verifies and its public key is not revoked, otherwise None
     on_known_chain: bool = False  # whether the root key belongs to the chain of an earlier root key
     reason: str = ""  # reason why the verification failed; "" after a success
 
@@ -167,13 +167,13 @@ class OsnmaReport:
     keys: tuple[ValidatedKey, ...]  # validated keys in time order
     withheld: tuple[WithheldKey, ...]  # valid keys that must not be used because of a signed or unsigned status
     alerts: tuple[GalileoTime, ...]  # subframes in which an alert message was verified
-    chain_steps: Count  # numbers of keys after the first key; a key verifies if it leads to an earlier validated key
+    chain_steps: Count  # numbers of keys after the first key; a key verifies if it leads to a validated key
     tags: TagCounts
     navigation: tuple[AuthenticatedData, ...]  # navigation data that tags verified
     gaps: tuple[KeyGap, ...]
     problems: tuple[Problem, ...]  # all problems in the order of their detection
     n_without_root: int  # number of subframes of single satellites whose chain has no verified root key
-    dsm_progress: str  # text with the received part of each DSM-KROOT
+    dsm_progress: str  # text with the number of received blocks of each DSM-KROOT
 
     @property
     def broadcast_keys(self) -> tuple[PublicKey, ...]:

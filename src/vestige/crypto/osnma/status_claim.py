@@ -21,10 +21,10 @@ from vestige.errors import AuthenticationError, UnsupportedError
 
 
 def proven_status(subframe: SatelliteSubframe, navigation: Mapping[int, NavigationWords], chain: Chain) -> int | None:
-    """Return the NMA status other than "don't use" that a tag proves; 0 without proof, None if the key is missing.
+    """Return the NMA status other than "don't use" that a tag proves; 0 if no tag proves a status.
 
-    `navigation` contains the words by SVID that were received before the subframe. `chain` is the chain of the
-    subframe's key.
+    The result is None if the key of the next subframe, which verifies the tags, is not known. `navigation` contains the
+    words by SVID that were received before the subframe. `chain` is the chain of the subframe's key.
     """
     try:
         key = chain.derive(subframe.time + KEY_DELAY_S).data
@@ -43,7 +43,7 @@ def proven_status(subframe: SatelliteSubframe, navigation: Mapping[int, Navigati
 def _covered(
     mack: Mack, chain: Chain, navigation: Mapping[int, NavigationWords]
 ) -> Iterator[tuple[Tag, NavigationData]]:
-    """Yield the tags that the key of the next subframe verifies, with their data."""
+    """Yield the tags outside flexible slots that the key of the next subframe verifies, with their data."""
     try:
         row = slots(chain.parameters, mack.time)
     except UnsupportedError:

@@ -4,12 +4,13 @@ A server writes a signature file `<file>_KN.pXXX` beside each file [SASLIB]. KN 
 certificate (01, 02 …), and pXXX is the curve (p256, p384, p521). After a key's disclosure anybody can make a RECS that
 decrypts to chosen chips. So only the signature proves the origin of a RECS that was downloaded after the disclosure.
 
-Neither the signed bytes nor the certificate chain are public. So vestige makes these assumptions:
+The service has published neither the choice of the signed bytes nor the chain of the certificates. So vestige makes
+these assumptions:
 
 * The algorithm is ECDSA over the whole file, with the hash that FIPS 186-5 pairs with the curve (SHA-256, SHA-384,
   SHA-512).
 * The signature has the DER form of X9.62, or is r || s at the curve's length. vestige reads either form.
-* The user has checked the certificates. vestige does not check their chain, purpose and period of validity.
+* The user has checked the certificates. vestige does not check chain, purpose and period of validity of certificates.
 """
 
 from __future__ import annotations

@@ -6,10 +6,10 @@ later carrier. The open service defines [OS-ICD, 5.1.5]::
     BGD(E1,E6)  = (T_R1 − T_R6) / (1 − γ),        γ = (f1/f6)² = (154/125)²
     T_R6 − T_R1 = (γ − 1) · BGD(E1,E6)                                            positive: E6 arrives later
 
-So BGD and ionosphere have the same factor: P6 − P1 = (γ − 1) · (I1 + c · BGD) + receiver hardware + multipath. The
-public reference receiver instead adds the value of the file without the factor (γ − 1), so the delay is 1/0.518 times
-as large [SASLIB]. The convention of the service is not public. `GroupDelayConvention` selects the convention for
-simulator and processor.
+So BGD and ionosphere have the same factor: P6 − P1 = (γ − 1) · (I1 + c · BGD) + receiver hardware + multipath. Here P1
+and P6 are the pseudoranges, I1 is the ionospheric delay on E1 in m, and c is the speed of light. The public reference
+receiver instead adds the value of the file without the factor (γ − 1), so the delay is 1/0.518 times as large [SASLIB].
+The convention of the service is not public. `GroupDelayConvention` selects the convention for simulator and processor.
 
 The layout of the file is known only from a public program that reads BGD files [SASLIB]. The authors of the program
 derived the layout from examples. This module is the only module that contains the layout::
@@ -113,15 +113,15 @@ class GroupDelayFile:
 
     @property
     def name(self) -> str:
-        """Name of the file in the pattern of a unitary RECS, because the pattern of the service is unknown."""
+        """Name of the file, which begins like a unitary RECS name, because the pattern of the service is unknown."""
         return f"{self.provider}{BGD_INTERFACE_VERSION:02d}_{format_time_code(self.valid_from)}.BGD"
 
 
 def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | None = None) -> GroupDelayFile:
     """Return the fields of the BGD file whose content is `data`; error messages name `path`.
 
-    `reference` is a time within ± 2048 weeks (39 years), which resolves the 12-bit week. Without `reference` the week
-    is 0 to 4095.
+    `reference` is a time within ± 2048 weeks (39 years) of the header's time, and resolves the 12-bit week. Without
+    `reference` the week is 0 to 4095.
 
     Raises `InputFileError` if the file does not have the layout of this module, or a value is beyond the range ± 119 ns
     of the field. Raises `UnsupportedError` if the interface version is unknown.
@@ -184,7 +184,7 @@ def serialize_group_delay_file(file: GroupDelayFile) -> bytes:
 
 
 def write_group_delay_file(delays: Sequence[GroupDelay], folder: Path) -> Path:
-    """Write values that are valid from the same time as a BGD file into `folder`, and return the path of the file."""
+    """Write a BGD file with delays that are valid from one time into `folder`, and return the path of the file."""
     ordered = tuple(sorted(delays, key=lambda delay: delay.svid))
     if len({delay.valid_from for delay in ordered}) != 1:
         raise ValueError("a BGD file holds one or more values, all valid from one time")

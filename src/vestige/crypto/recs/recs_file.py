@@ -7,7 +7,8 @@ its name. A name in the form of `vestige.crypto.recs.recs_name` must agree with 
 
 The service's interface document is not public, so vestige makes these assumptions [SASLIB]:
 
-* An aggregated body has a RECS at tSTART + i · RTBA for every i with i · RTBA < tDur.
+* An aggregated body has a RECS at tSTART + i · RTBA for every i with i · RTBA < tDur. tSTART is the start of the file,
+  RTBA is the time between two RECS, and tDur is the duration of the file.
 * WN is the full week in the aggregated header (16 bits) and the week modulo 4096 in the unitary header (12 bits).
 * The time of a RECS is the satellite time at which its first chip leaves the satellite. With RAND = 1 the header's time
   already includes the random offset.
@@ -73,7 +74,7 @@ class RecsFile:
     key_delay
         KDI, 0 or 1.
     random_offset
-        RAND, 0 or 1.
+        RAND, 1 if `start` includes a random offset, otherwise 0.
     n_chip_code
         Index into `vestige.crypto.recs.recs_segment.LENGTHS`.
     body

@@ -5,9 +5,10 @@
 | unitary | `XXXXII_YYDDDHHMMSSS_ss_K_R_VV.RCS` | `GSCX01_251551107160_14_0_0_01.RCS` |
 | aggregated | `II_YYDDDHHMMSSS_tdur_rtba_ss_K_R_N_VV.bin` | `01_253540000000_000600_00300_14_0_0_3_01.bin` |
 
-XXXX is the provider, II the interface version, ss the SVID, K the KDI, R RAND, N NChip, and VV the file version.
-YYDDDHHMMSSS is the start in the GST calendar: year, day of year, hour, minute, *deciseconds* of the minute. A name has
-tdur in whole *seconds* and rtba in *deciseconds*. The header of a file has tdur and rtba in deciseconds.
+XXXX is the provider, II the interface version, ss the SVID, K the KDI, R RAND, N NChip, and VV the file version. The
+duration of the file is tdur, and the time between two RECS is rtba. YYDDDHHMMSSS is the start in the GST calendar:
+year, day of year, hour, minute, *deciseconds* of the minute. A name has tdur in whole *seconds* and rtba in
+*deciseconds*. The header of a file has tdur and rtba in deciseconds.
 """
 
 from __future__ import annotations

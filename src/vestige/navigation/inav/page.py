@@ -5,9 +5,9 @@ A page has two halves of 120 bits, one second each [OS-ICD, 4.3.2]::
     even half: even/odd 1 (= 0) | type 1 | data 112 | tail 6
     odd half:  even/odd 1 (= 1) | type 1 | data 16 | OSNMA 40 | SAR 22 | spare 2 | CRC 24 | SSP 8 | tail 6
 
-The 112 + 16 data bits are one navigation word of 128 bits. The 40 OSNMA bits of 15 pages make up one subframe's OSNMA
-message. The checksum covers all bits before the checksum except the tail of the even half. A good checksum means a
-correct decoding, but proves nothing about the page's origin, because anybody can compute the checksum.
+The 112 + 16 data bits are one navigation word of 128 bits. The OSNMA message of a subframe consists of the 40 OSNMA
+bits of each of its 15 pages. The checksum covers all bits before the checksum except the tail of the even half. A good
+checksum means a correct decoding, but proves nothing about the page's origin, because anybody can compute the checksum.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ NOMINAL_INCLINATION_RAD = math.radians(56.0)  # [OS-ICD, reduced CED]
 
 # Times of the fit in s after the reference time. A receiver gets the next word 16 long before the last of these times.
 _FIT_S = np.linspace(0.0, 600.0, 7)
-_STEPS = 4  # number of Gauss–Newton steps; the elements start within 1e-5 of the solution
+_STEPS = 4  # number of Gauss–Newton steps; the elements start within 1e-5 (rad, or plain number) of the solution
 # Change of an element for the derivatives, in rad or as a plain number. The change moves the satellite by 30 m.
 _DIFFERENCE = 1e-6
 

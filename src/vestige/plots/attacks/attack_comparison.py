@@ -1,4 +1,4 @@
-"""Draw the range offsets of all detectors under attack, with the attacker's actions [WFO, Sec. VI-B]."""
+"""Draw the range offsets of all detectors under attack, and the power of the spoofing signals [WFO, Sec. VI-B]."""
 
 from __future__ import annotations
 
@@ -36,8 +36,9 @@ _LINE: dict[str, Any] = {"linewidth": 0.5, "rasterized": True}
 def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Axes:
     """Draw the power of the spoofing signals above the range offset of each detector, and return the uppermost axes.
 
-    Lines in the range-offset axes mark the true signal and each spoofing signal. A spoofing signal without power has no
-    line. A dashed line marks the edge of the bank of correlators if measured offsets come near this edge.
+    Lines in the range-offset axes mark the true signal and each spoofing signal. The line of a spoofing signal has a
+    gap while the signal is off. A dashed line marks the edge of the bank of correlators if measured offsets come near
+    this edge.
 
     Raises `VestigeError` if the campaign has no attack, or lacks the satellite.
     """

@@ -47,8 +47,9 @@ def threat_map(table: xarray.Dataset) -> Axes:
     """Draw the map with a line for each attack and scene and a column for each level, and return the axes.
 
     A cell has the outcome as a word, and the shares in % of the runs that were detected, that were mitigated, and that
-    had a wrong range in use. If the outcome was not expected, the cell also has the expected outcome. The table is
-    `threats.zarr` of `vestige threats`, with variables over `scene` and `level`.
+    had a wrong range in use. If the outcome was not expected, the cell also has the expected outcome. A cell of a scene
+    without attack has the number of alarms a day and its upper limit. The table is `threats.zarr` of `vestige threats`,
+    with variables over `scene` and `level`.
     """
     levels = table["level"].values.tolist()
     lines = _lines(table)
@@ -115,7 +116,7 @@ def _legend(ax: Axes, table: xarray.Dataset) -> None:
 
 
 def _texts(cell: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the texts at the left and at the right edge of a cell, whose values `cell` has by name."""
+    """Return the texts at the left and at the right edge of a cell; `cell` contains the cell's values by name."""
     word, how = str(cell["word"]), str(cell["agreement"])
     if not word:
         value, budget = (_short(float(cell[name])) for name in ("alarms_a_day", "budget_alarms_a_day"))

@@ -22,7 +22,7 @@ _MARGIN_DB = 1.0  # extension of the theoretical curve beyond the outermost poin
 
 
 class _Kind(NamedTuple):
-    """Kind of event: names of its counts in a sweep, and its probability for C/N0, integration time and P_fa."""
+    """Kind of event: names of its counts, and its probability as a function of C/N0, integration time and P_fa."""
 
     title: str
     label: str
@@ -55,9 +55,9 @@ def detection_curve(sweep: xarray.Dataset, *, count: str = "detections", ax: Axe
 
     The confidence interval is the Clopper–Pearson interval, which contains the true probability in at least 95 % of all
     sweeps. In log scale a count of 0 is drawn not as a dot, but as an arrow that points down from the upper end of the
-    interval. Theory applies to a single correlator that is aligned with the signal. A sweep of several keys has a curve
-    for each combination of the other keys. A sweep that does not vary C/N0 is drawn against the first key whose values
-    are numbers.
+    interval. Theory applies to a single correlator that is aligned with the signal. A sweep that does not vary C/N0 is
+    drawn against the first varied key of the scenario whose values are numbers. A sweep of several keys has a curve for
+    each combination of values of the keys that are not the abscissa.
 
     Parameters
     ----------

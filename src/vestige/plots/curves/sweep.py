@@ -53,8 +53,8 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     The table has the column `cn0_dbhz`. The table also has the columns `trials` and `detections`, or
     `false_alarm_trials` and `false_alarms`, or all these columns. Theory needs the columns `integration_s` and `p_fa`,
     each with the same value in all rows. In place of `detections` the table may have a column for each detector, such
-    as `detections_early`. Columns before `cn0_dbhz` are the keys of a sweep. The values of the keys are kept as text in
-    the variables `key NAME`. Other columns are ignored.
+    as `detections_early`. Columns before `cn0_dbhz` contain the scenario's keys that the sweep varies. The values of
+    the keys are kept as text in the variables `key NAME`. Other columns are ignored.
 
     Raises `InputFileError` if the file is no CSV table, or lacks these columns, or has values of another kind.
     """

@@ -12,7 +12,7 @@ from vestige.errors import VestigeError
 from vestige.plots.figure import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 
 COLOURS = (BLUE, RED, GREEN, ORANGE, GREY, BLACK)
-KEY = "key "  # prefix of the names of variables that contain the values of a key as text
+KEY = "key "  # prefix of the names of variables that contain the values of a key of the scenario as text
 CN0 = "C/N0 (dBHz)"
 _CN0_KEY = "receiver.cn0_dbhz"
 

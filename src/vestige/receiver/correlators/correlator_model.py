@@ -1,8 +1,9 @@
 """Draw banks of correlators from their exact distribution without samples, for the `correlators` fidelity.
 
-For known chips, a correlator output is the sum of the paths' correlation functions and of Gaussian noise. The noise of
-the taps has the covariance of the replicas. N_c is the number of chips, T the integration time and d_k the offset of
-tap k. Path r has the amplitude a_r, the delay τ_r after the hand-over's prediction and the residual Doppler f_r:
+For known chips, a correlator output is the sum of the paths' correlation functions and of Gaussian noise. The
+covariance of the noise in two taps is proportional to the autocorrelation R of the replica. R_e is the correlation
+function of an epoch's chips. N_c is the number of chips, T the integration time and d_k the offset of tap k. Path r has
+the amplitude a_r, the delay τ_r after the hand-over's prediction and the residual Doppler f_r:
 
     c_k = Σ_r a_r e^{jπ f_r T} sinc(f_r T) R_e(τ_r − d_k) + (L z)_k,     z ~ CN(0, 1)
     L L^H = σ² [R(d_i − d_k)]_ik,   σ² = 1/(C/N0 · T)

@@ -80,7 +80,7 @@ def drawn_disturbance(
 def unrelated_correlation(
     noise: Float[np.ndarray, "n n_lags"], distance_chips: Float[np.ndarray, "n n_taps"]
 ) -> Float[np.ndarray, "n n_taps"]:
-    """Return R_u at each tap. The index of B is counted from the tap with the smallest distance."""
+    """Return R_u √N_c at each tap. The index of B is counted from the tap with the smallest distance."""
     lag = np.floor(distance_chips).astype(np.int64)
     part = distance_chips - lag
     lag -= lag.min(axis=1, keepdims=True)

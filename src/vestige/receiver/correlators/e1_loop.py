@@ -10,19 +10,20 @@ first signal is the true signal (a = 1, τ = 0). The correlator at x has the mea
 H_ij is the part of the beat between signals i and j that passes the loop. The loop has the noise bandwidth B and its
 pole at 4B rad/s. If the phase between two signals changes slowly, the amplitudes of the signals add. If the phase
 between two signals changes fast, the powers of the signals add. The loop settles at a stable zero of P(x − d/2) − P(x +
-d/2). When the signals change, the loop moves to the nearest zero in the direction of its discriminator. So the position
-of the loop depends on earlier positions. A loop stays on the peak that the loop already tracks. The model computes
-steps of 0.1 s, which are short enough for pull-off rates up to 100 m/s.
+d/2), where d is the early-late spacing. When the signals change, the loop moves to the nearest zero in the direction of
+its discriminator. So the position of the loop depends on earlier positions. A loop stays on the peak that the loop
+already tracks. The model computes steps of 0.1 s, which are short enough for pull-off rates up to 100 m/s.
 
 **Capture.** A spoofing signal may start aligned with the true signal and then move away. If the spoofing signal has
 more power than the true signal, the loop follows the spoofing signal at any phase. With equal or less power the
 spoofing signal never captures the loop [JWCN18, Eq. 4-6]. A spoofing signal that starts more than a chip away never
 captures a locked loop.
 
-**Lock.** A receiver acquires the strongest signal if the prompt correlator falls below 20 dBHz, or if an attack
-restarts the receiver (`acquired`). Acquisition takes `reacquisition_s`, during which a signal above 20 dBHz must be
-present. E1 has no measurements until the end of the acquisition. When a spoofing signal ends, the receiver acquires the
-true signal again. Before its first epoch the receiver has acquired the strongest signal on air.
+**Lock.** A receiver acquires the strongest signal if the C/N0 in the prompt correlator falls below the lock limit, or
+if an attack restarts the receiver (`acquired`). The lock limit is 20 dBHz, or 6 dB below the undisturbed C/N0 if this
+value is lower. Acquisition takes `reacquisition_s`, during which a signal above the lock limit must be present. E1 has
+no measurements until the end of the acquisition. When a spoofing signal that the loop follows ends, the receiver
+acquires the true signal again. At the first epoch the receiver has already completed its acquisition.
 
 `REACQUISITION_S` is the reacquisition time of the tracking receiver on samples (`sample_processor.tracking`). The
 tracking receiver looks for a lost satellite every second. The search takes 0.1 s of samples, and the pull-in of the
@@ -63,7 +64,7 @@ from vestige.signals.definitions import E1C
 from vestige.signals.pulse import BOC11, autocorrelation
 from vestige.spoofer.spoofer import Spoofer
 
-LOCK_DBHZ = 20.0  # C/N0 below which E1-C is no longer tracked
+LOCK_DBHZ = 20.0  # C/N0 below which E1-C is no longer tracked; lower for weak signals
 REACQUISITION_S = 1.0  # time from when a signal can be acquired to the first measurement
 _LOCK_RANGE_DB = 6.0  # largest drop in dB below the undisturbed C/N0 at which a weak signal stays locked
 _SPACING_CHIPS = 0.1  # d, the early-late spacing
@@ -88,7 +89,8 @@ class E1Tracking:
     # Whether the receiver acquires a signal and has no measurements. During an acquisition, error and gain belong to
     # the signal that the receiver will acquire.
     acquiring: Bool[np.ndarray, " n"]
-    captured: Bool[np.ndarray, " n"]  # whether a spoofing signal is the strongest signal in the prompt correlator
+    # whether the receiver tracks, and a spoofing signal is the strongest signal in the prompt correlator
+    captured: Bool[np.ndarray, " n"]
     # whether the strongest signal has the attacker's own navigation data, which are then demodulated
     forged_nav_data: Bool[np.ndarray, " n"]
 

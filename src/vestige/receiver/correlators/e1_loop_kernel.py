@@ -1,6 +1,7 @@
 """Compute an E1 loop, which follows the stable zero of early minus late power, in compiled code.
 
-Positions and delays are in chips, relative to the true signal and positive if later.
+Positions and delays are in chips, relative to the true signal and positive if later. R, P, a_i, τ_i, H_ij and d are
+defined in `e1_loop`.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -55,7 +56,7 @@ def _early_side(levels, x, delay, product, half_spacing):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _next(n_levels, x, delay, half_spacing, direction):
-    """Return the next x at which D is tested, which is the next kink of a correlation function, at most d/8 away.
+    """Return the next x at which D is tested: the next kink of a correlation function, but at most d/8 away.
 
     D is the early minus late power, which is quadratic between kinks.
     """

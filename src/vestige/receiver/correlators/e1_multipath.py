@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-R is the autocorrelation of the pulse. Reflections have the complex amplitudes a_i and excess delays τ_i. A correlator x
-later than the line of sight gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where the early and the late
-correlator have the same power:
+R is the autocorrelation of the pulse. Reflections have the complex amplitudes a_i and excess delays τ_i. A correlator
+that is x later than the line of sight gives S(x) = R(x) + Σ_i a_i R(x − τ_i). The loop settles where the early and the
+late correlator, which are d apart, have the same power:
 
     D(x) = |S(x − d/2)|² − |S(x + d/2)|² = 0,    D rising through 0
 

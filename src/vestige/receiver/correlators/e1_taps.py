@@ -10,13 +10,15 @@ relative to the true signal, the delay τ_i, and the Doppler f_i relative to the
     z ~ CN(0, 2),   L Lᵀ = [R(dᵢ − dₖ)]ᵢₖ
 
 Without interference the noise has σ = 1 per dimension. ρ is the noise power that an attack adds behind the correlator,
-relative to the receiver's noise. g is the gain control, which keeps the power within the bandwidth W constant:
+relative to the receiver's noise. g is the factor of the gain control, which keeps the power within the bandwidth W
+constant. C/N0_i is the C/N0 of satellite i, and Δf is the Doppler difference of signals j and k of a satellite. w is
+the density of added white noise over N0, and J/N is the power of the jammers over the noise in W:
 
     g^{−2} = (1 + Σ r_i η_i + w + J/N) / (1 + Σ r_i),    r_i = C/N0_i / W
     η_i = Σ_jk a_j a_k* e^{jπ Δf T_P} sinc(Δf T_P) R(τ_j − τ_k)
 
-A spoofing signal and the true signal beat with each other while both overlap. The power is averaged over T_P, and its
-noise has the standard deviation 4.343 dB/√(W T_P). The model has no drift of the front end.
+A spoofing signal and the true signal beat with each other while both overlap. The power is averaged over T_P. The noise
+of the averaged power has the standard deviation 4.343 dB/√(W T_P). The model has no drift of the front end.
 
 The model assumes continuous time and has no front end. In a scenario with a single satellite the signal is BOC(1,1), as
 in `e1_samples`. In a scenario with a sky the signal is CBOC(6,1,1/11), as on air. The correlation of CBOC with BOC(1,1)
@@ -129,8 +131,8 @@ def power_with_rays(
     """Return the mean C/N0 in the prompt correlator with reflections, relative to the undisturbed true signal.
 
     The line of sight and its reflections beat with each other. Beats that are fast against `averaging_s` are averaged
-    out. Only the true signal has reflections. When the loop follows a spoofing signal, the reflections lie outside the
-    prompt correlator.
+    out. Only the true signal has reflections. When a spoofing signal has pulled the loop away, the reflections lie
+    outside the prompt correlator.
 
     Parameters
     ----------

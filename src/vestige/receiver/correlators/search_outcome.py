@@ -9,8 +9,8 @@ Doppler of signal i, a correlator with the integration time T receives the sum o
 
 So only the remainder of a nulled signal counts. ρ is the noise power that an attack adds, relative to the receiver's
 noise. L_i is the loss due to the distance from the nearest cell of the grid. The distance is drawn for every signal,
-uniformly over a step of code and of Doppler. The statistic of the strongest cell is compared with the threshold of all
-cells at `p_fa`. The statistics are
+uniformly over a step of code and of Doppler. The statistic of the nearest cell is compared with the threshold for which
+all cells together have the false-alarm probability `p_fa`. The statistics are
 
     E1          K = 48 squared magnitudes (24 periods, two components), χ²(2K) about the mean Σ s² + 2K
     hand-over   |s + z|,  z ~ CN(0, 2), at the nearest tap; only at the delays of signals found on E1
@@ -23,15 +23,16 @@ If two signals are closer than the separation rule allows, only the stronger sig
 modulo 4 ms. In E6 the rule is the larger of one chip and 2¼ − s/s' chips. The weaker signal has the amplitude s, and
 the stronger signal has the amplitude s'. The limit of 2¼ − s/s' chips is needed because the fine search of the weaker
 signal can end on the flank of the stronger signal. The fine search covers 1¼ chips on both sides of its cell. On E1 a
-signal that is 16 dB below the strongest signal does not count. On E1 every other signal that is found counts. In E6
-only a signal with the chips of the RECS counts. A false alarm has probability p_fa and lies anywhere in the window.
+signal that is more than 16 dB below the strongest signal does not count. On E1 every other signal that is found counts.
+In E6 only a signal with the chips of the RECS counts. A false alarm has probability p_fa and lies anywhere in the
+window.
 
 The earliest signal in E6 is taken as the true signal. A receiver uses the delay of this signal minus the predicted E6 −
 E1 delay as a range. This range has three errors: the delay of the signal, ionosphere and group delay as in every
 hand-over, and the noise of a single snapshot. After a hand-over search the range is used if every signal of E1 was
 found in E6. The range is also used if the search is sure not to miss any signal of E1. The search is sure if P_d ≥
-0.9999 at the C/N0 of E1 and a code error of a quarter chip. After an exhaustive search the range is used if there are
-two signals. A single signal may be the spoofing signal, with the true signal lost in noise.
+0.9999 at the C/N0 of E1 and a code error of a quarter chip. After an exhaustive search the range is used if at least
+two signals were found. A single signal may be the spoofing signal, with the true signal lost in noise.
 
 In this model multipath components do not count as signals of their own. The model also searches for a satellite that is
 more than 16 dB weaker than the strongest other satellite.
@@ -78,14 +79,15 @@ _range_noise_m = cache(snapshot_noise_bound_m)
 class SearchOutcome:
     """Outcome of the searches for one satellite, for each epoch."""
 
-    e1_signals: Float[np.ndarray, " n"]  # number of signals on E1; 0 means no signal and no hand-over
+    e1_signals: Float[np.ndarray, " n"]  # number of signals found on E1; 0 means no hand-over
     # number of signals that the hand-over search found in E6; 0 if the hand-over search was not run
     handover_carrying: Float[np.ndarray, " n"]
     # error of the E1 range that follows from the earliest signal in E6; NaN if no search was run, no signal was found,
     # or a signal could have been missed
     handover_error_m: Float[np.ndarray, " n"]
-    exhaustive_signals: Float[np.ndarray, " n"]  # number of signals in the exhaustive search
-    # error of the E1 range from the exhaustive search; NaN if there are fewer than two signals
+    exhaustive_signals: Float[np.ndarray, " n"]  # number of signals found by the exhaustive search
+    # error of the E1 range that follows from the earliest signal of the exhaustive search; NaN with fewer than two
+    # signals
     exhaustive_error_m: Float[np.ndarray, " n"]
 
 

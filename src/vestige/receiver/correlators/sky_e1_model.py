@@ -20,7 +20,7 @@ other satellites of 45 dBHz raise the noise by 13 %.
 **The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips E1-B gives the output of
 E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are random.
 So over the integration time T, E1-B acts as noise with the shape and the phase of the signals. The variance of this
-noise is X²/(N T R_c) times the power of the signals.
+noise is X²/(N T R_c) times the power of the signals, where R_c is the chip rate.
 
 **Power** means the power within the bandwidth W around the carrier. Two signals with the delay difference τ have the
 common power P(τ), summed over both components:
@@ -159,7 +159,7 @@ def _aligned(svid: int) -> float:
 
 @lru_cache(maxsize=4)
 def strangers_covariance_s(sample_rate_hz: float) -> Float[np.ndarray, "n_taps n_taps"]:
-    """Return A in s, the covariance of the correlators that other satellites cause if u is 1 Hz.
+    """Return A in s, the covariance that other satellites cause in the correlators if u is 1 Hz.
 
     Examples
     --------
@@ -182,7 +182,7 @@ def folding_rate_hz(front_end: FrontEnd) -> float:
 def passed_components(
     delay_chips: Float[np.ndarray, " n"], *, bandwidth_hz: float, sample_rate_hz: float
 ) -> Float[np.ndarray, " n"]:
-    """Return P, the common power of two signals of a satellite within a bandwidth around the carrier.
+    """Return P, the common power of two signals within a bandwidth, divided by the power of one component.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
-"""Simulate the constant delays between E1 and E6 that remain after calibration [WFO, Sec. II-B].
+"""Simulate the delays between E1 and E6 that remain after calibration [WFO, Sec. II-B].
 
     b(t) = b_BGD + b_HW + r_HW t
 
 b_BGD belongs to the satellite, and is constant over the campaign. b_BGD is γ − 1 times the residual of the broadcast
-group delay. b_HW belongs to the receiver and is common to all satellites. The temperature of the front ends causes the
-drift r_HW of b_HW. b_BGD, b_HW and r_HW are drawn once and are Gaussian.
+group delay, where γ = (f1/f6)². b_HW belongs to the receiver and is common to all satellites. The temperature of the
+front ends causes the drift r_HW of b_HW. b_BGD, b_HW and r_HW are drawn once and are Gaussian.
 """
 
 from __future__ import annotations

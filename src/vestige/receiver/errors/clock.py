@@ -2,14 +2,14 @@
 
 Theory of operation
 -------------------
-The one-sided spectrum of the fractional frequency is S_y(f) = h0 + h−2/f². The state is x = (bias in s, fractional
-frequency), and over a step T [GALLEANI08]
+The one-sided spectrum of the fractional frequency is S_y(f) = h0 + h−2/f². The state x = (bias in s, fractional
+frequency) changes over a step T by [GALLEANI08]
 
     x ← [[1, T], [0, 1]] x + n,    cov n = Q = [[Sf T + Sg T³/3, Sg T²/2], [Sg T²/2, Sg T]]
     Sf = h0/2,    Sg = 2π² h−2
     σ_y²(τ) = h0/(2τ) + (2π²/3) h−2 τ                Allan variance
 
-The noises of both states are correlated. With u, w ~ N(0, 1) and the frequency first, the Cholesky factor of Q is
+The noises of both states are correlated. With u, w ~ N(0, 1) and the frequency first, the Cholesky factor of Q gives
 
     n_frequency = √(Sg T) u,    n_bias = (T/2) n_frequency + √(Sf T + Sg T³/12) w
 

@@ -5,8 +5,8 @@ A model is an immutable record of parameters. `model.process(streams)` starts a 
 the same to the last bit, however the epochs are divided among calls. So a model asks for one stream per variable and
 draws the same number of values for every epoch.
 
-The streams of clock and front ends belong to the receiver. All other streams belong to a satellite,
-`named_streams(seed, svid)`.
+The streams of the clock, of the hardware delay and of the common part of the ionosphere belong to the receiver. All
+other streams belong to a satellite, `named_streams(seed, svid)`.
 """
 
 from __future__ import annotations

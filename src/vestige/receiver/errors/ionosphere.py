@@ -94,7 +94,7 @@ class HeavyTailedIonosphere:
 
     @classmethod
     def solar_maximum_2014(cls) -> HeavyTailedIonosphere:
-        """Return the model for 2014 and elevations of 5 to 30°: rms 1.73 m, P(|e| > 10 m) = 1e-4 on each side."""
+        """Return the model for 2014 and elevations of 5 to 30°: rms 1.73 m, P(e > 10 m) = P(e < −10 m) = 1e-4."""
         return cls(core_sigma_m=1.24, tail_start_m=2.65, tail_scale_m=1.17)
 
     @classmethod

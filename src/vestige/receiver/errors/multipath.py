@@ -6,7 +6,7 @@ Theory of operation
 
 * The excess delay τ has an exponential distribution of mean μ, cut at 500 ns.
 * The strength has a Rayleigh distribution with the mean square 10^(G/10)/N for N reflections, where G = G0 − s τ in dB.
-  So G0 is the mean power of all reflections together relative to the line of sight.
+  So for s = 0, G0 is the mean power of all reflections together relative to the line of sight.
 * The phase is uniform at first, and then changes with the Doppler f_i = (v/λ) cos ψ_i. The angle ψ_i is uniform, and v
   is the receiver's speed.
 * The lifetime is exponential, so a reflection ends in a step dt with probability 1 − e^{−r dt}, whatever its age. The
@@ -19,8 +19,8 @@ A reflection has the same strength on E1 and E6, but different phases. The phase
 about one cycle for each metre of excess delay. So the multipath errors of E1 and E6 are practically independent.
 
 The distributions above are the marginal distributions of the measured land-mobile channel [STEINGASS04] [ITU-P681]. The
-houses and trees of the channel's model are left out. The power of the presets is calibrated to the only result in
-[WFO], which is 52 misses in 100,000 epochs.
+houses and trees of the channel's model are left out. The power of the preset `elevation-5-30` is calibrated to the 52
+misses in 100,000 epochs of [WFO, Sec. VI-A].
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class LmsLiteMultipath:
     Attributes
     ----------
     power_db
-        G0, mean power of all reflections in dB; −inf for no multipath.
+        G0, mean power in dB of all reflections together for s = 0; −inf for no multipath.
     mean_excess_m
         μ, mean excess delay in m.
     n_rays

@@ -5,12 +5,12 @@ Theory of operation
 **Strength.** The noise is complex, white and Gaussian, with variance 1 per sample. So N0 = 1/f_s, and a component has
 the amplitude √(C/N0 / f_s).
 
-**Filter.** A band limit of two-sided width B is a windowed sinc of odd length. The sinc is even, so its group delay is
-a whole number of samples and is removed. The taps of the sinc have Σh² = 1, so the noise keeps variance 1 in a narrower
-band. Signals in the pass band grow by √(f/B), where f is the sampling rate at the filter. The C/N0 does not change. A
-filter *behind* the sampler cannot undo the effects of sampling. Sidelobes fold back before the filter, and the
-correlation function keeps its steps (`staircase.py`). So the samples can be made and filtered at a multiple of the
-front end's rate, and are then decimated.
+**Filter.** The filter of the two-sided bandwidth B is a windowed sinc of odd length. The sinc is even, so its group
+delay is a whole number of samples and is removed. The taps of the sinc have Σh² = 1, so the noise keeps variance 1 in a
+narrower band. Signals in the pass band grow by √(f/B), where f is the sampling rate at the filter. The C/N0 does not
+change. Sampling folds sidelobes into the band, and a filter *behind* the sampler cannot undo the folding. So the
+samples can be made and filtered at a multiple of the front end's rate, and are then decimated. The steps of the
+correlation function remain (`staircase.py`).
 
 **Gain and quantiser.** The gain control sets the rms over the snapshot to the level with the smallest loss of the
 quantiser (`quantiser.py`). Without gain control the gain is right for noise alone, and a jammer saturates the

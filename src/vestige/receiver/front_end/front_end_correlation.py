@@ -2,8 +2,9 @@
 
 Theory of operation
 -------------------
-h are the filter's taps at the input rate f_i, and Λ is the triangle of rectangular chips. R_h is a correlator's output
-at distance x from a path of unit amplitude. R_n is the covariance of the noise in two correlators δ apart:
+h are the filter's taps at the input rate f_i. f_s is the output rate, and Λ is the triangle of rectangular chips. R_h
+is a correlator's output at distance x from a path of unit amplitude. R_n is the covariance of the noise in two
+correlators δ apart:
 
     R_h(x) = Σ_k h_k Λ(k/f_i − x) / Σ h
     R_n(δ) = (f_i/f_s) Σ_m r[m] Λ(m/f_s − δ) / (Σ h)²,     r[m] = Σ_k h_k h_{k + m f_i/f_s}
@@ -11,7 +12,7 @@ at distance x from a path of unit amplitude. R_n is the covariance of the noise 
 Without a front end R_h(0) and R_n(0) are 1. The unit of R_h is the amplitude of the path. The unit of R_n is the noise
 variance of a correlator, 1/(C/N0 · T). The replica is not filtered. f_s must not be commensurate with the chip rate,
 because the samples must be spread over the chip. For a filter with steep edges both functions approach the band-limited
-autocorrelation R_B. A quantiser replaces ρ = r by Σ_k (c_k/c_1)² ρ^k (`quantiser.py`). The formula is valid if the
+autocorrelation R_B. With a quantiser, Σ_k (c_k/c_1)² r^k replaces r (`quantiser.py`). The formula is valid if the
 signals are weak against the noise in a sample.
 """
 
@@ -60,8 +61,8 @@ def code_noise_density_s(front_end: FrontEnd) -> float:
 
         κ = 1/f_s Σ_m (Λ ∗ r)[m] Λ(m/f_s) / ((Σ h)² R_n(0))
 
-    In continuous time without a front end, κ is 2/(3 R_c), 0.13 µs. Sampling folds side lobes into the band. A filter
-    passes more of the code than of white noise.
+    In continuous time without a front end, κ is 2/(3 R_c), 0.13 µs, where R_c is the chip rate. Sampling folds side
+    lobes into the band. A filter passes more of the code than of white noise.
     """
     taps = front_end.filter_taps().astype(np.float64)
     chips_a_sample = E6C.chip_rate_hz / front_end.input_rate_hz

@@ -1,7 +1,8 @@
 """Add an attack to a recording, with each spoofing signal as an additional satellite that has its own path.
 
 A spoofing signal has the delay τ at the receiver. The spoofing signal left the satellite together with the true signal
-that arrived τ earlier. The clock error is the error at the arrival of the spoofing signal:
+that arrived τ earlier. The pseudorange P' of the spoofing signal follows from the range s of the line of sight.
+clock(t) is the sum of clock error and tropospheric delay at the arrival of the spoofing signal:
 
     P'(t) = s(t − τ) + clock(t) + c τ
 

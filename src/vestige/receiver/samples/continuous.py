@@ -3,7 +3,7 @@
 A `Simulation` has errors at every epoch t_k, the time at which a RECS is sent. The simulation applies these errors when
 the RECS is received. A recording covers all epochs without a gap:
 
-    P(t) = s(t) + clock(t) + troposphere(t)      geometry as it is; clock: the cubic through t_k with the drift as slope
+    P(t) = s(t) + clock(t) + troposphere(t)      s: exact geometry; clock: cubic through the t_k with the drift as slope
     E1:  code later by I, carrier earlier by I   ionosphere I = iono_diff/(γ − 1) + broadcast model, only under a sky
          reflections, if the scenario lets them disturb E1
     E6:  code later by γ I + bias + (γ − 1) c BGD, carrier earlier by γ I
@@ -12,7 +12,7 @@ the RECS is received. A recording covers all epochs without a gap:
 In the middle of the reception of an epoch's chips, all errors have the values of the epoch and a rate near zero.
 Between two epochs the errors change to the values of the next epoch without a step. Delays and strengths follow half a
 cosine. The phase of a path follows the cubic that begins and ends with the Dopplers of the two epochs. A RECS in the
-recording therefore equals the RECS of `Simulation.snapshot`, except for the carrier phase and for micrometres of range.
+recording therefore equals the RECS of `LineOfSightSamples`, except for the carrier phase and for micrometres of range.
 So tracking loops receive a signal without jumps.
 """
 

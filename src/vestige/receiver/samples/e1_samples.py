@@ -7,13 +7,14 @@ Theory of operation
 For each epoch and satellite, samples of the length T = 0.1 s are synthesised. The samples contain E1-C with multipath,
 spoofing signals, noise and jamming. The processor's own correlator processes the samples. The correlator processes
 BOC(1,1) as a code of twice the chip rate, in which each chip is followed by its opposite. The signals of an epoch are
-sent at a whole tenth of a second, at which the secondary code begins. Time zero is the delay at which the loop has
+sent at a whole tenth of a second, at which the secondary code begins. Time zero is the delay x₀ at which the loop has
 settled, so a signal of delay τ lies at τ − x₀. The sampling phase and the Dopplers of code and carrier follow from the
-pseudorange. With M = f_s T samples of noise variance 1, the mean over these samples times √(2M) is ξ.
+pseudorange. With M = f_s T samples of noise variance 1, the mean over these samples times √(2M) is the correlator ξ of
+`e1_taps`.
 
 The samples of each satellite have their own noise, which differs from the noise of a recording. The power of the band
-comes from further samples with all satellites, at the sampling rate W. The mean square of these samples is 1 + Σ r_i
-without an attack.
+comes from further samples with all satellites, at the sampling rate W. Without an attack the mean square of these
+samples is 1 + Σ r_i. W and r_i are defined in `e1_taps`.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ from vestige.time import GalileoTime
 SAMPLE_RATE_HZ = 4e6  # sampling rate, which is not a small multiple of the chip rate
 _CHIP_RATE_HZ = 2 * E1C.chip_rate_hz  # rate of BOC(1,1) as a code
 _PERIOD_CHIPS = 2 * E1C.code_length * E1C.secondary_length
-_SPARE_CHIPS = 64  # number of spare chips on either side of the segment, 9 km
+_SPARE_CHIPS = 64  # number of spare half chips on either side of the segment, 9 km
 _MARGIN_S = 5e-6
 _ANY_TIME = GalileoTime(0, 0)  # the samples of an epoch need no real time
 _NOISE = 1  # number of the noise stream; each satellite has `_STREAMS_A_SATELLITE` streams, from `_E1` on

@@ -116,7 +116,7 @@ class BandRecorder:
     sky: tuple[ReceivedSatellite, ...]  # all satellites that the band receives
     reference: GalileoTime  # receiver-clock time of sample 0, a whole second
     front_end: FrontEnd  # front end and its sampling rate; a filter or oversampling makes the recorder slower
-    noise_key: np.uint64 | None  # key of the noise; None for no noise
+    noise_key: np.uint64 | None  # key of the noise generator; None for no noise
     interference: Interference | None = None  # noise and jamming; None for no interference
 
     def __post_init__(self) -> None:
@@ -225,7 +225,10 @@ def record_band(
 
 
 def band_noise_key(seed: int, band: Band) -> np.uint64:
-    """Return the key of the receiver's noise in a band; a recording and a campaign with a sky use the same key."""
+    """Return the key of the generator of the receiver's noise in a band.
+
+    A recording and a campaign with a sky use the same key.
+    """
     return noise_key(seed, 0, _NOISE[band])
 
 

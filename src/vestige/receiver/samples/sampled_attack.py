@@ -1,11 +1,11 @@
 """Make the spoofing signals and jamming waveforms that an attack adds to E6 at the `samples` fidelity.
 
-A spoofing signal on E6 repeats the encrypted signal of the line of sight with a delay. At the receiver, chip i of the
-spoofing signal arrives τ + τ̇ i T_c later than chip i of the true signal. The delay τ has the rate τ̇, and T_c is the
-duration of a chip. So the chips of the spoofing signal in a window of samples were sent τ earlier than the chips of the
-true signal in this window. If τ is several seconds, the chips are a part of the keystream that the satellite sent τ
-earlier. These chips arrive along the line of sight at the time of their transmission. The chips fill the window and the
-margins of the window.
+A spoofing signal on E6 repeats the encrypted signal of the line of sight with a delay, or has chips that the attacker
+invented. At the receiver, chip i of the spoofing signal arrives τ + τ̇ i T_c later than chip i of the true signal. The
+delay τ has the rate τ̇, and T_c is the duration of a chip. So the chips of the spoofing signal in a window of samples
+were sent τ earlier than the chips of the true signal in this window. If τ is several seconds, the chips are a part of
+the keystream that the satellite sent τ earlier. The travel time of these chips is computed along the line of sight for
+the time of their transmission. The chips fill the window and the margins of the window.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def spoofing_signals(
     """Return the spoofing signals that arrive in a window of samples.
 
     The field `start_s` of a signal is in s after the epoch. `keys` are two keys: the key of the service's encryption,
-    and the key of the chips that attackers make up. `amplitude` is the amplitude of the line of sight.
+    and the key of the chips that attackers invent. `amplitude` is the amplitude of the line of sight.
     """
     effects, metres_a_hz = truth.e6, SPEED_OF_LIGHT_MPS / E6_CARRIER_HZ
     signals = []

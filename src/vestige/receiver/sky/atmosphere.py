@@ -122,9 +122,9 @@ class DelayedRange:
 
 
 def through_atmosphere(effects: ElevationEffects, atmosphere: Atmosphere) -> ElevationEffects:
-    """Return the effects on a satellite whose signals pass an atmosphere.
+    """Return the effects of the elevation on the signals of a satellite, with the delays of an atmosphere.
 
-    If the atmosphere has no model, `effects` is returned.
+    If the atmosphere has no model, `effects` is returned unchanged.
     """
     if not atmosphere.there:
         return effects

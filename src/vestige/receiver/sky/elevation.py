@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-    strength      C/N0(e) of the antenna (`ElevationCn0`). The nominal C/N0 is the C/N0 at the first epoch. The
-                  amplitude of the line of sight is the square root of the gain relative to the first epoch.
+    strength      C/N0(e) of the antenna at the elevation e (`ElevationCn0`). The nominal C/N0 is the C/N0 at the first
+                  epoch. The amplitude of the line of sight is the square root of the gain relative to the first epoch.
     reflections   relative amplitude of `navigation.elevation_model`
     ionosphere    obliquity M(e)/M(17.5°) of `navigation.elevation_model`
 
@@ -12,7 +12,8 @@ receiver, zᵢ is the process of satellite i, and ρ is the share of the common 
 
     eᵢ = M(e)/M(17.5°) · F⁻¹(Φ(√ρ z₀ + √(1 − ρ) zᵢ))
 
-The common part does not change the distribution F of the residual of a single satellite.
+The symbol Φ is the distribution function of the standard normal distribution. The common part does not change the
+distribution F of the residual of a single satellite.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ _KEPT_SIGHTS = 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SatelliteGeometry:
-    """View of a satellite at n epochs.
+    """Direction and signal strength of a satellite at n epochs.
 
     A single line of sight is always in view, with the nominal strength.
     """
@@ -69,7 +70,7 @@ class SatelliteGeometry:
 
 
 class SatelliteMotion(NamedTuple):
-    """View of a satellite with range, range rate and range acceleration."""
+    """Direction, signal strength, range, range rate and range acceleration of a satellite."""
 
     geometry: SatelliteGeometry
     range_m: Float[np.ndarray, " n"]
@@ -162,7 +163,10 @@ class ElevationEffects:
         return float(self.antenna.cn0_dbhz(np.array([self.first_rad]))[0]) - self.antenna.zenith_dbhz
 
     def seen(self, time_s: Float[np.ndarray, " n"], clock_m: Float[np.ndarray, " n"]) -> SatelliteMotion:
-        """Return the view of the satellite at epochs on the receiver's clock, which has the error `clock_m` in m."""
+        """Return the satellite's motion and signal strength at epochs on the receiver's clock.
+
+        The clock has the error `clock_m` in m.
+        """
         clock_offset_s = clock_m / SPEED_OF_LIGHT_MPS
         sight = self.path.sight(time_s - clock_offset_s)
         gain_db = self.antenna.cn0_dbhz(sight.elevation_rad) - self.antenna.zenith_dbhz - self.nominal_db

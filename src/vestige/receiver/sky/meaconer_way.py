@@ -25,7 +25,7 @@ from vestige.spoofer.attack import Attack
 from vestige.spoofer.profiles import Profile, Table
 from vestige.spoofer.repeaters import Meaconing, Place
 
-# Distance in s between points with exact delays and rates, for a static and for a moving receiver. Cubics between such
+# Interval in s between points with exact delays and rates, for a static and for a moving receiver. Cubics between such
 # points have an error of 2 µm, both for a static receiver and on a circle of 40 m at 20 m/s.
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
 _AROUND_S = 20.0  # time in s before and after the run that the cubics of a static receiver also cover

@@ -36,7 +36,7 @@ from vestige.spoofer.spoofer import BandEffects, Spoofer
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
 
-# Distance in s between points with exact ranges and rates, for a static and for a moving receiver. Cubics between such
+# Interval in s between points with exact ranges and rates, for a static and for a moving receiver. Cubics between such
 # points have an error of 1 µm for a static receiver, and of 2 mm where an acceleration of 4 m/s² begins.
 _STANDING_STEP_S, _MOVING_STEP_S = 10.0, 0.1
 _LEAST_DELAY_M = 1e-5 * SPEED_OF_LIGHT_MPS
@@ -45,7 +45,9 @@ _FIXED_POINT_STEPS = 3  # number of iterations; ρ changes by less than 1 km/s, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpooferUnderSky(Spoofer):
-    """Attacker of one satellite of a sky, whose spoofing signals have the geometry at the time of their transmission.
+    """Attacker of one satellite of a sky.
+
+    A spoofing signal has the geometry of the time at which the satellite sent the repeated signal.
 
     Attributes
     ----------

@@ -24,8 +24,8 @@ from vestige.validated_key import ValidatedKey
 class SimulatedAssistance:
     """Assistance of a simulated receiver: RECS, keys, and optional predictions of the delay between the bands.
 
-    The known keys depend on the pages that the receiver receives. So `recs_of` takes the truth of the receiver from the
-    E6 of the block.
+    The known keys depend on the pages that the receiver receives. So `recs_of` takes the truth of the receiver from
+    `e6` of the snapshots.
     """
 
     simulations: tuple[Simulation, ...]  # simulation of each satellite

@@ -4,14 +4,16 @@ The estimate uses the K = 50 prompt correlators ξ_k of a second, each over T = 
 the noise per dimension. A correlator with a code that no satellite sends measures the noise density at the same time.
 The error of this noise density is neglected. C is the true C/N0 in Hz, and the estimate Ĉ is
 
-    Ĉ = (1/(2K) Σ_k |ξ_k|² − 1)/T,        Σ_k |ξ_k|² ~ χ²(2K) about the mean 2 K C T,  non-central
+    Ĉ = (1/(2K) Σ_k |ξ_k|² − 1)/T,        Σ_k |ξ_k|² ~ non-central χ²(2K) with the non-centrality λ = 2 K C T
 
 The estimate has no bias, and its relative variance is (2 C T + 1)/(K C² T²). The standard deviation is 0.11 dB at 35
-dBHz and 0.7 dB at 20 dBHz. A non-central χ² is (z + √λ)² + χ²(2K − 1), so each estimate needs two draws.
+dBHz and 0.7 dB at 20 dBHz. A non-central χ²(2K) is (z + √λ)² + χ²(2K − 1), where z is a standard normal variable. So
+each estimate needs two draws.
 
-The tracking receiver estimates the noise from its own prompts (`sample_processor.tracking`). So the replica and other
-codes lower the estimate of the tracking receiver by 0.9 dB. The beat of two signals also counts as noise in the
-tracking receiver. The model of this module neglects both effects, so the model's estimate is higher.
+The tracking receiver (`sample_processor.tracking`) estimates the noise from its own prompts, which contain other codes.
+The other codes and the BOC(1,1) replica lower the estimate of the tracking receiver by 0.9 dB. The beat of two signals
+also counts as noise in the tracking receiver. The model of this module neglects all three effects, so the model's
+estimate is higher.
 """
 
 from __future__ import annotations

@@ -76,7 +76,10 @@ def _clock_error_m(simulation: Simulation, truth: TruthBlock) -> Float[np.ndarra
 
 
 def is_tracked(simulation: Simulation, truth: TruthBlock) -> Bool[np.ndarray, " n"]:
-    """Return whether E1 has measurements: the satellite is in view, is not being acquired, and is above `LOCK_DBHZ`."""
+    """Return whether E1 has measurements.
+
+    E1 measures a satellite that is in view, is not being acquired, and has a C/N0 above `LOCK_DBHZ`.
+    """
     return truth.geometry.in_view & ~truth.e1.acquiring & (tracked_cn0_dbhz(simulation, truth) > LOCK_DBHZ)
 
 

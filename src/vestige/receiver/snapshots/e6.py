@@ -132,7 +132,7 @@ class SimulatedE6Samples:
     def samples(self, epoch: int, column: int) -> SampleBatch:
         """Return the samples around the RECS of one satellite and one epoch, with the time tags that follow from E1.
 
-        If E1 has a delay of seconds under a sky, the delay is subtracted from the time tags (`_without_delay`).
+        If an attacker delays E1 by more than `CLOCK_FOLLOWS_S`, the delay is subtracted from the time tags.
         """
         of = self.of
         simulation, row = of.simulations[column], (epoch - of.rows.start) // of.every
@@ -300,7 +300,7 @@ class FrontEnds(Mapping[Band, FrontEndBlock]):
 
 
 def _travel_s(range_m: float, rate_mps: float, acceleration_mps2: float) -> float:
-    """Return the travel time in s of a signal sent at the epoch, if the pseudorange keeps its rate and acceleration."""
+    """Return the travel time in s of a signal sent at the epoch, if the pseudorange has a constant acceleration."""
     travel_s = 0.0
     for _ in range(_LIGHT_TIME_STEPS):
         travel_s = (range_m + rate_mps * travel_s + acceleration_mps2 * travel_s**2 / 2) / SPEED_OF_LIGHT_MPS

@@ -153,8 +153,8 @@ def _ends(
 ) -> Bool[np.ndarray, " k"]:
     """Return which pieces (one epoch and one subframe) contain the end of a subframe whose first page lies in the run.
 
-    The reception of the first epoch starts `begun_s` in s after the start of the week. The reception of each epoch
-    lasts `interval_s` in s.
+    The reception of the first epoch starts `begun_s` seconds after the start of the week. The reception of each epoch
+    lasts `interval_s` seconds.
     """
     looks_at_all = interval_s >= SUBFRAME_S
     whole = looks_at_all | (page_end_s(subframe * PAGES_A_SUBFRAME) > begun_s)

@@ -41,8 +41,9 @@ _NO_E1, _NO_RECS, _NOT_FOUND = (
 class SearchFinds:
     """Results that searches in each of n epochs would have.
 
-    The values are NaN at epochs without RECS, and for satellites that are out of view or that E1 acquires. In these
-    cases the receiver has no time tag of the satellite, so no search is made.
+    The numbers of signals and the delays are NaN at epochs without RECS, and for satellites that are out of view or
+    that E1 acquires. The receiver has no time tag of a satellite that is out of view or being acquired, so no search is
+    made.
     """
 
     p_fa: float  # false-alarm probability of a single search
@@ -109,7 +110,7 @@ class KnownSearches:
             )
 
     def _provable(self, request: SearchRequest) -> Bool[np.ndarray, "k m"]:
-        """Return which RECS have a key, and a true signal that was provably received before the key was on air."""
+        """Return which RECS have a key, and an earliest signal that was provably received before the key was on air."""
         earliest_at = GalileoTimes.after(self.start, np.nan_to_num(self.finds.earliest_s[request.epoch]))
         uncertainty_s = [limit.over(earliest_at[row : row + 1])[0] for row, limit in enumerate(request.uncertainty)]
         lead_s = self.recs.disclosed[request.epoch] - earliest_at

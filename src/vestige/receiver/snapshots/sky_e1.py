@@ -3,10 +3,10 @@
 Theory of operation
 -------------------
 **Correlators.** The recorder makes the samples around each epoch (`sky_samples`). The samples contain E1-B and E1-C of
-all satellites, multipath, spoofing signals, jammers and noise, which pass one front end. The correlator of the
-processor correlates 0.1 s of samples with the E1-C code as BOC(1,1), as most receivers do. The replica begins at the
-arrival of the chip that is sent at the epoch, plus the error of the code loop by noise, multipath and an attack. So the
-correlator ξ has the same meaning as in `e1_taps`. The noise of the receiver has σ = 1 per dimension, and phases are
+all satellites, multipath, spoofing signals, jammers and noise, which pass one front end. The function `correlate` of
+the processor correlates 0.1 s of samples with the E1-C code as BOC(1,1), as most receivers do. The replica begins at
+the arrival of the chip that is sent at the epoch, plus the error of the code loop by noise, multipath and an attack. So
+the correlator ξ has the same meaning as in `e1_taps`. The noise of the receiver has σ = 1 per dimension, and phases are
 relative to the line of sight at the arrival of the chip that is sent at the epoch.
 
 The satellites send CBOC(6,1,1/11). The output of a BOC(1,1) replica has √(10/11) of the signal's amplitude, a loss of

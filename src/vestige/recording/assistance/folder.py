@@ -39,7 +39,7 @@ from vestige.validated_key import ValidatedKey
 T = TypeVar("T")
 
 Message = tuple[Path, Callable[[Settings], Contents | None]]  # source and reader of the message
-# state of each file at the time of reading, and content of the file
+# stamp and content of each file; the stamp has size, time of change, window and signatures at the time of reading
 FileCache = dict[Path, tuple[tuple[object, ...], Contents]]
 
 
@@ -151,8 +151,8 @@ def read_assistance(
         Files of OSNMA's public key (XML or PEM) and Merkle tree (XML). If such a file is given, the keys and trees in
         the folder are not used.
     certificates
-        PEM public keys or X.509 certificates of the assistance server. If any key or certificate is given, unsigned
-        files are not used.
+        PEM public keys or X.509 certificates of the assistance server. If any key or certificate is given, RECS and BGD
+        files without a valid signature are not used, and `receiver.toml` and `ionosphere.csv` are not used.
     reference
         Approximate time with an error of at most 39 years, which resolves 12-bit weeks if a file's name does not.
     window
@@ -362,7 +362,7 @@ def _usable_keys(read: Sequence[tuple[Path, Contents]], problems: _Problems) -> 
 
 
 def _agreed(what: str, things: Iterable[tuple[Any, T, Path]], problems: _Problems) -> tuple[T, ...]:
-    """Return values in the order of their keys, without keys for which two files give different values."""
+    """Return values in the order of their sort keys, and no value for a sort key for which two files disagree."""
     found: dict[Any, tuple[T, Path]] = {}
     contradicted = set()
     between: Counter[tuple[Path, Path]] = Counter()

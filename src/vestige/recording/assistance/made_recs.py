@@ -107,7 +107,7 @@ def open_code_warning(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MadeAssistance:
-    """RECS and files of an assistance folder that was made."""
+    """RECS and files of the assistance folder that `make_assistance` made."""
 
     segments: tuple[EncryptedSegment, ...]
     files: tuple[Path, ...]

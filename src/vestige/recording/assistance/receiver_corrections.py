@@ -50,8 +50,8 @@ def read_hardware_bias(path: Path) -> float:
 def read_ionosphere(path: Path) -> Mapping[int, float]:
     """Return the predicted slant ionospheric delays on E1 in `ionosphere.csv`, in m by SVID.
 
-    Raises `InputFileError` if the file is not such a table, names a satellite twice, or contains a delay outside 0 to
-    1000 m.
+    Raises `InputFileError` if the header is not `svid,slant_delay_e1_m`, a satellite is named twice, or a delay lies
+    outside 0 to 1000 m.
     """
     delays: dict[int, float] = {}
     lines = numbered_lines(path)

@@ -6,8 +6,8 @@ E1-B, E1-C and E6-B are real signals on a carrier. If the carrier is at 0 Hz, th
 codes with carrier Dopplers of the opposite sign. However, the code rate changes by the factor 1 + f_d/f_c in either
 direction of the spectrum. So the code phases of two windows give a Doppler of each satellite that does not depend on
 the direction of the spectrum. The slope of the code Dopplers over the carrier Dopplers is +1, or −1 for a reversed
-spectrum. The slope does not change if the samples jump, because the code phases of all satellites jump by the same
-time.
+spectrum. With three or more satellites, the slope does not change if the samples jump, because the code phases of all
+satellites jump by the same time.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class MeasuredPlace:
 def examine_continuity(
     reader: SampleReader, e6: SampleReader | None, satellites: Sequence[E1Satellite], limit: TimeLimit
 ) -> Iterator[Finding]:
-    """Yield the findings about jumps of E1 or E6, lost signals of E1, and samples that are not finite numbers.
+    """Yield findings about jumps of E1 or E6, lost or multiple signals of E1, and samples that are not finite numbers.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _e6_jump(
             later = middle
         elif _e6_shift_s(e6, middle, later) is not None:
             earlier = middle
-        else:  # the clock drifts, and no jump is left
+        else:  # neither half has a jump, because the clock drifts steadily
             break
     begin_s, end_s = (
         (one.first - e1.first_sample) / e1.file.sample_rate_hz + (e1.start - e6.start) for one in (earlier, later)
@@ -142,7 +142,7 @@ def _e6_jump(
 
 
 def _e6_shift_s(reader: SampleReader, earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
-    """Return the jump of the E6 signals relative to the counter between two positions in s, positive if ahead.
+    """Return the jump in s of the E6 signals relative to the counter between two positions, positive if ahead.
 
     The code phases of E6 and the Dopplers of E1 give the jump. The result is None if the jump is below the tolerance,
     or if no satellite is found at both positions.
@@ -229,7 +229,7 @@ def _near(batch: SampleBatch, one: E1Satellite) -> tuple[Acquisition, ...]:
 
 
 def _shift_s(earlier: MeasuredPlace, later: MeasuredPlace) -> float | None:
-    """Return the jump of the E1 signals relative to the counter in s, positive if ahead, or None without a jump."""
+    """Return the jump in s of the E1 signals relative to the counter, positive if ahead, or None without a jump."""
     shifts = []
     span_s = 0.0
     for svid, before in earlier.snapshots.items():
@@ -264,7 +264,7 @@ def _narrowed(
             later = middle
         elif _shift_s(middle, later) is not None:
             earlier = middle
-        else:  # the clock drifts, and no jump is left
+        else:  # neither half has a jump, because the clock drifts steadily
             break
     return earlier, later
 

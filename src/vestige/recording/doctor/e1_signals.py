@@ -1,4 +1,4 @@
-"""Find the satellites on E1, and the faults in the description of the samples if no satellite is found."""
+"""Find the satellites on E1, and the faults in the description of the samples."""
 
 from __future__ import annotations
 
@@ -63,8 +63,7 @@ def examine_e1(file: BandFile, other: BandFile | None, try_s: float, progress: P
     try_s
         Processor time in s for the trials of other descriptions.
     progress
-        Function that is called with the name of the step, the number of finished satellites and the number of all
-        satellites.
+        Function that is called with the name of the step, the number of finished parts and the number of all parts.
     """
     findings: list[Finding] = []
     sibling = better_sibling(file)

@@ -52,7 +52,7 @@ class E6Satellite:
     svid: int
     cn0_dbhz: float  # C/N0 of E6-B; NaN if the samples contain no complete code period
     e6c_open: bool  # whether the primary code of E6-C repeats every millisecond
-    # whether the signs of E6-C are the secondary code of E6-C; None if the samples are too short
+    # whether the signs of E6-C are the secondary code of E6-C; None if `e6c_open` is False or the samples are too short
     secondary_fits: bool | None
 
 
@@ -238,7 +238,7 @@ def _encryption(satellites: list[E6Satellite]) -> Iterator[Finding]:
 
 
 def _reversed(file: BandFile, sky: list[tuple[int, float]], span_hz: float) -> Reading | None:
-    """Return the reading with the reversed spectrum if this reading has more satellites at the predicted Dopplers."""
+    """Return the reading with the reversed spectrum if more satellites are found with this reading than with `file`."""
     telling = sorted(sky, key=lambda one: -abs(one[1]))[:_TRIED]
     if not telling or abs(telling[0][1]) < 3 * span_hz:
         return None

@@ -2,9 +2,9 @@
 
 The given description is tried first. If no signal is found with the given description, descriptions that differ by one
 mistake are tried. The trials of other descriptions take at most `TRY_S` of processor time in each band. On two idle
-cores the trials last half as long. The examination uses the first 100 ms, and windows of 100 ms in the middle and at
-the end. All float32 samples are read, for at most `READ_S` of processor time, because every other command stops at a
-sample that is not a finite number.
+cores the trials end after half of this time. The examination uses the first 100 ms, and windows of 100 ms in the middle
+and at the end. All float32 samples are read, for at most `READ_S` of processor time, because every other command stops
+at a sample that is not a finite number.
 """
 
 from __future__ import annotations

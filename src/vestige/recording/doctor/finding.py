@@ -59,7 +59,7 @@ def remark(kind: FindingKind, band: Band | None, evidence: str, advice: str) -> 
 
 @dataclass(slots=True)
 class TimeLimit:
-    """Limit of the processor time for the search for the right description, counted from the object's creation.
+    """Limit of the processor time of a step of the examination, counted from the creation of the object.
 
     Processor time, in contrast to the time of day, does not depend on the load of the machine. So the findings do not
     depend on the load of the machine either.

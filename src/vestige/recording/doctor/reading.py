@@ -160,8 +160,8 @@ def better_sibling(file: BandFile) -> Reading | None:
     """Return the reading with signed instead of unsigned numbers, or the reverse, if the given format must be wrong.
 
     The given format is wrong if all its values lie at the ends of the scale, and the other format has smaller values.
-    If signed numbers are read as offset binary, or the reverse, the sign is right and the magnitude is wrong. The
-    signals are still found, but are about 2 dB weaker.
+    If signed numbers are read as offset binary, or the reverse, all signs are reversed and the magnitudes are wrong.
+    The signals are still found, but are about 2 dB weaker.
     """
     sibling = _SIBLINGS.get(file.form.component)
     if sibling is None:

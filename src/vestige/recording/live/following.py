@@ -3,10 +3,10 @@
 Theory of operation
 -------------------
 A snapshot needs its RECS (downloaded days before), its samples, the E1 observations around its time, and the OSNMA key.
-The key is complete half a minute to a minute after the samples were taken. With a second channel or with
-accelerometers, the snapshot also waits for the keys and the accelerations of its time. A snapshot with all data equals
-the snapshot from the finished recording, bit for bit. The reason is that the snapshot's samples cover the range of
-every search, and later observations change nothing (`ObservationTrack.settled`).
+The key is complete 9 to 61 s after the samples were taken. With a second channel or with accelerometers, the snapshot
+also waits for the keys and the accelerations of its time. A snapshot with all data equals the snapshot from the
+finished recording, bit for bit. The reason is that the snapshot's samples cover the range of every search, and later
+observations change nothing (`ObservationTrack.settled`).
 
 Snapshots are yielded in the order of time, because the receiver state passes from each snapshot to the next. A snapshot
 that waits for its key delays the later snapshots, but the keys of later snapshots also come later. A missing key must
@@ -58,7 +58,7 @@ class WaitLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedEpoch:
-    """A snapshot whose data are complete, with the assistance for its verdicts."""
+    """A snapshot that no longer waits for data, with the assistance for its verdicts."""
 
     sent: GalileoTime  # time of transmission of the snapshot's RECS
     snapshot: Snapshot
@@ -155,7 +155,7 @@ class Following:
         return sorted({one.transmit_time for one in segments[low:high]})
 
     def _next(self, complete_since: dict[GalileoTime, float], *, finished: bool) -> FollowedEpoch | None:
-        """Return the next snapshot if it is ready, or if no more data will come."""
+        """Return the next snapshot if its data are complete, its wait is over, or no more data will come."""
         sent = next(iter(self._to_come()), None)
         if sent is None:
             return None

@@ -1,8 +1,8 @@
 """Read a recording that another process is still writing, from files or pipes.
 
-Only `look` finds new data. Between two calls of `look` the state of a `LiveRecording` does not change. Any window of a
-file can be read at any time. For a pipe, `keep` gets the RECS that still need a snapshot, and drops the samples that
-these RECS do not need.
+Only `look` finds new data. Between two calls of `look` the ends of the samples do not change. Any window of a file can
+be read at any time. For a pipe, `keep` gets the RECS that still need a snapshot, and drops the samples that these RECS
+do not need.
 
 If E1 is tracked, the navigation message gives the error of the samples' time tag. All times in this module are
 corrected for the error of the time tag.
@@ -96,7 +96,8 @@ class LiveRecording:
             self.track = tracking.track
         self._readers: dict[Band, SampleReader] = {}
         self._read: dict[Band, StreamState] = {}
-        self._clock_s: tuple[float, float] | None = None  # smallest and largest clock error of the latest observations
+        # time in s by which the clock error extends the window of a RECS at the start and at the end; None if unknown
+        self._clock_s: tuple[float, float] | None = None
         self._seen: tuple[int, ...] = ()
         self._told_held_up: set[Band] = set()
         self._kept_error_s: float | None = None  # first error of the time tag in s that tracking gave; None before

@@ -209,7 +209,7 @@ class _KeptEpochs:
         self._without_code_periods.extend(epochs)
 
     def add(self, epochs: Sequence[ObservationEpoch]) -> None:
-        """Keep epochs whose times are already resolved by each satellite's own message."""
+        """Keep epochs whose pseudoranges are no longer ambiguous, because a message has told the time."""
         self._placed.extend(epochs)
 
     def place(self, time_tag_error_s: float) -> None:

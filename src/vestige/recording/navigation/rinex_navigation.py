@@ -1,8 +1,8 @@
 """Read and write RINEX navigation files of versions 3 and 4 with Galileo broadcast ephemerides [RINEX].
 
 A record has eight lines. The first line has the satellite, the time of clock (toc) and the clock polynomial. The other
-lines have up to four numbers each. Records of other systems and of F/NAV are skipped, because the clock of F/NAV
-belongs to the pair (E1, E5a). In version 4 a line before each record names the kind of the record.
+lines have up to four numbers each. Records of other systems are skipped. Records of F/NAV are also skipped, because the
+clock of F/NAV belongs to the pair (E1, E5a). In version 4 a line before each record names the kind of the record.
 
 The files count Galileo weeks from the GPS epoch, so a week number is 1024 larger than in Galileo System Time. Near the
 end of a week some writers give the week of transmission in place of the week of toe (time of ephemeris). So the reader
@@ -220,7 +220,7 @@ def write_rinex_navigation(
     Parameters
     ----------
     path
-        The file.
+        The file to write.
     ephemerides
         Ephemerides to write, at least one.
     ionosphere

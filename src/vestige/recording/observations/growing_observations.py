@@ -39,7 +39,7 @@ class GrowingObservations:
 
     @property
     def begun(self) -> bool:
-        """Whether the first line was read."""
+        """Whether the file exists and has a complete first line."""
         return self.path.exists() and GrowingLines(self.path).take() is not None
 
     def missing(self) -> InputFileError:

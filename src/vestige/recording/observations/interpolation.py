@@ -9,8 +9,8 @@ values are:
 * Phase φ is the cubic through φ_a and φ_b with the slopes -f_a and -f_b (Hermite). The phase is exact for constant
   acceleration and constant jerk. Without a phase, or across a cycle slip, φ is the integral of the Doppler, which is
   exact for constant acceleration, and no phase is returned.
-* Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)). P is the weighted mean of the two pseudoranges after
-  each pseudorange was moved along the phase to the time t.
+* Pseudorange P = (1 - u)(P_a + λ(φ - φ_a)) + u(P_b + λ(φ - φ_b)). λ is the wavelength of E1. P is the weighted
+  mean of the two pseudoranges after each pseudorange was moved along the phase to the time t.
 
 Missing values are computed first. A missing Doppler comes from the slope of the phases at neighbouring epochs: the
 slope of a parabola through three phases, or of a line through two phases. A missing Doppler rate comes from the
@@ -36,7 +36,8 @@ from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
 WAVELENGTH_M = SPEED_OF_LIGHT_MPS / E1_CARRIER_HZ
-# largest distance in s of an epoch that is used without interpolation; the range error is below 0.01 mm
+# largest time in s from the requested time to an epoch that is used without interpolation; the range error is below
+# 0.01 mm
 SAME_TIME_S = 1e-8
 SLIP_CYCLES, SLIP_HZ = 1.0, 5.0  # allowed difference of phase and integrated Doppler: a constant, plus a rate times T
 # largest difference of code and carrier in m, half an E1 chip: more than noise and multipath, less than a step of the

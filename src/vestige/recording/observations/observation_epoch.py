@@ -29,7 +29,7 @@ LIMITS = {
 class EpochParser(Protocol):
     """Parser that takes the lines of an observation file one by one, and gives each epoch when the epoch is complete.
 
-    After an error the parser leaves out the wrong line, and can continue with the next line.
+    After an error the parser leaves out the wrong line or the epoch of the line, and can continue.
     """
 
     @property

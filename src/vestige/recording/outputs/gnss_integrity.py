@@ -1,7 +1,7 @@
 """Write the receiver's integrity as the MAVLink message GNSS_INTEGRITY, for autopilots and ground stations.
 
 Message 441 of the dialect `development` has fields for authentication, spoofing, jamming and RAIM. `gnss_integrity`
-fills these fields from a verdict. pymavlink encodes the message.
+fills these fields from the states of the satellites, the checks and the position. pymavlink encodes the message.
 """
 
 from __future__ import annotations

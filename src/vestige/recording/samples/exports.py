@@ -6,12 +6,12 @@
 | PocketSDR | rescaled samples, I and −Q, a tag file for each band, options of the loops; command lines in README.txt |
 | GalileoSASlib | unchanged int16 samples, named by their start time, and a table of keys; see `saslib_export` |
 
-The options in the files avoid several faults of gnss-sdr and PocketSDR. gnss-sdr acquires E6 only by E6-B, and tracks
-E6-B while E6-C is encrypted. Without `bit_transition_flag` the Doppler on E6 is mostly wrong by 500 Hz, because E6-B
-may change its sign every millisecond. With a Doppler step of 125 Hz, the Doppler on E1 is wrong by 125 Hz. PocketSDR
-accepts no sample beyond ±7 and conjugates its input. The default phase loop of PocketSDR has a bandwidth of 5 Hz. A
-loop with a bandwidth of 5 Hz loses a satellite whose range oscillates with 5 m/s², as in `scenarios/quick.toml`. A loop
-with a bandwidth of 10 Hz keeps lock.
+The options in the files avoid several faults of gnss-sdr and PocketSDR. gnss-sdr acquires E6 only by E6-B. gnss-sdr
+must also track E6-B, because E6-C is encrypted. Without `bit_transition_flag` the Doppler on E6 is mostly wrong by 500
+Hz, because E6-B may change its sign every millisecond. With a Doppler step of 125 Hz, the Doppler on E1 is wrong by 125
+Hz. PocketSDR accepts no sample beyond ±7 and conjugates its input. The default phase loop of PocketSDR has a bandwidth
+of 5 Hz. A loop with a bandwidth of 5 Hz loses a satellite whose range oscillates with 5 m/s², as in
+`scenarios/quick.toml`. A loop with a bandwidth of 10 Hz keeps lock.
 """
 
 from __future__ import annotations

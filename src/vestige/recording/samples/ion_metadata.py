@@ -241,7 +241,7 @@ def _band_file(
     inverted = document.text(band_element, "inverted", "false").lower() in ("true", "1")
     translated_hz = document.hertz(band_element, "translatedfreq", 0.0)
     # In an inverted spectrum the radio frequency falls as the frequency of the samples rises. Real samples also contain
-    # the upright spectrum.
+    # the spectrum that is not inverted.
     turned = inverted and form.is_complex
     center_hz = document.hertz(band_element, "centerfreq") + (translated_hz if turned else -translated_hz)
     band = band_of(center_hz, rate_hz)

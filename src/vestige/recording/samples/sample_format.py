@@ -1,14 +1,15 @@
 """Define the sample formats that vestige reads and writes, and convert stored samples to complex64 and back.
 
-The reader is exact: an integer becomes the float32 of the same value, without scaling. 32-bit integers and 64-bit
-floats are not supported, because float32 cannot represent them exactly.
+The reader converts integers to float32 exactly and without scaling. Unsigned integers are offset binary, so half of
+their range is subtracted. 32-bit integers and 64-bit floats are not supported, because float32 cannot represent such
+numbers exactly.
 
 A file or pipe may contain samples of several channels in turn, for example from a recorder with two front ends. A frame
 is one sample of each channel.
 
 Real (IF-sampled) samples become complex with zero imaginary part. A front end that reverses the spectrum (high-side
 mixing) delivers the conjugate of the signal, and the reader conjugates the samples again. Real samples are not
-conjugated, because their spectrum also contains the upright signal at the negative frequencies.
+conjugated, because their spectrum also contains the signal without reversal at the negative frequencies.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class SampleFormat:
 
     component: SampleType  # number type of a real sample, or of each half of a complex sample
     layout: Layout  # `real`, or complex with the in-phase component first (`iq`) or second (`qi`)
-    big_endian: bool = False  # byte order of components of more than one byte
+    big_endian: bool = False  # whether components of several bytes begin with the most significant byte
     channels: int = 1  # number of channels in a frame, which has one sample of each channel
     channel: int = 0  # number of this channel in a frame, from 0
 
@@ -129,14 +130,14 @@ def encode(
     """Return the components to store for samples: `round(scale · sample)`, clipped to the range of the format.
 
     Values are rounded to the nearest integer, and halves to the nearest even integer. float32 values are not rounded.
-    With `scale` 1 the bits of float32 values do not change.
+    With `scale` 1 and without `inverted`, the bits of float32 values do not change.
 
-    Raises `ValueError` if a sample is not finite, or complex samples are given to a real format.
+    Raises `ValueError` if a sample is not finite, or if complex samples are given to a real format.
 
     Parameters
     ----------
     scale
-        Stored value of 1.0, the same for real and imaginary part.
+        Number that is stored for a real or imaginary part of 1.0.
     inverted
         Whether to store the conjugate, like a front end with an inverted spectrum.
     """

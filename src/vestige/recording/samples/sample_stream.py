@@ -5,8 +5,8 @@ blocks until `keep` names the samples that are still needed. When `capacity_byte
 reading, so that a program that plays a file waits. For a receiver that cannot wait, the thread continues and drops
 samples. Dropped samples are counted, so later samples keep their number and time.
 
-The thread continues to read while samples are processed. Only `look` gives a consistent state. So decisions about
-complete samples and about samples to drop must use the result of the same call of `look`.
+The thread continues to read while samples are processed. So decisions about complete samples and about samples to drop
+must use the result of the same call of `look`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BLOCK_BYTES = 1 << 16  # largest size of a block, the capacity of a pipe; blocks
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamState:
-    """State of a stream at one moment: the samples that were read, and whether the stream has ended."""
+    """End of the samples that were read from a stream so far, and whether the stream has ended."""
 
     end_sample: int  # number of the last whole sample plus 1, on the counter that the bands share
     ended: bool  # whether no more samples can come
@@ -50,8 +50,8 @@ class SampleStream:
     A thread starts to read at once. The thread opens a named pipe, because opening waits for the writing program. A
     function gets the largest number of bytes to return, returns no bytes at the end, and may raise `OSError`. At most
     `capacity_bytes` are buffered. If the writer cannot wait (`can_wait` is False), samples are dropped when the buffer
-    is full. A stream has the samples of a single channel. `recording.live.frame_splitter` makes such streams from a
-    pipe of several channels.
+    is full. A stream has the samples of a single channel. `recording.live.frame_splitter` makes a stream for each
+    channel of a pipe with several channels.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class SampleStream:
         threading.Thread(target=self._fill, name="samples", daemon=True).start()
 
     def look(self) -> StreamState:
-        """Return the present state of the stream.
+        """Return the end of the samples that were read so far, and whether the stream has ended.
 
         Raises `InputFileError` if reading failed.
         """
@@ -103,7 +103,10 @@ class SampleStream:
         return self._reader(low, held) if len(held) == high - low else None
 
     def next_after(self, first: int) -> int:
-        """Return the number of the first sample after the next gap that ends after sample number `first`."""
+        """Return the number of the first sample after the next gap that ends after sample number `first`.
+
+        If no gap ends after `first`, return the number after the last sample that was read.
+        """
         size = self.file.form.sample_bytes
         with self._changed:
             ends = [high for _, high in self._gaps() if high > self._byte(first)]
@@ -122,7 +125,8 @@ class SampleStream:
         Returns
         -------
         bool
-            Whether the buffer has room for more samples. A full buffer gets room only if there are fewer windows.
+            Whether the buffer has room for more samples. A full buffer gets room only if later calls keep fewer
+            samples.
         """
         needed = sorted((max(self._byte(first), self.file.header_bytes), self._byte(end)) for first, end in windows)
         rest = self._byte(since)
@@ -141,7 +145,7 @@ class SampleStream:
             return not self._crowded
 
     def wait(self, timeout_s: float) -> None:
-        """Wait at most `timeout_s`, or until the stream ends or a buffer that had room becomes full."""
+        """Wait until the stream ends or a buffer that had room becomes full, but at most `timeout_s`."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended or (self._full and not self._crowded), timeout_s)
 

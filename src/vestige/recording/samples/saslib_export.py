@@ -1,9 +1,9 @@
 """Write keys and samples of a recording for GalileoSASlib [SASLIB], which reads the start time in the file name.
 
-GalileoSASlib needs int16 I,Q and a file name with the UTC of the first sample, `YYYYMMDD_HHMMSSZ`. The keys are a table
-with two columns. `epoch` is the start of the key's subframe in seconds since the start of Galileo System Time (week ·
-604800 + TOW). `osnma_key` is the key in hexadecimal. GalileoSASlib reads RECS and group delays directly from the
-assistance folder.
+GalileoSASlib needs int16 I/Q samples and a file name with the UTC of the first sample, `YYYYMMDD_HHMMSSZ`. The keys are
+a table with two columns. `epoch` is the start of the key's subframe in seconds since the start of Galileo System Time
+(week · 604800 + TOW). `osnma_key` is the key in hexadecimal. GalileoSASlib reads RECS and group delays directly from
+the assistance folder.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ def export_saslib(recording: Recording, folder: Path, svids: Iterable[int]) -> t
     folder
         Folder inside the folder of the recording.
     svids
-        The satellites in the recording.
+        SVIDs of the satellites in the recording.
 
     Raises
     ------
     UnsupportedError
-        If the samples are not int16 I,Q, upright and without header.
+        If the samples are not int16 I/Q, if their spectrum is reversed, or if a file has a header.
     OSError
         If a file cannot be written.
     """
@@ -86,7 +86,7 @@ def check_saslib_form(form: SampleFormat) -> None:
 
 
 def _samples(reader: SampleReader, folder: Path) -> Path:
-    """Link the sample file of a band under a name with the start time of the samples, and return this path."""
+    """Link the sample file of a band under a name with the start time of the samples; return the path of the link."""
     file = reader.file
     check_saslib_form(file.form)
     if file.spectral_inversion or file.header_bytes:

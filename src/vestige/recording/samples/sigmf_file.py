@@ -1,9 +1,9 @@
 """Read SigMF recordings: a metadata file for each band, a collection, or a folder of metadata files.
 
 The `core` fields are read according to the specification, and the `sigmf` library's schema checks these fields.
-Frequencies refer to the stored samples. In a real IF recording, `core:frequency` is the frequency of the local
-oscillator. `core:global_index` of the first capture is the number of the file's first sample on the counter that the
-bands share.
+`core:frequency` is the frequency that lies at 0 Hz in the stored samples. In a real IF recording, `core:frequency` is
+the frequency of the local oscillator. `core:global_index` of the first capture is the number of the file's first sample
+on the counter that the bands share.
 
 vestige adds its own namespace (name `vestige` in `core:extensions`, version 1.0.0):
 
@@ -20,7 +20,7 @@ capture `vestige:start_gst`            string `WEEK:SECOND`, any number of digit
 
 The time tags of two bands must agree with the counter. Many recorders write `core:datetime` only to the millisecond. So
 a time tag from `core:datetime` alone may be wrong by a millisecond if both files state a `core:global_index`. Without
-`core:global_index` the time tags must be equal, because nothing else relates the bands in time.
+`core:global_index` the time tags must agree within 2 µs, because nothing else relates the bands in time.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _MAX_BYTES = 1 << 26  # largest number of bytes of metadata; thousands of annota
 
 EXACT_AGREEMENT_S = 1e-9
 DATETIME_AGREEMENT_S = 1e-3
-DATETIME_RESOLUTION_S = 2e-6  # resolution of core:datetime in most recordings
+DATETIME_RESOLUTION_S = 2e-6  # largest difference in s that the rounding of core:datetime to 1 µs can cause
 
 
 class _Extension(BaseModel):
@@ -88,11 +88,11 @@ class _Stream:
 def read_sigmf(metas: Sequence[Path], *, described_in: Path) -> RecordingDescription:
     """Return the recording that SigMF metadata files describe together, with at most one file for each band.
 
-    A file whose spectrum contains neither carrier is left out, with a note. `described_in` names the recording: the
-    metadata file itself, a collection or a folder.
+    A file whose spectrum contains neither the E1 nor the E6 carrier is left out, with a note. `described_in` names the
+    recording: the metadata file itself, a collection or a folder.
 
     Raises `InputFileError` if a file is not SigMF metadata, lacks a required field, or contradicts itself or the other
-    band. Raises `UnsupportedError` if the file is valid SigMF that vestige does not read.
+    band. Raises `UnsupportedError` if a file is valid SigMF that vestige does not read.
     """
     streams: dict[Band, _Stream] = {}
     notes = []
@@ -153,7 +153,7 @@ def _json(path: Path) -> Any:
 
 @cache
 def _specification() -> Any:
-    """Return the validator of the specification's schema, which is made only once.
+    """Return the validator of the specification's schema, which the first call makes.
 
     `sigmf.validate` checks the schema itself at every call, which takes longer than the check of the metadata.
     `sigmf.validate` also warns of undeclared namespaces, which vestige permits.
@@ -179,7 +179,7 @@ def _metadata(path: Path) -> dict[str, Any]:
 
 
 def _stream(path: Path) -> _Stream | None:
-    """Return the recording that a metadata file describes, or None if the spectrum contains neither carrier."""
+    """Return the recording that a metadata file describes, or None if neither carrier is in the spectrum."""
     metadata = _metadata(path)
     top: dict[str, Any] = metadata["global"]
     captures: list[dict[str, Any]] = metadata["captures"] or [{"core:sample_start": 0}]
@@ -275,7 +275,7 @@ def _data_file(path: Path, top: Mapping[str, Any]) -> Path:
 
 
 def _start(path: Path, capture: Mapping[str, Any]) -> tuple[GalileoTime | None, bool]:
-    """Return the time tag of a capture and whether it is exact."""
+    """Return the time tag of a capture, and whether the time tag comes from `vestige:start_gst`."""
     key, label = "vestige:start_gst", None
     exact, coarse = capture.get("vestige:start_gst"), capture.get("core:datetime")
     try:

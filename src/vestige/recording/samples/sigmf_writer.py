@@ -112,7 +112,7 @@ class SigmfWriter:
         if kind is None:
             self.close()
         else:
-            self._part.unlink(missing_ok=True)  # the file is removed first, because closing fails on a full disk
+            self._part.unlink(missing_ok=True)  # the file is removed first, because closing may fail on a full disk
             self._stream.close()
 
     def _go_on(self, first: SampleBatch, n_samples: int) -> None:
@@ -158,8 +158,8 @@ class SigmfWriter:
     def append(self, batch: SampleBatch) -> None:
         """Write the samples of the next batch.
 
-        Raises `ValueError` if band, rate or centre frequency of the batch differ from those of the first batch, or if
-        the batch does not begin at the sample after the previous batch.
+        Raises `ValueError` if band, rate or centre frequency of the batch differ from those of the first batch. Also
+        raises `ValueError` if the batch does not begin at the sample after the previous batch.
         """
         if self._first is None:
             self._first = batch

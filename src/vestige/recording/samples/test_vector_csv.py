@@ -21,7 +21,7 @@ from vestige.navigation.inav.words import time_in_word
 from vestige.time import GalileoTime
 
 HEADER = "SVID,NumNavBits,NavBitsHEX"
-_MAX_FILE_BYTES = 500_000_000  # largest file, a week of 27 satellites, because the whole file is read into memory
+_MAX_FILE_BYTES = 500_000_000  # largest file in bytes, a week of 27 satellites; the whole file is read into memory
 
 _UNPLACED = GalileoTime(0, 1)
 

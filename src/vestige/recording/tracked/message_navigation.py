@@ -100,7 +100,10 @@ def authenticated_orbits(
 
 
 def _drop_other_issues(words: dict[int, tuple[int, int]], recent: dict[int, int]) -> None:
-    """Drop the words of older issues if a new issue has begun, because parity words do not name their issue."""
+    """If a new issue has begun, drop the words of older issues and all parity words.
+
+    A parity word has only two bits of IODnav, so the issue of the parity word is uncertain.
+    """
     issues = {WORD_LAYOUTS[one].read(recent[one], "iod_nav") for one in EPHEMERIS_WORDS if one in recent}
     if len(issues) < 2:
         return

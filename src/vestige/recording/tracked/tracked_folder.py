@@ -30,7 +30,7 @@ from vestige.time import GalileoTime
 
 OBSERVATIONS_NAME, NAVIGATION_NAME = "observations.rnx", "navigation.rnx"
 PAGES_NAME, TAPS_NAME, POWER_NAME = "inav_pages.csv", "taps.csv", "power.csv"
-_CLOCK_IS_SET_S = 1.0  # largest clock error that stays in the files; a larger error is corrected by whole seconds
+_CLOCK_IS_SET_S = 1.0  # largest clock error in s that stays in the files; a larger error is corrected by whole seconds
 
 
 def write_tracked(folder: Path, tracked: TrackedRecording, sample_rate_hz: float) -> tuple[Path, ...]:

@@ -3,13 +3,13 @@
 Theory of operation
 -------------------
 If a recorder loses samples, every signal jumps to another code phase. `search_e1` adds up to 24 periods and finds two
-peaks, as under spoofing. But these peaks are never present at the same time. So for two peaks of a satellite the power
-of every single period is measured at both code phases. If the noise has variance 1 per dimension, the power is
-chi-squared with ν = 2 · components degrees of freedom. While the signal is present, the distribution has the
-non-centrality λ. Each peak may be present in all periods, only before some period k, or only from period k on. The mean
-power of the peak in the periods in which the peak is present gives λ. The most likely pattern is chosen. If one peak is
-present before k and the other peak from k on, the peaks belong to one signal. The stronger peak then represents this
-signal.
+peaks, as under spoofing. But the two peaks of a jump are never present at the same time. So for two peaks of a
+satellite the power of every single period is measured at both code phases. If the noise has variance 1 per dimension,
+the power is chi-squared with ν = 2 · components degrees of freedom. While the signal is present, the distribution has
+the non-centrality λ. Each peak may be present in all periods, only before some period k, or only from period k on. The
+mean power of the peak in the periods in which the peak is present gives λ. The most likely pattern is chosen. If one
+peak is present before k and the other peak from k on, the peaks belong to one signal. The stronger peak then represents
+this signal.
 
 If a second signal appears or ends while the first signal stays, there are two signals.
 """
@@ -52,7 +52,7 @@ class Jump:
 def find_jump(
     batch: SampleBatch, one: Acquisition, other: Acquisition, signals: tuple[SignalDefinition, ...], periods: int
 ) -> Jump | None:
-    """Return the jump between two peaks if the peaks belong to one signal; None if the peaks are two signals.
+    """Return the jump between two peaks of one signal; None for two signals, or with fewer than 3 periods.
 
     Parameters
     ----------

@@ -2,7 +2,8 @@
 
 `search_e1` finds signals on a grid of 125 Hz and a quarter of a chip. This module measures each signal in the samples
 of the search with `measure_e1`, and refers all signals to the first sample. If samples are missing, every signal jumps
-to another code phase. Then only the longest part without a jump is used, and all signals are measured in this part.
+to another code phase. After a jump was found, only the longest part without a jump is used, and all signals are
+measured in this part.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ signal jumps where samples are missing (`e1_jump`). If `MAX_SIGNALS` peaks were 
 jumps.
 
 The search cannot separate a second signal within 2 chips (586 m) in code phase modulo 4 ms. The bank of correlators and
-the range checks detect such a signal. The search also does not find a signal that is more than 16 dB weaker than the
-strongest signal.
+the range checks detect a signal within 2 chips. The search also does not find a signal that is more than 16 dB weaker
+than the strongest signal.
 """
 
 from __future__ import annotations

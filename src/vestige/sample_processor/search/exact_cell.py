@@ -19,7 +19,7 @@ from vestige.signals.definitions import CARRIER_HZ
 from vestige.time import GalileoTime
 
 _PIECE = 165  # number of chips in a piece; 1 ms has 5115 chips, which are 31 pieces
-_FINE_BINS = np.linspace(-1.0, 1.0, 33)  # Doppler offsets in units of 1/(2 T)
+_FINE_BINS = np.linspace(-1.0, 1.0, 33)  # Doppler offsets in units of 1/(2 T), where T is the duration of the code
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +44,7 @@ class Cell:
 def exact_peak(
     source: SampleSource, cell: Cell, bins_hz: Float64[np.ndarray, " bins"], threshold: float
 ) -> Peak | None:
-    """Return the peak at a cell, interpolated in Doppler and code phase; None if no bin is above the threshold.
+    """Return the peak at a cell, refined in Doppler and code phase; None if no bin is above the threshold.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def wiped_chips(source: SampleSource, cell: Cell) -> tuple[Complex128[np.ndarray
 def doppler_spectrum(
     wiped: Complex128[np.ndarray, " chips"], frequencies_hz: Float64[np.ndarray, " bins"]
 ) -> Complex128[np.ndarray, " bins"]:
-    """Return Σ_n wiped_n e^{−j2π f n / R_c} at the given frequencies f."""
+    """Return Σ_n wiped_n e^{−j2π f n / R_c} at the given frequencies f, where R_c is the chip rate."""
     pieces = wiped.reshape(-1, _PIECE)
     turn = -2j * np.pi / CHIP_RATE_HZ
     inner = pieces @ np.exp(turn * np.outer(np.arange(_PIECE), frequencies_hz))

@@ -2,23 +2,23 @@
 
 Theory of operation
 -------------------
-The samples are summed into chips on two grids half a chip apart (`half_chip_kernel`) and scaled to int8. An engine
-receives the chips in blocks of code offsets and returns the largest power over the Doppler bins for every offset. So a
-file is read piece by piece, and all codes use the same chips of a block. Blocks are searched in order of time.
-Therefore even an interrupted search finds the earliest signal first, which is the true signal under Assumption 2. An
-interrupted search can be continued.
+The samples are summed into chips on two grids half a chip apart (`half_chip_kernel`) and scaled to the range of int8.
+An engine receives the chips in blocks of code offsets and returns the largest power over the Doppler bins for every
+offset. So a file is read piece by piece, and all codes use the same chips of a block. Blocks are searched in order of
+time. Therefore even an interrupted search finds the earliest signal first, which is the true signal under Assumption 2.
+An interrupted search can be continued.
 
-**Code Doppler.** A replica without code Doppler slides by f_d/f_c · R_c · T chips, 0.32 chip at 5 kHz and 16 ms, and
-loses up to 0.72 dB. If the loss exceeds 0.3 dB, the Doppler span is cut into passes. Each pass removes the Doppler of
-its own middle from carrier *and* code. A span of ±5 kHz needs two passes for 8 ms and three passes for 16 ms. The
-remaining loss is at most 0.24 dB.
+**Code Doppler.** A replica without code Doppler slides by 0.32 chip at 5 kHz and 16 ms, and loses up to 0.72 dB. The
+slide is the Doppler over the carrier frequency, times the number of chips. If the loss exceeds 0.3 dB, the Doppler span
+is cut into passes. Each pass removes the Doppler of its own middle from carrier *and* code. A span of ±5 kHz needs two
+passes for 8 ms and three passes for 16 ms. The remaining loss is at most 0.24 dB.
 
 **Decision.** A cell is computed again if its power is above the threshold lowered by the engine's loss and by
 `SCREEN_MARGIN_DB`. The exact value is the largest magnitude over all Doppler bins, computed in complex128. This
 magnitude is divided by the standard deviation of the noise in the same samples (Σ|chip|², see
 `vestige.sample_processor.correlator`). Only the exact value is compared with the threshold. Then Doppler and code phase
-are interpolated. The margin is needed because noise differs between an engine's sum and the exact sum. The margin costs
-a few exact cells per hour.
+are refined. The margin is needed because noise differs between an engine's sum and the exact sum. The margin costs a
+few exact cells per hour.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class ExhaustiveSearch:
         *,
         after: SearchState | None = None,
     ) -> Iterator[SearchState]:
-        """Yield the state of the search after each block.
+        """Yield the progress of the search after each block.
 
         A caller that stops early has the signals that were found so far. After an interrupt from the keyboard, the
         method lets the workers end their blocks, yields once more, and raises the interrupt again.
@@ -155,8 +155,8 @@ class ExhaustiveSearch:
         threshold
             Threshold on the magnitude, in standard deviations of the noise per dimension.
         after
-            State from which an interrupted search continues. Samples and arguments, except for `workers`, must be equal
-            to the samples and arguments of the interrupted search.
+            Progress from which an interrupted search continues. Samples and arguments, except for `workers`, must be
+            equal to the samples and arguments of the interrupted search.
 
         Raises
         ------
@@ -216,7 +216,7 @@ class ExhaustiveSearch:
 def _next(
     state: SearchState, block: _Block, found: list[Peak], magnitude: float, done: Float64[np.ndarray, " blocks"]
 ) -> SearchState:
-    """Return the state after one more block; `done` is the number of hypotheses tested after each block."""
+    """Return the progress after one more block; `done` is the number of hypotheses tested after each block."""
     return SearchState(
         done=float(done[state.blocks]),
         total=state.total,

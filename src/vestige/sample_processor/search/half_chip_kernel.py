@@ -1,9 +1,9 @@
 """Sum samples into half chips, the first step of the hand-over search and of the exhaustive search in E6.
 
-A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t². The carrier is removed from the
-sample, and the sample is added to half chip ⌊2u⌋. The correlator at a delay of any multiple of half a chip is then a
-signed sum of the half chips. The signed sum equals the sum over samples, because `vestige.sample_processor.correlator`
-finds the same chip for every sample.
+A sample taken t after the start of the code lies at code phase u(t) = R t + ½ Ṙ t². R is the received chip rate, and Ṙ
+is the change of this rate. The carrier is removed from the sample, and the sample is added to half chip ⌊2u⌋. The
+correlator at a delay of any multiple of half a chip is then a signed sum of the half chips. The signed sum equals the
+sum over samples, because `vestige.sample_processor.correlator` finds the same chip for every sample.
 
 Phases of code and carrier are computed in float64 for each block of 1024 samples. Inside a block the code phase is an
 integer with 40 fraction bits, and the carrier is a table.
@@ -103,7 +103,7 @@ def half_chip_sums(x, t0, dt, code_rate, code_rate_rate, if_hz, doppler_rate, fi
 
 @njit(cache=True, nogil=True, fastmath=True)
 def chip_sums(halves, even, odd):
-    """Fill `even` with h_2j + h_2j+1, `odd` with h_2j+1 + h_2j+2 (chips half a chip later), and return Σ even².
+    """Fill `even` with h_2j + h_2j+1 and `odd` with h_2j+1 + h_2j+2, where h is `halves`, and return Σ even².
 
     Parameters
     ----------

@@ -8,8 +8,9 @@ after a known moment, where
 
     u(τ) = R_c (1 + f_d/f_c) τ + ½ R_c (ḟ_d/f_c) τ²        u(τ_m) = m · period · R_c
 
-The grid spacing is thus the *received* period. At a Doppler of 1 kHz, a grid with the nominal period of 4 ms would be
-wrong by 120 chips after 30 s.
+m is a whole number, R_c the chip rate, and f_c the carrier frequency of E6. f_d and ḟ_d are Doppler and Doppler rate.
+The possible arrivals are thus one *received* period apart. At a Doppler of 1 kHz, arrivals at steps of the nominal
+period of 4 ms would be wrong by 120 chips after 30 s.
 
 The carrier is removed from the samples. The samples are then summed into chips along u (`half_chip_kernel`), on two
 grids half a chip apart. A row has 4 ms of chips. A RECS of 16 ms has four rows, and hypothesis m + 1 shares three rows

@@ -1,4 +1,4 @@
-"""Interpolate the position of a signal that a search in E6 found."""
+"""Refine the position of a signal that a search in E6 found, with taps 0.05 chip apart."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Peak:
     doppler_hz
         Carrier Doppler on E6 at `start_time`, in Hz.
     magnitude
-        Magnitude at the interpolated position, in standard deviations of the noise per dimension.
+        Magnitude at the refined position, in standard deviations of the noise per dimension.
     threshold
         Detection threshold in the unit of the magnitude; the tested grid cell exceeded this threshold.
     cn0_dbhz

@@ -18,7 +18,7 @@ from vestige.sample_processor.search.half_chip_kernel import chip_sums, half_chi
 
 OFFSETS_AT_ONCE = 4  # number of offsets in a loop; real and imaginary parts are eight independent sums
 _BLOCK = 1000  # number of chips in a block
-_INVERSION_STEPS = 4  # number of steps of the inversion of u(t); each step gives five more decimals
+_INVERSION_STEPS = 4  # number of steps of the iteration in `time_of`; each step gives five more decimals
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
@@ -63,7 +63,7 @@ def _add_block(re, im, code, first, offsets, out_re, out_im):
 
 @njit(cache=True, nogil=True)
 def time_of(chips, code_rate, code_rate_rate):
-    """Return the time t at which u(t) = R t + ½ Ṙ t² equals `chips`."""
+    """Return the time t at which R t + ½ Ṙ t² equals `chips`, for the code rate R and its rate of change Ṙ."""
     t = chips / code_rate
     for _ in range(_INVERSION_STEPS):
         t = (chips - 0.5 * code_rate_rate * t**2) / code_rate

@@ -56,7 +56,7 @@ def correlator_lags(settings: TrackingSettings, sample_rate_hz: float) -> list[i
     Raises
     ------
     VestigeError
-        If the rate is so low that the correlator one sample from the prompt lies outside the main peak.
+        If the rate is so low that the early and the late correlator lie outside the main peak.
 
     Examples
     --------
@@ -78,7 +78,8 @@ def correlator_lags(settings: TrackingSettings, sample_rate_hz: float) -> list[i
 def code_discriminator_scale(settings: TrackingSettings, sample_rate_hz: float, bandwidth_hz: float) -> float:
     """Return the factor that turns the code discriminator over A² into the code error in chips, for small errors.
 
-    A is the amplitude of the prompt. The discriminator is |L|² − |E|² or Re((L − E) P*), depending on the settings.
+    E, P and L are the early, prompt and late correlator, and A is the amplitude of P. The discriminator is |L|² − |E|²
+    or Re((L − E) P*), depending on the settings.
 
     Parameters
     ----------
@@ -194,7 +195,7 @@ class Channel:
         return constants
 
     def _start(self, found: E1Snapshot, batch: SampleBatch) -> np.ndarray:
-        """Return the state at the first code period that begins in the batch."""
+        """Return the `CHANNEL_STATE` at the first code period that begins in the batch."""
         constants = self._constants[0]
         rate = E1C.chip_rate_hz * (1 + found.doppler_hz / E1_CARRIER_HZ) / batch.sample_rate_hz
         elapsed = (found.time - batch.start) * batch.sample_rate_hz

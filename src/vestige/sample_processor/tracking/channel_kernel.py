@@ -10,18 +10,18 @@ from the early (E), prompt (P) and late (L) correlator:
     carrier phase     Im P / (2π A)                  of the pilot, which has no data; at most a quarter of a cycle;
                       or arg(P) / (2π), or arctan(Im P / Re P) / (2π)
     carrier frequency arg(P_k P*_{k−1}) / (2π T)     while the carrier is pulled in
-    code phase        (|L|² − |E|²) / (4 A² R(d) R'(d))   [BETZ09]; A is the smoothed amplitude of P;
-                      or Re((L − E) P*) / (2 A² R(0) R'(d))
+    code phase        (|E|² − |L|²) / (4 A² R(d) R'(d))   [BETZ09]; A is the smoothed amplitude of P;
+                      or Re((E − L) P*) / (2 A² R(0) R'(d))
 
-Here R is the correlation of the received pulse with the replica, and d is half the distance from early to late.
-`loop_gains` gives the gains. The carrier loop aids the code loop with the frequency in its integrator, not with its
-momentary rate.
+Here T is the integration time, and d is half the distance from early to late. R is the correlation of the received
+pulse with the replica, with R(0) = 1, and R' is the slope of R. `loop_gains` gives the gains. The carrier loop aids the
+code loop with the frequency in its integrator, not with its momentary rate.
 
 Every 100 ms, a period of the secondary code, the 25 prompts give the C/N0 and the phase lock. The phase lock (I² −
-Q²)/(I² + Q²) of the sum of these prompts estimates cos 2φ [VAN-DIERENDONCK96]. C/N0 is S/(2 V T). S is the square of
-the mean in-phase part minus the noise in this square, and V is the variance of the in-phase part. S and V are smoothed
-over 1 s.
-The quadrature part is not used, because it contains the loop's own phase noise, which would reduce the C/N0 by 0.3 dB.
+Q²)/(I² + Q²) of the sum of these prompts estimates cos 2φ for the phase error φ [VAN-DIERENDONCK96]. C/N0 is S/(2 V)
+divided by the code period of 4 ms. S is the square of the mean in-phase part minus the noise in this square, and V is
+the variance of the in-phase part. S and V are smoothed over 1 s. The quadrature part is not used, because it contains
+the loop's own phase noise, which would reduce the C/N0 by 0.3 dB.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -51,7 +51,7 @@ _TURNED = 0.3  # share of the amplitude; if the in-phase part is smaller, the ca
 _IN_PHASE_SHARE = 0.2  # share of a new prompt in the smoothed in-phase part, for a time constant of 20 ms
 _LOCK_SHARE = 0.3  # share of a new value in the smoothed phase lock, for a time constant of 0.3 s
 
-# fields of the state that a channel keeps from one code period to the next code period
+# fields of the values that a channel keeps from one code period to the next code period
 CHANNEL_STATE = np.dtype(
     [
         ("first_sample", "i8"),  # first sample of the present code period
@@ -99,7 +99,7 @@ CONSTANTS = np.dtype(
         ("pll", "f8", (3,)),
         ("dll", "f8", (3,)),
         ("fll", "f8"),
-        ("code_scale", "f8"),  # 1 / (4 R R') in chips; for the dot product 1 / (2 R(0) R')
+        ("code_scale", "f8"),  # −1/(4 R(d) R'(d)) in chips; for the dot product −1/(2 R(0) R'(d))
         ("phase_kind", "i8"),  # index in `PLL_DISCRIMINATORS`
         ("code_kind", "i8"),  # index in `DLL_DISCRIMINATORS`
         ("early", "i8"),  # index of the early correlator in the bank
@@ -158,7 +158,7 @@ def track_channels(
     starts, slots
         Vectors from `bank_vectors` for the lags of each channel.
     constants, states
-        `CONSTANTS`[channel] and `CHANNEL_STATE`[channel]; the states are updated.
+        `CONSTANTS`[channel], and `CHANNEL_STATE`[channel], which is updated.
     pilots, totals
         complex128[channel, k], updated: the banks of the unfinished code periods, which still contain the secondary
         chip, and the banks of the unfinished integrations.

@@ -1,4 +1,4 @@
-"""Compute the observables of a channel at any moment: time of transmission, carrier phase, Doppler and C/N0."""
+"""Compute the observables of a channel at given moments: time of transmission, carrier phase, Doppler and C/N0."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ class ChannelTrack:
         return np.sum(self._banks[max(end - PERIODS_PER_SECONDARY, 0) : max(end, 0)], axis=0)
 
     def _cycles(self, samples: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the carrier phase at the given samples in cycles, minus the phase of the nominal frequency."""
+        """Return the carrier phase at the given samples in cycles, minus the phase of a carrier without Doppler."""
         past = self._past
         row: Int64[np.ndarray, " n"] = np.maximum(np.searchsorted(past["first_sample"], samples, side="right") - 1, 0)
         turned = past["carrier_cycles"][row] + (samples - past["first_sample"][row]) * past["carrier_step"][row]

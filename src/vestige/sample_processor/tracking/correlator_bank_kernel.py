@@ -2,14 +2,14 @@
 
 Theory of operation
 -------------------
-**Running sums.** A replica is constant from one edge of the code to the next edge. The replica BOC(1,1) has an edge
-every half chip, so a segment contains about six samples at 12.5 MHz. A correlator needs only the sum of the samples of
-each segment, which is the difference of two running sums. The running sums are computed once for all satellites. The
-work for a satellite grows with the number of edges, and not with the sampling rate.
+**Running sums.** A replica is constant in each segment, which extends from one edge of the code to the next edge. The
+replica BOC(1,1) has an edge every half chip, so a segment contains about six samples at 12.5 MHz. A correlator needs
+only the sum of the samples of each segment, which is the difference of two running sums. The running sums are computed
+once for all satellites. The work for a satellite grows with the number of edges, and not with the sampling rate.
 
-**Correlators at whole samples.** An early or late correlator has the same replica, moved by some samples. So the
-segments of this replica begin and end some samples earlier or later in the same running sums. A vector reads the sums
-of two correlators at once.
+**Correlators at whole samples.** The replica of an early or late correlator is the replica of the prompt correlator,
+moved by some samples. So the segments of the moved replica begin and end some samples earlier or later in the same
+running sums. A vector reads the sums of two correlators at once.
 
 **Carrier.** A segment has one carrier phase, the phase at its middle. With a residual frequency of 10 kHz the carrier
 turns by 0.005 cycles in half a chip. This rotation reduces the amplitude by (0.005 π)² / 6 = 4·10⁻⁵, which is 0.0004
@@ -64,10 +64,11 @@ def bank_replicas(
 
 
 def bank_vectors(lags: Int64[np.ndarray, " k"]) -> tuple[Int64[np.ndarray, " n"], Int64[np.ndarray, " k"]]:
-    """Return the first sample of each vector of `bank_sums`, and the position of each lag in the sums of `bank_sums`.
+    """Return the first lag of each vector of `bank_sums`, and the position of each lag in the sums of `bank_sums`.
 
-    A vector contains two samples, and consecutive correlators share a vector. Each call of `bank_sums` processes
-    `VECTORS` vectors. In the first call, the vector `DATA_VECTOR` contains the lag 0.
+    A vector contains the sums of two consecutive lags. If all lags are consecutive, two correlators share a vector;
+    otherwise each correlator has its own vector. Each call of `bank_sums` processes `VECTORS` vectors. In the first
+    call, the vector `DATA_VECTOR` contains the lag 0.
     """
     dense = bool(np.all(np.diff(lags) == 1))
     wanted = sorted({int(lag) // 2 * 2 if dense else int(lag) for lag in lags} | {0}, key=abs)
@@ -99,7 +100,7 @@ def piece_length(step, lags):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _carrier(cycles_per_place, carrier):
-    """Fill the cosine and the sine of a phase that begins at 0 and grows by `cycles_per_place`.
+    """Fill the cosine and the sine of a phase that begins at 0 and grows by `cycles_per_place` from element to element.
 
     Each pass of the loop doubles the filled length.
     """
@@ -179,7 +180,7 @@ def add_to_bank(work, begin, count, replicas, phase, step, cycles, cycles_per_sa
     lags
         int64[k], the delay of the replica of each correlator in samples, in ascending order.
     starts, slots
-        Vectors from `bank_vectors` for the lags.
+        Results of `bank_vectors` for the lags.
     bank
         complex128[k], to which the sums over the samples are added.
     """
@@ -234,14 +235,14 @@ def _sum_at(sums, slot):
 
 @njit(cache=True, nogil=True)
 def _lag_turn(cycles_per_sample, lag):
-    """Return the rotation of the carrier over a lag, by which the samples of a correlator are later."""
+    """Return the factor that removes the carrier phase of a lag; the samples of a correlator are later by the lag."""
     angle = -2 * np.pi * cycles_per_sample * lag
     return complex(np.cos(angle), np.sin(angle))
 
 
 @njit(cache=True, nogil=True)
 def _segment(running, edge, next_edge, zero, count, lag):
-    """Return the sum of the samples from one edge to the next, moved by a lag, that are among `count` samples."""
+    """Return the sum of the samples between two edges, which are moved by a lag and limited to the `count` samples."""
     a = 2 * min(max(edge + lag, zero), zero + count)
     b = 2 * min(max(next_edge + lag, zero), zero + count)
     return complex(running[b] - running[a], running[b + 1] - running[a + 1])

@@ -15,8 +15,8 @@ from numba.extending import intrinsic
 
 from vestige.vector_code import Lanes, splat
 
-VECTORS = 3  # number of vectors of the pilot; each vector contains two consecutive samples
-DATA_VECTOR = 1  # index of the vector whose first sample gives the correlator of the data signal
+VECTORS = 3  # number of vectors of the pilot in a call; each vector contains two consecutive lags
+DATA_VECTOR = 1  # index of the vector whose first lag gives the correlator of the data signal
 SUMS = 4 * 2 * (VECTORS + 1)  # count of the numbers that `bank_sums` stores
 _INDEX = ir.IntType(64)
 _VECTOR = ir.VectorType(ir.FloatType(), 4)
@@ -25,14 +25,15 @@ _FLAGS = ("contract",)  # LLVM may fuse a product and a sum into a single instru
 
 @intrinsic
 def bank_sums(typing_context, running, edges, replicas, replica_at, carrier, first, end, starts, starts_at, out):
-    """Store the sums over the segments j = first … end − 1 of the pilot's and the data signal's replica.
+    """Store the correlations with the replicas of pilot and data signal over the segments j = first … end − 1.
 
     The samples of segment j, moved by l samples, have the sum D(l) = running[edges[j + 1] + l] − running[edges[j] + l].
     `running` contains the running sums as pairs of a real and an imaginary part. Vector v contains D at l =
     starts[starts_at + v] and at l + 1. In segment j, the replicas have the values replicas[0, replica_at + j] (pilot)
     and replicas[1, replica_at + j] (data signal). The carrier has the cosine carrier[0, j] and the sine carrier[1, j].
-    `out` gets four numbers for each vector of the pilot and for `DATA_VECTOR` of the data signal. All sums with the
-    cosine come first, then all sums with the sine.
+    `out` gets eight numbers for each vector of the pilot and for `DATA_VECTOR` of the data signal. Four numbers are
+    sums of D × replica × cosine, and four numbers are sums of D × replica × sine. All sums with the cosine come first,
+    then all sums with the sine.
     """
 
     def codegen(context, builder, signature, arguments):
@@ -76,7 +77,7 @@ def bank_sums(typing_context, running, edges, replicas, replica_at, carrier, fir
 
 
 def _rows(context, builder, array_type, array):
-    """Return the lanes of the two rows of an array."""
+    """Return a `Lanes` object for each of the two rows of an array."""
     length = builder.extract_value(context.make_array(array_type)(context, builder, array).shape, 1)
     rows = [Lanes(context, builder, array_type, array) for _ in range(2)]
     rows[1].data = builder.gep(rows[1].data, [length])

@@ -26,7 +26,8 @@ from vestige.navigation.position_fix import UNKNOWNS, position_fix, transmission
 from vestige.records.observation_epoch import ObservationEpoch
 from vestige.time import GalileoTime
 
-HORIZON_DEG = -1.0  # smallest elevation; satellites that are about to rise are also searched first
+# lowest elevation in degrees of a satellite that is searched first; a satellite at −1° may be about to rise
+HORIZON_DEG = -1.0
 _SET_S = 60  # time in s in which a satellite sends one set of words 7 to 10
 _LOOK_S = 60.0
 _OTHERS_EVERY = 4  # one in four searches is for a satellite that is not known to be above the horizon

@@ -3,8 +3,8 @@
 Each code period of E1-B carries one symbol, so the code loop also gives the clock of the symbols. Every Galileo second
 begins with a half-page and with a period of the secondary code of E1-C. So a page can begin at only 20 of 500
 positions. At each position, the sign of the symbols follows from the synchronisation pattern. The checksum tells
-whether the position is right [OS-ICD, 4.3.2]. After that, a page is read every 500 symbols, until `LOST_PAGES` pages in
-a row have a bad checksum.
+whether the position is right [OS-ICD, 4.3.2]. When the position is found, a page is read every 500 symbols, until
+`LOST_PAGES` pages in a row have a bad checksum.
 """
 
 from __future__ import annotations
@@ -42,8 +42,7 @@ class PageSync:
     svid
         SVID of the satellite.
     tried, good
-        Number of pages decoded since the position of the pages is known, and number of these pages with a good
-        checksum.
+        Number of pages decoded at a known position, and number of these pages with a good checksum.
     """
 
     svid: int

@@ -6,8 +6,8 @@ correlates the beginning and the rest of each symbol. The receiver removes the s
 the beginnings with one of two references.
 
 **The later parts of the same symbols** (`symbol_replay_test`). Let the signal have the amplitude 1 and C/N0 = c. The
-mean over a part of w seconds then has noise of variance 1/(2 c w) per dimension. For n unpredictable symbols b_k, with
-the carrier in phase, the test uses
+mean over a part of w seconds then has noise of variance 1/(2 c w) per dimension. Let first_k and later_k be the mean
+correlations over the two parts of the symbol b_k, with the carrier in phase. For n unpredictable symbols the test uses
 
     d_k = b_k Re(later_k − first_k)        T = √n mean(d) / std(d)
 

@@ -45,12 +45,13 @@ class TrackingSettings:
         Number of correlators in the bank, 5 to 11 and odd. The correlators are spaced around the prompt by half of the
         early-late distance.
     replica
-        Replica of the correlators: `BOC(1,1)` for narrow front ends, or `CBOC` (with BOC(6,1)) for more than 14 MHz.
+        Replica of the correlators: `BOC(1,1)` for narrow front ends, or `CBOC` (with BOC(6,1)) for front ends wider
+        than 14 MHz.
     pull_in_s
         Time in s for which the frequency-locked loop runs before the phase-locked loop starts.
     min_cn0_dbhz, min_phase_lock
-        Lower limits of C/N0 and phase lock (mean of cos 2φ, over about 0.3 s). A channel that stays below one of the
-        two limits for `patience_s` is lost.
+        Lower limits of C/N0 in dBHz and of the phase lock. The phase lock is the mean of cos 2φ over about 0.3 s, with
+        the phase error φ. A channel that stays below one of the two limits for `patience_s` is lost.
     slip_phase_lock
         Lower limit of the phase lock, averaged over 100 ms, for observations. The first carrier phase after a lower
         value is flagged as slipped.

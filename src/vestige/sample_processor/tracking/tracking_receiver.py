@@ -1,16 +1,16 @@
 """Acquire satellites in a stream of E1 samples, track the satellites, and read their messages.
 
-Samples are given in consecutive stretches. The result does not depend on the lengths of the stretches. The receiver
-looks for all satellites at the beginning. After that, the receiver looks for an untracked satellite every 5 s.
-Satellites above the horizon by the almanac of the message come first (`outlook.py`). Lost satellites are searched every
-second for two minutes, around their last Doppler. Observables are computed `epochs_per_s` times a second at whole
-fractions of a second of the receiver's clock.
+`TrackingReceiver.run` takes the samples in consecutive pieces. The result does not depend on the lengths of the pieces.
+The receiver looks for all satellites at the beginning. Later, the receiver looks for an untracked satellite every 5 s.
+Satellites that are above the horizon according to the almanac of the message come first (`outlook.py`). Lost satellites
+are searched every second for two minutes, around their last Doppler. Observables are computed at the multiples of
+1/`epochs_per_s` s on the receiver's clock.
 
 The time of transmission becomes known in steps. The secondary code gives the time of transmission modulo 100 ms. The
 message gives the complete time after up to 30 s. Until a message of some satellite has given the time, the receiver's
-clock resolves the ambiguity of 100 ms (`time_tag_error_s`). After that, the median of the satellites with a known time
-resolves the ambiguity of all other satellites. The median is close enough, because the travel times differ by less than
-25 ms.
+clock resolves the ambiguity of 100 ms (`time_tag_error_s`). Later, the median clock error of the satellites with a
+known time resolves the ambiguity of all other satellites. The median is close enough, because the travel times differ
+by less than 25 ms.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _LOST_EVERY = 5  # number of stretches from a search for lost satellites to the 
 _LARGEST_SAMPLE = 1e12  # limit of a sample; the sum of squares over a second is then far below the largest float32
 _FORGOTTEN_S = 120.0  # time in s after which a lost satellite counts as untracked, because its Doppler has changed
 _MAX_WAITING = 60  # largest number of pages of a satellite that wait for the time: the pages of two minutes
-_LOST_SPAN_HZ = 500.0  # half width of the search around the last Doppler of a lost satellite, in 100 ms of samples
+_LOST_SPAN_HZ = 500.0  # half width in Hz of the search around the last Doppler of a lost satellite
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +94,7 @@ class TrackingReceiver:
     _stretch: int = 0
     _end_sample: int | None = None  # number of the last tracked sample plus 1
     _origin: tuple[int, GalileoTime] | None = None  # number and time of the first sample
-    _next_epoch: int | None = None  # number of the next epoch, in units of 1/`epochs_per_s` since the GST epoch
+    _next_epoch: int | None = None  # number of the next epoch, in steps of 1/`epochs_per_s` s from the start of GST
     _waiting: dict[int, list[ReceivedPage]] = field(default_factory=dict)  # pages without a time
     _seen: set[int] = field(default_factory=set)  # satellites in the previous epoch
     _lost_at: dict[int, int] = field(default_factory=dict)  # stretch in which each satellite was first found to be lost
@@ -107,7 +107,7 @@ class TrackingReceiver:
         ----------
         batches
             Samples of E1 in pieces of any length. If a piece does not follow the previous piece, because samples were
-            lost or the counter was set, tracking starts again.
+            lost or the sample counter was reset, tracking starts again.
         """
         with ThreadPoolExecutor(self.workers) as pool:
             for piece in recut(batches, TRACKED_STRETCH_S):
@@ -140,8 +140,8 @@ class TrackingReceiver:
     def _start_anew(self) -> None:
         """Forget the channels, because the next samples are not connected to the previous samples.
 
-        The known error of the time tag is kept, because there is no better estimate. Pages and ranges wait until a
-        message gives the time again.
+        The known error of the time tag is kept, because there is no better estimate. Until a message gives the time
+        again, pages wait, and no position is computed.
         """
         self.tracks.clear()
         self._waiting.clear()
@@ -337,7 +337,7 @@ def recut(batches: Iterable[SampleBatch], duration_s: float) -> Iterator[SampleB
     Parameters
     ----------
     batches
-        Samples in their original order. A gap is a place where a batch does not begin at the sample after the previous
+        Samples in their original order. There is a gap if a batch does not begin at the sample after the previous
         batch.
     duration_s
         Length of a piece in s.

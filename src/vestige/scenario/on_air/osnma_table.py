@@ -38,7 +38,8 @@ class OsnmaEventTable(Section):
     in_force_s
         Time from which the new chain or key is in force; None if no new chain or key comes into force.
     stop_s
-        Time from which the status is nominal again, or OSNMA is silent after an alert; None if the event does not end.
+        Time at which the event ends; None if the event does not end. When an alert ends, OSNMA is silent. When a
+        silence ends, the satellites send OSNMA again. When any other event ends, the status is nominal.
     svids
         SVIDs of the satellites without OSNMA, only for the kind `silence`; an empty list means all satellites.
     """
@@ -52,9 +53,9 @@ class OsnmaEventTable(Section):
     def event(self, place: str, start: GalileoTime, duration_s: float) -> OsnmaEvent:
         """Return the OSNMA event with its times in GST, for a scenario that starts at `start`.
 
-        Raises `InconsistentSettingsError` if a key does not belong to the kind of event, or the times are not in order.
+        Raises `InconsistentSettingsError` if a TOML key does not fit the kind of event, or the times are not in order.
         `InconsistentSettingsError` is also raised if a time is not the start of a subframe within `duration_s`. The
-        error names the key in the table `place`.
+        error names the TOML key in the table `place`.
         """
         kind = self.kind
         for key, allowed in (("in_force_s", kind.has_step_2), ("stop_s", kind.has_end)):

@@ -69,10 +69,10 @@ class ProcessorTable(Section):
     The bank has `n_taps` correlators around the predicted range. Further correlators lie up to `early_reach_m` before
     the predicted range. The distance between neighbouring correlators is `tap_spacing_m`.
 
-    `alarms_per_day` is the number of false alarms a day that all checks of the level together may raise. All thresholds
-    follow from this number, including the limit of the range check. The number of consecutive E6 misses for an alarm
-    also follows from this number. Without this number, `kappa` gives the limit of the range check, and every single
-    miss is an alarm.
+    `alarms_per_day` is the number of false alarms a day that all checks of the level together may raise. The thresholds
+    of the checks follow from this number, including the limit of the range check. The number of consecutive E6 misses
+    for an alarm also follows from this number. The detection threshold follows from `p_fa`. Without `alarms_per_day`,
+    `kappa` gives the limit of the range check, and every single miss is an alarm.
 
     `search_s` is the time in s between two exhaustive searches of level 3, if nothing is suspicious. `ray_power_db` is
     the power of the reflections at 16° elevation, relative to the direct signal in dB. The check for a second signal

@@ -266,7 +266,7 @@ def satellites_in_view(
     `InconsistentSettingsError` if no satellite is in view, or the trajectory does not cover the whole run.
     """
     trajectory = table.trajectory(-longest_delay_s, duration_s + _AFTER_S)
-    # the scenes of a threat table need the same elevations many times, so the elevations are cached
+    # the scenarios of a threat table need the same elevations many times, so the elevations are cached
     elevations_rad = _kept_elevations_rad if isinstance(trajectory, StaticTrajectory) else _elevations_rad
     antenna = ElevationCn0(zenith_dbhz=0.0, fall_db=constellation.cn0_fall_db)
     found = []

@@ -47,7 +47,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """
     try:
         return parse_toml(read_text(path, at_most=_MAX_FILE_BYTES, expected="a TOML file"))
-    except ValueError as error:  # `parse_toml` raises this error for invalid TOML and for integers of 5000 digits
+    except ValueError as error:  # `parse_toml` raises this error for invalid TOML and for integers of over 4300 digits
         raise InputFileError(path, "TOML", str(error), "valid TOML") from error
 
 

@@ -7,9 +7,9 @@ This module computes the quality of these estimates. The decisions on chips of E
 
 Theory of operation
 -------------------
-The attacker receives a sign s = ±1 for the time t with the C/N0 κ, and knows the carrier phase. The matched filter
-gives y = s + n. The noise n is Gaussian of variance 1/(2γ), with γ = E/N0 = κ t. The attacker can transmit one of three
-functions x of y:
+The attacker receives a sign s = ±1 for the time t, and knows the carrier phase. The matched filter gives y = s + n. The
+noise n is Gaussian of variance 1/(2γ), with γ = E/N0 = (C/N0) t. The attacker can transmit one of three functions x of
+y:
 
     repeated     x = y                  in phase and in quadrature, as a repeater does
     hard         x = sign y             P(error) = P_e = Q(√(2γ)) = ½ erfc √γ
@@ -29,7 +29,7 @@ because the wrong chips do not correlate. The density of this noise is
 
     N/N0 = η (Ec/N0 of the victim) (1/ρ² − 1)
 
-The density is η/G for a repeater whose C/N0 is G times the C/N0 of the victim. An attacker who repeats only the
+The ratio N/N0 is η/G for a repeater whose C/N0 is G times the C/N0 of the victim. An attacker who repeats only the
 in-phase part halves the noise without any decision: 1/ρ² − 1 = 1/(2γ).
 
 **Symbols of E1-B** last 4 ms, so an estimate gets better during the symbol. For a symbol of E1-B, t is the time since
@@ -210,7 +210,7 @@ def _mean_soft(gamma: Reals) -> Reals:
 
 
 def _sign_products(gamma: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n"]:
-    """Return E[sign y_i sign y_j] for all chips i and j of one symbol, where a later y contains the earlier y."""
+    """Return E[sign y_i sign y_j] for all chips i and j of one symbol; a later y contains the earlier signal."""
     density = np.exp(-np.square(_LINE) / 2) / np.sqrt(2 * np.pi) * (_LINE[1] - _LINE[0])
     product = np.eye(gamma.size)
     for i, earlier in enumerate(gamma):

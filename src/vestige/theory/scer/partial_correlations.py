@@ -76,7 +76,8 @@ def metric_value(
     unpredictable, predictable
         B_u and B_p, the mean correlations of the first parts of unpredictable and of predictable symbols.
     noise
-        s, standard deviation of the first part of one symbol, per dimension, in the unit of the correlations.
+        s, standard deviation of the noise in the first part of one symbol, per dimension, in the unit of the
+        correlations.
     n_unpredictable, n_predictable
         n_u and n_p, the numbers of symbols in the means B_u and B_p.
     metric
@@ -222,7 +223,7 @@ def replay_detection_probability(
         return float(1 - nctdtr(n_symbols - 1, shift, -stdtrit(n_symbols - 1, p_fa)))
     n_p = round(n_symbols * PREDICTABLE_EACH) if n_predictable is None else n_predictable
     one, freedom = 1 / (2 * cn0 * first_s), n_symbols + n_p - 2  # s² and ν
-    estimated = float(np.sqrt(one + own * (n_symbols - 1) / freedom))  # estimate of s by the receiver
+    estimated = float(np.sqrt(one + own * (n_symbols - 1) / freedom))  # root of the mean estimate of s²
     threshold = metric_threshold(n_symbols, n_p, p_fa, 1 / estimated, metric)
     spread = estimated * float(np.sqrt(1 / n_symbols + 1 / n_p))
     noise_u, noise_p = float(np.sqrt((one + own) / n_symbols)), float(np.sqrt(one / n_p))

@@ -1,18 +1,19 @@
-"""Compute decision regions of the (power, distortion) plane from simulated hypotheses, and classify signals.
+"""Compute decision regions of the (power, distortion) plane from simulated signals, and classify signals.
 
 Theory of operation
 -------------------
-Each hypothesis is a distribution of second signals [WESSON18]. `power_distortion.py` defines the symbols:
+A signal belongs to one of four classes. Each class is a distribution of second signals or jammers [WESSON18].
+`power_distortion.py` defines the symbols:
 
     clean       none
     multipath   one reflection: Rayleigh amplitude, exponential delay, on the tracked satellite only, no rise of power
     spoofed     η uniform in dB and Δτ uniform, on all satellites
     jammed      J/N uniform in dB
 
-`simulate` draws (ΔP, D) under one hypothesis, with the closed forms of `power_distortion.py`. No samples are needed.
-Smoothed histograms of many draws estimate the densities p(ΔP, D | H). Each cell of the map has the hypothesis of least
-expected cost. A false alarm costs `alarm_cost` times as much as a miss. A larger `alarm_cost` gives fewer false alarms
-and more misses.
+`simulate` draws (ΔP, D) for one class, with the closed forms of `power_distortion.py`. No samples are needed. Smoothed
+histograms of many draws estimate the densities p(ΔP, D | class). Each cell of the map has the class of least expected
+cost. A false alarm costs `alarm_cost` times as much as a miss. A larger `alarm_cost` gives fewer false alarms and more
+misses.
 
 A map is valid for one C/N0 of the tracked satellite, because D grows with C/N0. Each map is computed once and kept in
 memory.
@@ -39,7 +40,7 @@ from vestige.streams import stream
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hypotheses:
-    """Parameters of the receiver and of the four hypotheses."""
+    """Parameters of the receiver and of the four classes of signal: clean, multipath, spoofed and jammed."""
 
     cn0_dbhz: float = 45.0  # C/N0 of the tracked satellite without interference
     sky_cn0_dbhz: float = 45.0  # mean C/N0 of all satellites in the band
@@ -64,7 +65,7 @@ class Hypotheses:
     def simulate(
         self, truth: SignalClass, rng: np.random.Generator, n: int
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Return n pairs of ΔP in dB and D in σ under one hypothesis."""
+        """Return n random pairs of ΔP in dB and D in σ for a signal of the class `truth`."""
         zero = np.zeros(1)  # value that all draws share
         eta, offset, jam = zero, zero, zero
         if truth is SignalClass.MULTIPATH:
@@ -91,7 +92,7 @@ class Hypotheses:
 _POWER_DB = (-3.0, 25.0, 0.25)  # first edge, last edge and step of the cells, in dB
 _DISTORTION = (0.0, 7.0, 0.07)  # first edge, last edge and step of the cells, in ln(1 + D)
 _SMOOTHING_CELLS = 1.0  # standard deviation of the smoothing, in cells
-_SECOND_SIGNAL = (SignalClass.MULTIPATH, SignalClass.SPOOFED)  # hypotheses in which D depends on C/N0
+_SECOND_SIGNAL = (SignalClass.MULTIPATH, SignalClass.SPOOFED)  # classes in which D depends on C/N0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,10 +118,10 @@ class DecisionMap:
 def simulated_decision_map(
     hypotheses: Hypotheses, *, alarm_cost: float = 1.0, seed: int = 0, draws: int = 400_000
 ) -> DecisionMap:
-    """Return the decision map that has the least expected cost if all four hypotheses are equally likely.
+    """Return the decision map that has the least expected cost if all four classes of signal are equally likely.
 
     A false alarm (clean or multipath classified as an attack) costs `alarm_cost`, and every other error costs 1.
-    `draws` is the number of draws for each hypothesis. Calls with equal `seed` return equal maps.
+    `draws` is the number of draws for each class. Calls with equal `seed` return equal maps.
     """
     edges = tuple(
         np.arange(round((last - first) / step) + 1) * step + first for first, last, step in (_POWER_DB, _DISTORTION)
@@ -140,7 +141,7 @@ def simulated_decision_map(
 
 @lru_cache(maxsize=64)
 def _density(hypotheses: Hypotheses, truth: SignalClass, seed: int, draws: int) -> Float[np.ndarray, "a b"]:
-    """Return the smoothed share of the draws of one hypothesis that lie in each cell."""
+    """Return the smoothed share of the draws of one class that lie in each cell."""
     from scipy.ndimage import gaussian_filter  # noqa: PLC0415  (loads slowly, and few runs make a map)
 
     rise_db, distortion = hypotheses.simulate(truth, stream(seed, "decision map", truth.name), draws)
@@ -160,8 +161,8 @@ def _counts(power_db: Float[np.ndarray, " n"], distortion: Float[np.ndarray, " n
 def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> Int[np.ndarray, "a b"]:
     """Return the class of every cell; a cell without draws takes the class of a neighbour.
 
-    The neighbour with less power comes first, then the neighbour with less distortion. So an attack beyond the range of
-    the hypotheses gets the class at the end of that range.
+    The neighbour with less power comes first, then the neighbour with less distortion. So an attack beyond the
+    simulated range gets the class at the end of that range.
     """
     classes, drawn = classes.copy(), drawn.copy()
     low, high = slice(None, -1), slice(1, None)
@@ -179,7 +180,7 @@ def _filled(classes: Int[np.ndarray, "a b"], drawn: Bool[np.ndarray, "a b"]) -> 
 def confusion(decisions: DecisionMap, hypotheses: Hypotheses, *, seed: int, draws: int) -> Int64[np.ndarray, "4 4"]:
     """Return the confusion matrix: how often a true class (rows) is classified as each class (columns).
 
-    The draws are independent of the draws of the map. The hypotheses may differ from the hypotheses of the map. `draws`
+    The draws are independent of the draws of the map. `hypotheses` may differ from the parameters of the map. `draws`
     is the number of draws of each class.
     """
     rows = []
@@ -208,7 +209,7 @@ class PowerDistortionMonitor:
 
     name: ClassVar = CheckName.POWER_DISTORTION
     unit: ClassVar = "class"
-    # hypotheses of the map; the expected C/N0, rounded to `cn0_step_db`, replaces `hypotheses.cn0_dbhz`
+    # parameters of the map; the expected C/N0, rounded to a multiple of `cn0_step_db`, replaces `hypotheses.cn0_dbhz`
     hypotheses: Hypotheses = field(default_factory=Hypotheses)
     alarm_cost: float = 10.0  # cost of a false alarm over the cost of a miss
     cn0_step_db: float = 3.0  # step of C/N0 from one map to the next, in dB

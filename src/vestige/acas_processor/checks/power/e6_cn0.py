@@ -1,8 +1,9 @@
 """Compare the C/N0 of E6 in one RECS with the expected C/N0 of the satellite [WFO, Sec. IV-B].
 
 A second encrypted signal, stronger or of opposite phase, changes the magnitude of the correlators. The expected
-amplitude is s = √(2 C/N0 T). The largest magnitude |c| in the bank, in standard deviations of the noise per dimension,
-has a Rician distribution. For a detectable signal the distribution is nearly normal about √(s² + 1):
+amplitude is s = √(2 C/N0 T) for the integration time T. The largest magnitude |c| in the bank, in standard deviations
+of the noise per dimension, has a Rician distribution. For a detectable signal the distribution is nearly normal about
+√(s² + 1):
 
     |c| − √(s² + 1),    | · | ≤ K √(1 + (s (10^(σ_model/20) − 1))²),    K from p_fa, two-sided
 

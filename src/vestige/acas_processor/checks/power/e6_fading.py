@@ -11,8 +11,8 @@ the variance of m is
 
     σ² = 1 + (ρ m̄)²
 
-Reflections add the variance m̄² P/2. The antenna gain, and the position of the signal between two correlators, change m
-from RECS to RECS by the relative amount ρ.
+Reflections with the mean power P, relative to the true signal, add the variance m̄² P/2. The antenna gain, and the
+position of the signal between two correlators, change m from RECS to RECS by the relative amount ρ.
 
 The check needs no carrier phase of E1, so it runs with any interval between RECS.
 """

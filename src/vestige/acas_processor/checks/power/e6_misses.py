@@ -1,7 +1,7 @@
 """Check for runs of missed E6 signals, with a chosen number of false alarms a day [WFO, Sec. IV-A, step 1].
 
 `e6_power.py` raises an alarm with every miss where E1 predicts a detection. Weak satellites are missed by chance
-several times a day. A level with fewer alarms therefore needs several misses in a row. The number of these misses
+several times a day. A check with fewer false alarms therefore needs several misses in a row. The number of these misses
 follows from C/N0.
 
 Theory of operation

@@ -9,7 +9,8 @@ adds power:
                                  without interference
     ΔP = 10 log₁₀[(1 + r (1 + η) + J/N)/(1 + r)],   r = Σ C/N0 / W      rise of the power in the band W
 
-The tracked signal has the amplitude s = √(2 C/N0 T), and its own contribution to D cancels:
+The tracked signal has the amplitude s = √(2 C/N0 T) for the integration time T, and its own contribution to D cancels.
+R is the autocorrelation of the replica:
 
     no second signal    D² / v ~ χ²(2),   v = 2 (1 − R(2τ_d))      so  D ≤ √(−2 v ln P_fa)
     a second signal     D Rician about s √η |R(τ_d + Δτ) − R(τ_d − Δτ)|

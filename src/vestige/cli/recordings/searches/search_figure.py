@@ -69,7 +69,7 @@ def draw_e1(
     periods: int,
     doppler_span_hz: float,
 ) -> None:
-    """Draw the power of the strongest Doppler bin against code phase, for one satellite and one code period."""
+    """Draw the largest power of all Doppler bins at each code phase of a code period, for one satellite."""
     import numpy as np
 
     from vestige import plots

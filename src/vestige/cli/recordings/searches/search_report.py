@@ -30,7 +30,7 @@ class Answer:
 
     decision: VestigialDecision
     budget: SearchBudget
-    proof: ReceptionProof  # rule that says which arrivals were received before the disclosure of the key
+    proof: ReceptionProof  # rule that says whether a chip was received before the disclosure of the key
 
 
 def print_budget(budget: SearchBudget, search: ExhaustiveSearch, engine: EngineChoice) -> None:

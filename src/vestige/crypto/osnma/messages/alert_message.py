@@ -18,7 +18,7 @@ ALERT_TYPE = 4  # NPKT of an alert message [OSNMA-ICD, DSM-PKR]
 
 
 def is_alert(message: bytes) -> bool:
-    """Return whether a complete DSM-PKR says that it is an alert message."""
+    """Return whether a complete DSM-PKR has the type of an alert message."""
     return len(message) > LEAF_AT and message[LEAF_AT] >> 4 == ALERT_TYPE
 
 

@@ -85,7 +85,7 @@ class SatelliteSubframe:
 
     @property
     def hkroot_if_sent(self) -> bytes | None:
-        """The HKROOT message of a subframe whose last field is zero; None for any other subframe.
+        """The HKROOT message of a subframe whose last field is zero; None for any other subframe, or if a page is lost.
 
         The last page may contain only padding of the MACK message, so a zero field may have been sent.
         """

@@ -1,8 +1,8 @@
 """Parse and compute tags and MACSEQ, the fields of OSNMA that authenticate navigation data.
 
-A MACK message is `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key | padding`. Tags and
-MACSEQ are made with a key that is disclosed one subframe later. A tag of the slow MAC (ADKD 12) is made with a key that
-is disclosed eleven subframes later. A tag covers ::
+A MACK message with n_t tags is `tag0 | MACSEQ 12 | COP 4 | (n_t - 1) x [tag | PRN_D 8 | ADKD 4 | COP 4] | key |
+padding`. Tags and MACSEQ are made with a key that is disclosed one subframe later. A tag of the slow MAC (ADKD 12) is
+made with a key that is disclosed eleven subframes later. A tag covers ::
 
     [PRN_D 8, not in tag0] | PRN_A 8 | GST_SF 32 | CTR 8 | NMAS 2 | data | zeros to a full byte       [OSNMA-ICD, 6.7]
 
@@ -34,7 +34,7 @@ class Tag:
     """A tag of a MACK message."""
 
     counter: int  # CTR, number of the tag in the message; 1 for tag0
-    value: int  # bits of the tag, l_t bits long
+    value: int  # bits of the tag as a number; the length of a tag follows from the chain
     info: int  # PRN_D, ADKD and COP in 16 bits; PRN_D and ADKD of tag0 are not sent, but follow from the slot
 
     @property
@@ -97,7 +97,8 @@ def macseq_ok(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainPa
 def make_macseq(mack: Mack, slots: Sequence[Slot], key: bytes, parameters: ChainParameters) -> int:
     """Return the MACSEQ field, 12 bits, which covers the information fields of the flexible slots [OSNMA-ICD, 6.6].
 
-    `slots` is the message's row of the MAC look-up table. `key` is the chain's key of the next subframe.
+    `slots` are the slots of the message's subframe, from `mac_lookup.slots`. `key` is the chain's key of the next
+    subframe.
     """
     flexible = (tag.info.to_bytes(2, "big") for tag, slot in zip(mack.tags, slots, strict=True) if slot.flexible)
     message = bytes([mack.svid]) + gst_sf(mack.time.gst_seconds) + b"".join(flexible)

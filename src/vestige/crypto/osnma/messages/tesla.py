@@ -6,9 +6,9 @@ keys in the reverse order, one key every 30 s::
 
     K_m = first l_k bits of hash( K_(m+1) | GST_SF,m | alpha )                                 [OSNMA-ICD, 6.4]
 
-GST_SF,m is the start of the subframe in which K_m is sent. The week modulo 4096 has 12 bits, and the second has 20
-bits. A receiver with a true key can check every later key by hashing the later key down, and can compute every earlier
-key. An undisclosed key cannot be guessed.
+The length of a key is l_k bits, and alpha is the random pattern of the chain. GST_SF,m is the start of the subframe in
+which K_m is sent. The week modulo 4096 has 12 bits, and the second has 20 bits. A receiver with a true key can check
+every later key by hashing the later key down, and can compute every earlier key. An undisclosed key cannot be guessed.
 
 The type of a key shows whether the key may be used. A `Key` is only received. A `ValidatedKey` leads to a signed root
 key, and only `validate` makes a `ValidatedKey`. A pickled `ValidatedKey` contains its chain's root key, and unpickling

@@ -28,11 +28,13 @@ class OperatorConfiguration:
     n_subframes
         Number of broadcast subframes, 1 or more.
     pkid
-        PKID 1 to 15 of the key that signs at the start. Each renewal and each revocation uses the next PKID.
+        PKID 1 to 15 of the key that signs at the start. Each renewal and each revocation of a public key uses the next
+        PKID. A renewal or revocation of a chain keeps the PKID.
     own_key
         Private key on P-256 for `pkid`. If None, the key follows from the seed.
     tree
-        Merkle tree with all private keys of the operator. If None, the keys of the tree follow from the seed.
+        Merkle tree and private keys of the operator. If None, tree and keys follow from the seed, `own_key` and
+        `notice`.
     chain_id
         CID 0 to 3 of the first chain. Later chains have the next numbers, modulo 4.
     hash_function, mac_function, key_size, tag_size, mac_lookup

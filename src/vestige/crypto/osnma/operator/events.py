@@ -6,8 +6,8 @@ The steps of each event follow [OSNMA-ICD, 5.5] and [OSNMA-RG, 4.2], as the offi
 |---|---|---|---|
 | chain renewal | end of chain; root keys of this chain and the next | nominal, next chain | |
 | chain revocation | don't use, chain revoked; root key of the next chain | chain revoked, next chain | nominal |
-| key renewal | new public key; DSM-PKR | new public key; DSM-PKR, signed with the new key | nominal |
-| key revocation | don't use, key revoked; DSM-PKR, root key of the next chain | key revoked, both in force | nominal |
+| key renewal | new public key; DSM-PKR | new public key; DSM-PKR, root key signed with the new key | nominal |
+| key revocation | don't use, key revoked; DSM-PKR, root key of the next chain | key revoked, next chain | nominal |
 | alert | don't use, alert message; DSM-PKR with the notice | | no OSNMA at all |
 | don't use | don't use, keys nominal | | nominal |
 | silence | no OSNMA from some satellites, or from all | | OSNMA again |
@@ -61,7 +61,8 @@ class OsnmaEvent:
         Time from which the new chain or key is in force (step 2); None if step 2 does not happen, or the kind has no
         step 2.
     ended
-        Time from which the status is nominal again, or OSNMA is silent after an alert; None if the event does not end.
+        Time from which the status is nominal again, or OSNMA is on air again after a silence. After an alert, OSNMA is
+        silent from this time on. None if the event does not end.
     svids
         Satellites without OSNMA, for the kind silence only. None means all satellites.
 

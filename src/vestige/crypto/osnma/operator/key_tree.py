@@ -58,12 +58,12 @@ class KeyTree:
         return MerkleTree(nodes=dict(self.nodes), public_keys=tuple(self.claim(pkid) for pkid in pkids))
 
     def siblings(self, leaf: int) -> tuple[bytes, ...]:
-        """Return the four nodes that lead from a leaf (0 to 15) to the root, the lowest first."""
+        """Return the four siblings on the way from a leaf (0 to 15) to the root, the lowest first."""
         return tuple(self.nodes[height, leaf >> height ^ 1] for height in range(HEIGHT))
 
 
 def draw_key_tree(seed: bytes, notice: bytes, own_key: tuple[int, ec.EllipticCurvePrivateKey] | None = None) -> KeyTree:
-    """Return the tree of 15 key pairs and an alert notice that follows from a seed.
+    """Draw 15 key pairs from a seed, and return the tree over the key pairs and an alert notice.
 
     Parameters
     ----------

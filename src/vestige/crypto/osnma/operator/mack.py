@@ -52,7 +52,7 @@ def encode_mack(mack: Mack, key: bytes, parameters: ChainParameters) -> bytes:
         )
     bits = 0
     for tag in mack.tags:
-        # The first tag is always for ADKD 0 of the sending satellite, so MACSEQ replaces its information field.
+        # The first tag is always for ADKD 0 of the sending satellite, so MACSEQ replaces PRN_D and ADKD of this tag.
         info = mack.macseq << 4 | tag.cut_off if tag.counter == 1 else tag.info
         bits = (bits << parameters.tag_bits | tag.value) << TAG_INFO_BITS | info
     bits = bits << parameters.key_bits | int.from_bytes(key, "big")

@@ -139,7 +139,7 @@ def draw_chain(
     chain_id
         CID of the chain, 0 to 3.
     header, pkid, private_key
-        Header, key identifier and key of the first signatures, as for `OperatorChain.signed_root`.
+        NMA header, PKID and private key of the first signatures, as for `OperatorChain.signed_root`.
     redraw
         Whether alpha may be replaced. False keeps the alpha of `parameters`.
     """

@@ -1,12 +1,12 @@
 """Make the OSNMA bits of every satellite and subframe from navigation words, as the OSNMA operator does.
 
-The operator signs root keys with a P-256 key that is a leaf of its Merkle tree. The satellites broadcast the root keys
-in blocks (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`) with keys that
-it discloses later. The operator also carries out a table of events (`timeline`). A receiver with this Merkle tree
-treats the signal like the real signal.
+The operator signs root keys with a P-256 key that belongs to a leaf of its Merkle tree. The satellites broadcast the
+root keys in blocks (`hkroot`). The operator makes tags for the words of the previous subframe (`tag_plan`, `mack`)
+with keys that it discloses later. The operator also carries out a table of events (`timeline`). A receiver with this
+Merkle tree treats the signal like the real signal.
 
-The key of a tag is the key that is on air one or eleven subframes after the tag. Around a change of chains, this key
-belongs to the next chain.
+The key of a tag is the key that is on air one or eleven subframes after the tag. Shortly before a change of chains,
+this key may belong to the next chain.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class OsnmaOperator:
 
     @property
     def merkle_tree(self) -> MerkleTree:
-        """The published Merkle tree, with all public keys that sign during the broadcast."""
+        """The published Merkle tree, with the public keys of all private keys that sign during the broadcast."""
         return self.keys.published(sorted({root.pkid for phase in self._phases for root in phase.roots}))
 
     @property
@@ -125,7 +125,8 @@ class OsnmaOperator:
     def validated_keys(self) -> tuple[ValidatedKey, ...]:
         """Return the keys of all broadcast subframes, each validated down to its signed root key.
 
-        A receiver of the broadcast can decrypt RECS that were encrypted under the returned keys.
+        A receiver of the broadcast can decrypt RECS that were encrypted under the returned keys, except keys that an
+        event withholds (`events.key_withheld`).
         """
         return self._validated
 
@@ -152,7 +153,7 @@ class OsnmaOperator:
         Raises
         ------
         VestigeError
-            If the time is not the start of the next subframe, or a word does not have its type.
+            If the time is not the start of the next subframe, or a word does not have the type under which it is given.
         """
         self._check_next(time)
         for svid, sent in words.items():

@@ -144,8 +144,8 @@ def decoded_halves(soft: Float[np.ndarray, "n 240"]) -> UInt8[np.ndarray, "n 120
 def page_from_symbols(soft: Float[np.ndarray, " 500"]) -> bytes:
     """Return the 30 bytes of the page in 500 soft symbols.
 
-    The page's checksum shows whether the decoding succeeded. The synchronisation pattern gives the sign of the symbols,
-    because the tracking loop has an ambiguity of half a cycle.
+    The page's checksum shows whether the decoding succeeded. The tracking loop has an ambiguity of half a cycle, so the
+    sign of the symbols is taken from the synchronisation pattern.
 
     Parameters
     ----------

@@ -1,15 +1,17 @@
 """Compute the Reed–Solomon parity FEC2 of words 1 to 4, and restore lost words from the parity [OS-ICD, FEC2].
 
-Any four of the eight words give the clock and ephemeris data, so a receiver need not wait for lost words. The code is
-over GF(256) with the polynomial 0x11D and the roots α¹ … α⁶⁰, shortened to 118 octets with 58 octets of information::
+Any four of the words 1 to 4 and 17 to 20 give the clock and ephemeris data, so a receiver need not wait for lost words.
+The code is over GF(256) with the polynomial 0x11D and the roots α¹ … α⁶⁰, shortened to 118 octets with 58 octets of
+information::
 
     octet 0       type of word 1 (6 bits), 2 least significant bits of IODnav
     octet 1       8 most significant bits of IODnav
     14 octets     bits 16 to 127 of each of the words 1, 2, 3 and 4
     15 octets     of parity in each of the words 17, 18, 19 and 20
 
-The first octet is the coefficient of the lowest degree of the polynomial, but `reedsolo` expects the coefficient of the
-highest degree first.
+In the polynomial of the code, the parity has the lower degrees, and the information has the higher degrees. The first
+octet of each part is the coefficient of the lowest degree. `reedsolo` expects the coefficient of the highest degree
+first.
 """
 
 from __future__ import annotations

@@ -8,8 +8,8 @@ shift.
 
 Calls may come from several threads. Each call takes one of `_LANES` lanes with its own stream and batch, so a call
 computes while another call sends or receives. `Device` has all operations that need the GPU, and this file has
-operations on arrays only. `cuda_device.CudaDevice` is the device for CuPy. The tests replace the device by a device of
-numpy, so that no GPU is needed.
+operations on arrays only. `cuda_device.CudaDevice` is the device for CuPy. The tests use a device for numpy, so that no
+GPU is needed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Define the interface of the engines of the exhaustive search, which select candidates and do not decide.
+"""Define the interface of the engines of the exhaustive search, which select code offsets for an exact computation.
 
 An engine gets samples that are summed into chips. The engine returns, for every code offset, the largest power over the
 Doppler bins. The power may be too low by up to `loss_db`. Offsets near the threshold are computed again exactly
@@ -18,7 +18,7 @@ from vestige.signals.definitions import E6C
 
 CHIP_RATE_HZ = E6C.chip_rate_hz
 DOPPLER_POINTS = 256  # number of points of the Doppler transform
-CHIP_SIGMA = 12.0  # standard deviation of the samples in chips that an engine gets; rounding costs 0.003 dB
+CHIP_SIGMA = 12.0  # standard deviation of the sums over chips that an engine gets; rounding costs 0.003 dB
 CLIP = 102  # largest value that an engine gets, 8.5 σ, so that a sum of 320 chips fits int16
 
 
@@ -31,7 +31,7 @@ class Grid:
     segment_chips
         Number M of chips in a segment; the carrier is not removed within a segment.
     stride
-        Step between the bins that are used; the bins are R_c / (256 M) apart.
+        Step between the bins that are used; the bins are 1/(256 M) of the chip rate apart.
     split
         Number of groups of segments that are joined coherently, which is also the number of sub-bins of a bin.
     reach
@@ -59,7 +59,7 @@ class Grid:
 
     @property
     def bins_hz(self) -> Float64[np.ndarray, " bins"]:
-        """Doppler bins relative to the middle in Hz; neighbouring bins are 1/(2 T) apart, to 0.1 %."""
+        """Doppler bins relative to the middle in Hz; for a sum over T seconds, the bins are 1/(2 T) apart to 0.1 %."""
         whole = np.arange(-(self.reach // self.stride) * self.stride, self.reach + 1, self.stride)
         parts = (np.arange(self.split) + 0.5) / self.split - 0.5
         return self.spacing_hz * (whole[:, None] + parts).reshape(-1)

@@ -6,7 +6,8 @@ loops, and `vector_ir` has the inner loops as LLVM code. Outside this folder, on
 Theory of operation
 -------------------
 A sum over the time T with carrier f is cut into segments of M = 160 chips (320 for 8 and 16 ms). Within a segment the
-carrier is not removed, which costs sinc²(f M / R_c), 0.35 dB at the outermost bin. Each code offset τ then needs
+carrier is not removed, which costs sinc²(f M / R_c), 0.35 dB at the outermost bin. R_c is the chip rate, x are the
+samples summed into chips, and c is the code. Each code offset τ then needs
 
     P_k(τ) = Σ_n x(τ + M k + n) c(M k + n)          Z_m(τ) = Σ_k P_k(τ) e^{−j2π k m / 256}
 

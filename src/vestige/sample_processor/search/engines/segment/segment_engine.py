@@ -91,8 +91,8 @@ class SegmentEngine:
     ) -> Float32[np.ndarray, "codes grids n_offsets"]:
         """Return the largest power over the Doppler bins, for every code, grid and code offset.
 
-        The chips must be within ±127. The screen adds the chips of two grids half a chip apart. The power is zero where
-        the screen finds no cell that can be above the threshold.
+        The chips must be within ±127. The screen adds the chips of two grids half a chip apart. The power is zero at
+        offsets that do not pass the screen.
         """
         best = np.zeros((len(self._plans), chips.shape[0], n_offsets), np.float32)
         limit = pass_threshold(threshold)

@@ -205,7 +205,7 @@ def _store(points, r, spectrum, first):
 
 @njit(nogil=True, fastmath={"contract"})
 def _combine(spectrum, out):
-    """Join two groups of 8 ms at f ± δ, where δ is a quarter of a bin, and store the powers that exceed `out`."""
+    """Join two groups of 8 ms at f ± δ for each bin f, where δ is ¼ bin, and store the powers that exceed `out`."""
     c = np.float32(np.cos(np.pi / 8))
     s = np.float32(np.sin(np.pi / 8))
     for b in range(_BINS_STORED):

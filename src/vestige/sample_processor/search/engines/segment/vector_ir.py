@@ -110,7 +110,7 @@ class _Fixed:
         return self.builder.select(self.builder.icmp_signed(">", a, b), a, b)
 
     def unbiased(self, a):
-        """Return a sum of two products without its bias of 1; each product is rounded down by ½ on average."""
+        """Return a sum of two products without its bias of −1; each product is rounded down by ½ on average."""
         return self.plus(a, ir.Constant(_SHORT, [1] * SHORT_LANES))
 
     def of_sum(self, lanes, place):
@@ -361,7 +361,7 @@ def second_dft_maximum(typing_context, points, index, low, high, out, out_index)
 
 @intrinsic
 def second_dft_store(typing_context, points, index, low, high, out, out_index, bin_stride, part_stride):
-    """Store the DFT outputs low … high at `out[out_index + (g − low) · bin_stride]`.
+    """Store each DFT output g from low to high at `out[out_index + (g − low) · bin_stride]`.
 
     The imaginary part of an output follows `part_stride` elements after the real part.
     """
