@@ -68,7 +68,7 @@ def binomial_interval(successes: int, trials: int, *, confidence: float = CONFID
     the true probability is the upper end, a count of at most `successes` has the probability (1 − confidence)/2. The
     interval contains the true probability with at least the given confidence. Without trials the interval is (0, 1).
 
-    Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
+    The function raises `ValueError` unless 0 ≤ successes ≤ trials and 0 < confidence < 1.
     """
     _check_counts(successes, trials)
     if not 0 < confidence < 1:
@@ -82,7 +82,7 @@ def binomial_test(successes: int, trials: int, probability: float) -> float:
 
     The p-value is twice the smaller tail of the binomial distribution, and at most 1.
 
-    Raises `ValueError` unless 0 ≤ successes ≤ trials and 0 ≤ probability ≤ 1.
+    The function raises `ValueError` unless 0 ≤ successes ≤ trials and 0 ≤ probability ≤ 1.
     """
     _check_counts(successes, trials)
     if not 0 <= probability <= 1:
@@ -115,7 +115,7 @@ def enough(successes: int, trials: int, wished_width: float) -> bool:
     stops slightly earlier if the estimate is nearer to 0 or 1 than the true probability. The confidence of the interval
     is therefore only nominal.
 
-    Raises `ValueError` unless 0 ≤ successes ≤ trials and wished_width > 0.
+    The function raises `ValueError` unless 0 ≤ successes ≤ trials and wished_width > 0.
     """
     if not wished_width > 0:
         raise ValueError(f"a width of {wished_width} is never reached")
@@ -152,7 +152,7 @@ def summarise(results: xarray.Dataset, detector: str = "early") -> Summary:
     A satellite does not count at epochs with NaN as `noise_power`, because the satellite was not correlated at these
     epochs.
 
-    Raises `ValueError` if the results do not have this detector.
+    The function raises `ValueError` if the results do not have this detector.
     """
     if detector not in (names := detectors_of(results)):
         raise ValueError(f"detector: found {detector!r}, expected one of {list(names)}")

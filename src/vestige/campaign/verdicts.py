@@ -58,7 +58,7 @@ def verdict_counts(results: xarray.Dataset) -> VerdictCounts:
 def range_limit_m(results: xarray.Dataset) -> float:
     """Return the threshold of the range check in m, from the stored results.
 
-    Raises `VestigeError` if the results have no range check.
+    The function raises `VestigeError` if the results have no range check.
     """
     return float(np.max(check_columns(results, CheckName.E1_E6_RANGE).threshold))
 

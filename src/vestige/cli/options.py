@@ -166,7 +166,7 @@ def check_trust(public_key: Path | None, merkle_tree: Path | None) -> None:
 def time_option(_context: click.Context, _parameter: click.Parameter, text: str | None) -> GalileoTime | None:
     """Return the time that the text of an option states; None without the option.
 
-    Raises a usage error if the text is no time.
+    The function raises a usage error if the text is no time.
     """
     from vestige.time import GalileoTime
 
@@ -226,7 +226,7 @@ group_delay_option = click.option(
 def parse_svids(text: str) -> tuple[int, ...]:
     """Return the numbers of the satellites that a text such as `2,3,7-9` lists; () for an empty text.
 
-    Raises a usage error for a text of another form, or for a satellite that does not exist.
+    The function raises a usage error for a text of another form, or for a satellite that does not exist.
     """
     from vestige.constants import MAX_SVID
 

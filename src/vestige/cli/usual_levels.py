@@ -86,8 +86,8 @@ usual_level_options = options_together(
 def reference_levels(options: dict[str, Any]) -> ReferenceLevels:
     """Return the reference levels that the options state; the receiver learns levels that are not stated.
 
-    Raises `click.UsageError` if the C/N0 of only one band is given, or if `--cn0-fall-db` is given without the C/N0 of
-    E1 and E6.
+    The function raises `click.UsageError` if the C/N0 of only one band is given, or if `--cn0-fall-db` is given without
+    the C/N0 of E1 and E6.
     """
     from vestige.acas_processor.monitoring.baseline import Antenna, ReferenceLevels
 
@@ -132,7 +132,7 @@ def fix_settings(
 def approximate_position(options: dict[str, Any]) -> ApproximatePosition | None:
     """Return the approximate position of the receiver that the options state; None without `--near`.
 
-    Raises `click.UsageError` if `--near` is not a valid position, or if there are no orbits.
+    The function raises `click.UsageError` if `--near` is not a valid position, or if there are no orbits.
     """
     import numpy as np
 
@@ -159,7 +159,7 @@ def approximate_position(options: dict[str, Any]) -> ApproximatePosition | None:
 def pseudorange_errors(options: dict[str, Any]) -> PseudorangeErrors:
     """Return the standard deviations of the errors of E1 ranges that the options state.
 
-    Raises `click.UsageError` if `--floor-sigma-m` is 0.
+    The function raises `click.UsageError` if `--floor-sigma-m` is 0.
     """
     from vestige.acas_processor.position.pseudorange_errors import PseudorangeErrors
 

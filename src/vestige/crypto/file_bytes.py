@@ -18,8 +18,8 @@ def read_bytes(path: Path, *, at_most: int | None = None) -> bytes:
 
     A file of more than `at_most` bytes cannot be valid, and is not read.
 
-    Raises `InputFileError` if `path` does not exist, is not a regular file, cannot be read, or is longer than
-    `at_most`.
+    The function raises `InputFileError` if `path` does not exist, is not a regular file, cannot be read, or is longer
+    than `at_most`.
     """
     with open_file(path) as file:
         try:
@@ -37,7 +37,7 @@ def read_text(path: Path, *, at_most: int, expected: str = "a text file") -> str
 
     `expected` names the expected content, for the error message.
 
-    Raises `InputFileError` in the cases of `read_bytes`, and if the content is not UTF-8.
+    The function raises `InputFileError` in the cases of `read_bytes`, and if the content is not UTF-8.
     """
     try:
         return read_bytes(path, at_most=at_most).decode("utf-8-sig")
@@ -50,7 +50,7 @@ def open_file(path: Path) -> BinaryIO:
 
     A pipe or a device is refused, because its data may never end.
 
-    Raises `InputFileError` if `path` does not exist, is not a regular file, or cannot be read.
+    The function raises `InputFileError` if `path` does not exist, is not a regular file, or cannot be read.
     """
     try:
         if not stat.S_ISREG(path.stat().st_mode):
@@ -63,7 +63,7 @@ def open_file(path: Path) -> BinaryIO:
 def list_folder(folder: Path) -> tuple[Path, ...]:
     """Return the content of `folder`, sorted by name.
 
-    Raises `InputFileError` if `folder` is not a folder or cannot be listed.
+    The function raises `InputFileError` if `folder` is not a folder or cannot be listed.
     """
     try:
         return tuple(sorted(folder.iterdir()))

@@ -30,8 +30,8 @@ _TOO_DEEP = f"more than {DEEPEST} tables and lists in each other"
 def parse_toml(text: str) -> dict[str, Any]:
     r"""Return the tables of a TOML document.
 
-    Raises `ValueError` if the text is not TOML, a key has more than 20 parts, or more than 20 tables and lists are
-    nested.
+    The function raises `ValueError` if the text is not TOML, a key has more than 20 parts, or more than 20 tables and
+    lists are nested.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 def read_toml_file(path: Path, *, at_most: int) -> dict[str, Any]:
     """Return the tables of a TOML file.
 
-    Raises `InputFileError` if the file is not TOML, or is longer than `at_most` bytes.
+    The function raises `InputFileError` if the file is not TOML, or is longer than `at_most` bytes.
     """
     try:
         return parse_toml(read_bytes(path, at_most=at_most).decode())

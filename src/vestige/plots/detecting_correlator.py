@@ -41,7 +41,7 @@ def detecting_correlator(
     have a gap. Flags and magnitude share the left axis. A magnitude lies above the threshold, so the flags lie below
     the magnitudes and do not cover any magnitude.
 
-    Raises `VestigeError` if the results lack the detector or the satellite.
+    The function raises `VestigeError` if the results lack the detector or the satellite.
     """
     shown = select(results, detector=detector, svid=svid)
     time_s, magnitude = column(shown, "time_s"), column(shown, "magnitude_sigma")

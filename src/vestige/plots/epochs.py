@@ -30,8 +30,8 @@ def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None
 
     Without `svid` the only satellite is chosen.
 
-    Raises `VestigeError` if the results lack a variable, the detector or the satellite. The error is also raised if
-    `svid` is None and there are several satellites, or if times or tap offsets do not ascend.
+    The function raises `VestigeError` if the results lack a variable, the detector or the satellite. The error is also
+    raised if `svid` is None and there are several satellites, or if times or tap offsets do not ascend.
     """
     for name, (kinds, *dims) in VARIABLES.items():
         expected = f"{name}({', '.join(dims)})"
@@ -61,7 +61,7 @@ def select(results: xarray.Dataset, *, detector: str = "early", svid: int | None
 def between(results: xarray.Dataset, start_s: float | None, stop_s: float | None) -> xarray.Dataset:
     """Return the epochs with `start_s` ≤ time < `stop_s`, in s after the start of the scenario.
 
-    Raises `VestigeError` if no epoch is in this interval.
+    The function raises `VestigeError` if no epoch is in this interval.
     """
     if start_s is None and stop_s is None:
         return results

@@ -47,7 +47,7 @@ def sky_plot(results: xarray.Dataset, ax: Axes | None = None) -> Axes:
 
     A dot marks the last position of each satellite.
 
-    Raises `VestigeError` if the results are from a scenario without a constellation.
+    The function raises `VestigeError` if the results are from a scenario without a constellation.
     """
     _check(results, "elevation_deg", "azimuth_deg")
     ax = new_axes(width_cm=8.0, height_cm=8.0, projection="polar") if ax is None else ax
@@ -90,7 +90,8 @@ def position_error(results: xarray.Dataset) -> Axes:
 
     Lines show fixes with all satellites, and dots show fixes with the authenticated satellites only.
 
-    Raises `VestigeError` if the results are from a scenario without a constellation, or if there is no fix.
+    The function raises `VestigeError` if the results are from a scenario without a constellation, or if there is no
+    fix.
     """
     _check(results, "fix_error_m", "fix_clock_error_m", "time_s")
     if not np.isfinite(results["fix_clock_error_m"].values).any():

@@ -41,7 +41,7 @@ class AdcStatistics:
 def adc_statistics(reader: SampleReader) -> AdcStatistics:
     """Return the statistics of the first `LOOKED_AT` samples.
 
-    Raises `InputFileError` if the samples cannot be read, or are not finite numbers.
+    The function raises `InputFileError` if the samples cannot be read, or are not finite numbers.
     """
     samples = reader.samples(reader.first_sample, min(LOOKED_AT, reader.n_samples))
     components = samples.view(np.float32) if reader.file.form.is_complex else samples.real

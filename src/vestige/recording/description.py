@@ -88,7 +88,7 @@ def band_of(center_frequency_hz: float, sample_rate_hz: float) -> Band | None:
 def sample_file(described_in: Path, place: str, name: str) -> Path:
     """Return the path of a file that a description names, relative to the description.
 
-    Raises `InputFileError` if there is no regular file or named pipe of that name.
+    The function raises `InputFileError` if there is no regular file or named pipe of that name.
     """
     path = described_in.parent / name
     try:

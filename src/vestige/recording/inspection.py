@@ -91,8 +91,8 @@ def inspect_recording(
 ) -> Inspection:
     """Return the content of a recording, an observation file or a folder, and the data that ACAS lacks.
 
-    Raises `InputFileError` or `UnsupportedError` if nothing at `path` can be read, or its description, samples or
-    observations are not usable.
+    The function raises `InputFileError` or `UnsupportedError` if nothing at `path` can be read, or its description,
+    samples or observations are not usable.
 
     Parameters
     ----------

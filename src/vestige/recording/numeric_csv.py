@@ -29,8 +29,8 @@ def read_numeric_csv(path: Path, columns: Mapping[str, tuple[float, float]]) -> 
 
     `columns` gives the smallest and the largest value of each column, in the order of the file.
 
-    Raises `InputFileError` if the header differs, a row has another length, a value is not a number within its limits,
-    or the first column does not rise.
+    The function raises `InputFileError` if the header differs, a row has another length, a value is not a number within
+    its limits, or the first column does not rise.
     """
     lines = numbered_lines(path)
     check_header(path, next(lines, (1, ""))[1], columns)
@@ -57,7 +57,8 @@ def check_header(path: Path, line: str, columns: Mapping[str, tuple[float, float
 def numeric_row(path: Path, number: int, line: str, columns: Mapping[str, tuple[float, float]]) -> list[float]:
     """Return the values of a line.
 
-    Raises `InputFileError` if the line has another number of values, or a value is not a number within its limits.
+    The function raises `InputFileError` if the line has another number of values, or a value is not a number within its
+    limits.
     """
     texts = line.split(",")
     if len(texts) != len(columns):

@@ -70,7 +70,7 @@ class Recording:
         every position of the window. Samples outside the recording are left out. If samples are left out, `start`,
         `first_sample` and the length of the batch describe the remaining samples.
 
-        Raises `InputFileError` if the samples cannot be read.
+        The function raises `InputFileError` if the samples cannot be read.
         """
         if not duration_s > 0 or math.isinf(duration_s):
             raise ValueError(f"found a window of {duration_s} s, expected a positive, finite duration")
@@ -89,8 +89,8 @@ def find_recording(path: Path) -> Path | None:
 
     If several files together describe the recording, the path of their folder is returned.
 
-    Raises `InputFileError` if a folder has more than one collection, or more than one `.sdrx` file and no SigMF. Raises
-    `UnsupportedError` for a SigMF archive.
+    The function raises `InputFileError` if a folder has more than one collection, or more than one `.sdrx` file and no
+    SigMF. The function raises `UnsupportedError` for a SigMF archive.
     """
     if path.is_file():
         if path.suffix == DATA:
@@ -119,8 +119,8 @@ def _only(folder: Path, suffix: str, what: str) -> Path | None:
 def describe_recording(path: Path) -> RecordingDescription:
     """Return the description of the recording at `path` without reading samples.
 
-    Raises `InputFileError` if there is no recording, or a description is not usable. Raises `UnsupportedError` if the
-    description is valid, but of a kind that vestige does not read.
+    The function raises `InputFileError` if there is no recording, or a description is not usable. The function raises
+    `UnsupportedError` if the description is valid, but of a kind that vestige does not read.
     """
     found = find_recording(path)
     if found is None:
@@ -141,7 +141,7 @@ def describe_recording(path: Path) -> RecordingDescription:
 def find_observations(folder: Path) -> Path | None:
     """Return the only file of E1 observations in a folder, or None.
 
-    Raises `InputFileError` if there are several files of E1 observations.
+    The function raises `InputFileError` if there are several files of E1 observations.
     """
     paths = [
         path for path in sorted(folder.iterdir()) if OBSERVATION_NAMES.fullmatch(path.name) and observation_kind(path)

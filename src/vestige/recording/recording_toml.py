@@ -98,8 +98,8 @@ class _RecordingTable(_Table):
 def read_recording_toml(path: Path) -> RecordingDescription:
     """Return the description of the recording in the file `path`.
 
-    Raises `InputFileError` if the file is not TOML, lacks a key, has an unknown key, or a value or file name is not
-    usable.
+    The function raises `InputFileError` if the file is not TOML, lacks a key, has an unknown key, or a value or file
+    name is not usable.
     """
     table = _table(path)
     start = None if table.start is None else _time(path, table.start)
@@ -191,8 +191,8 @@ def _band_file(path: Path, band: Band, entry: _BandTable, sample_rate_hz: float,
 def _framed(path: Path, frame: list[Literal["e1", "e6"]], bands: dict[Band, BandFile]) -> dict[Band, BandFile]:
     """Return the bands as channels of one file.
 
-    Raises `InputFileError` if a band is missing or repeated, or if the tables differ in a value that the common file
-    fixes.
+    The function raises `InputFileError` if a band is missing or repeated, or if the tables differ in a value that the
+    common file fixes.
     """
     order = [Band[name.upper()] for name in frame]
     if len(set(order)) < 2 or len(bands) < 2:

@@ -41,7 +41,8 @@ class SearchLog:
     def open(cls, path: Path, of: Mapping[str, str | float]) -> SearchLog:
         """Return the log in a file, or an empty log if the file does not exist.
 
-        Raises `InputFileError` if the file is not a log of searches, or if the log has another identity than `of`.
+        The function raises `InputFileError` if the file is not a log of searches, or if the log has another identity
+        than `of`.
         """
         if not path.exists():
             return cls(path=path, of=of)

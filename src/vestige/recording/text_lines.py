@@ -19,8 +19,9 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
 
     Each byte becomes one character, so columns count bytes.
 
-    Raises `InputFileError` if the file cannot be read, if a line is longer than `LONGEST_LINE`, or if the last line has
-    no line end. A file without a last line end was cut off, so the last number in the file may lack digits.
+    The function raises `InputFileError` if the file cannot be read, if a line is longer than `LONGEST_LINE`, or if the
+    last line has no line end. A file without a last line end was cut off, so the last number in the file may lack
+    digits.
     """
     with open_file(path) as stream:
         try:
@@ -54,8 +55,8 @@ class GrowingLines:
     def take(self) -> tuple[int, str] | None:
         """Return the number and the text of the next line, like `numbered_lines`; None if no new line is complete.
 
-        Raises `InputFileError` if the file cannot be read, if the file became shorter, or if a line is longer than
-        `LONGEST_LINE`.
+        The function raises `InputFileError` if the file cannot be read, if the file became shorter, or if a line is
+        longer than `LONGEST_LINE`.
         """
         if not self._lines and self._path.exists():
             self._read()

@@ -143,7 +143,7 @@ class ChipSequence:
     ) -> ChipSequence:
         """Return a chip sequence from an array of +1 and −1.
 
-        Raises `ValueError` if a chip is neither +1 nor −1.
+        The function raises `ValueError` if a chip is neither +1 nor −1.
         """
         if not np.all(np.abs(chips) == 1):
             raise ValueError("chips must be +1 or -1")

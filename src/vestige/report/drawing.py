@@ -70,7 +70,7 @@ UInt8Array = UInt8[np.ndarray, " n_stretches"]
 def stretches(time_s: Float[np.ndarray, " n_epochs"], interval_s: float, limit: int) -> Stretches:
     """Divide epochs at the given times into at most `limit` stretches of equal length; the last stretch may be shorter.
 
-    Raises `ValueError` if there is no epoch.
+    The function raises `ValueError` if there is no epoch.
     """
     if not time_s.size:
         raise ValueError("no epoch to draw")

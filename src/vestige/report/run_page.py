@@ -38,7 +38,7 @@ def run_page(results: xarray.Dataset, name: str, *, question: str = "") -> Page:
     Results with a coordinate `epoch` are from a run that has not ended. `question` replaces the usual question of the
     page.
 
-    Raises `VestigeError` if the results are not from `vestige run`.
+    The function raises `VestigeError` if the results are not from `vestige run`.
     """
     scenario = _scenario(results)
     sky = scenario.constellation is not None

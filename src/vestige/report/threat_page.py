@@ -32,7 +32,7 @@ def threat_page(path: Path, name: str, *, question: str = "") -> Page:
 
     `name` is the name of the folder that contains the table. `question` replaces `QUESTION`.
 
-    Raises `InputFileError` if the file is no threat table.
+    The function raises `InputFileError` if the file is no threat table.
     """
     found = read_threat_table(path)
     cells = [cell for _, of_scene in found.scenes() for cell in of_scene if cell.measured]

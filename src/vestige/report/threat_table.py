@@ -87,7 +87,7 @@ class ThreatTable:
 def read_threat_table(path: Path) -> ThreatTable:
     """Return the threat table in a file.
 
-    Raises `InputFileError` if the file is no threat table.
+    The function raises `InputFileError` if the file is no threat table.
     """
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected=EXPECTED_TABLE)
     try:

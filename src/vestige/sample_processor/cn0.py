@@ -36,7 +36,7 @@ def narrow_to_wide_dbhz(
     M is `together`, the number of consecutive prompts that are summed coherently. Prompts at the end of a row that do
     not fill a group of M prompts are not used.
 
-    Raises `ValueError` if a row has fewer than M prompts.
+    The function raises `ValueError` if a row has fewer than M prompts.
     """
     n, k = prompts.shape
     if k < together:

@@ -71,7 +71,7 @@ def correlate(batch: SampleBatch, handover: Handover, offsets_m: Float[np.ndarra
 
     Samples may have any sampling rate. `offsets_m` are relative to the expected start of the chips; positive is later.
 
-    Raises `ValueError` if a tap is more than 8 chips (470 m on E6) from the middle of the bank.
+    The function raises `ValueError` if a tap is more than 8 chips (470 m on E6) from the middle of the bank.
 
     Returns
     -------

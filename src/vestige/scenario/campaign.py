@@ -354,7 +354,7 @@ class CampaignScenario(Section):
     def simulation(self) -> Simulation:
         """Return the simulation of the receiver on its single line of sight.
 
-        Raises `ValueError` if the scenario has a sky.
+        The function raises `ValueError` if the scenario has a sky.
         """
         if self.constellation is not None:
             raise ValueError("a sky has no single line of sight")

@@ -50,7 +50,7 @@ def encrypted_chips(key: bytes, svid: int, transmit_time: GalileoTime, n_chips: 
 
     `transmit_time` is the satellite time of the first chip, which is a whole number of chips after a whole second.
 
-    Raises `ValueError` if `transmit_time` is not the start of a chip.
+    The function raises `ValueError` if `transmit_time` is not the start of a chip.
     """
     offset = transmit_time.fraction * E6C.chip_rate_hz
     if abs(offset - round(offset)) > _GRID_CHIPS:

@@ -111,7 +111,7 @@ class Scer(CheckedAttack):
     def attacker_cn0_dbhz(self) -> float:
         """C/N0 of the attacker's reception in dBHz.
 
-        Raises `ValueError` if `victim_cn0_dbhz` is `received`; `against` replaces `received` by a number.
+        The function raises `ValueError` if `victim_cn0_dbhz` is `received`; `against` replaces `received` by a number.
         """
         return self._victim_dbhz + self.reception_gain_db
 

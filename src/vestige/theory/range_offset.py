@@ -47,7 +47,7 @@ def range_offset_m(
     or −1 without a detection. `offsets_m` are the offsets of the taps from the predicted range, ascending and
     equidistant.
 
-    Raises `ValueError` if the taps are not equidistant, or a punctual tap lacks a neighbour.
+    The function raises `ValueError` if the taps are not equidistant, or a punctual tap lacks a neighbour.
     """
     step_m = np.diff(offsets_m)
     if not (step_m.size and step_m[0] > 0 and np.allclose(step_m, step_m[0], rtol=_EQUIDISTANT, atol=0)):

@@ -40,7 +40,7 @@ def single_event_pfa(overall: Reals, hypotheses: float) -> Reals:
 
     For correlated tests the false-alarm probability of all tests together is less than P_FA.
 
-    Raises `ValueError` if a probability is not between 0 and 1, or N is below 1.
+    The function raises `ValueError` if a probability is not between 0 and 1, or N is below 1.
     """
     _check(overall, hypotheses)
     return -np.expm1(np.log1p(-overall) / hypotheses)

@@ -139,7 +139,7 @@ def measure_threats(
     `folder`, no run is stored. `progress` is called with a text, the number of completed runs, and the number of all
     runs. The second runs, without the attack, are not counted.
 
-    Raises `InputFileError` if `runs.csv` is not a file of runs.
+    The function raises `InputFileError` if `runs.csv` is not a file of runs.
     """
     known = {} if folder is None else read_runs(folder / RUNS)
     if folder is not None:

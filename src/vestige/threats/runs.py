@@ -33,7 +33,7 @@ def read_runs(path: Path) -> dict[RunKey, RunOutcome]:
 
     An incomplete last line, which an interruption has cut off, is left out.
 
-    Raises `InputFileError` if the file is not a file of runs.
+    The function raises `InputFileError` if the file is not a file of runs.
     """
     if not path.exists():
         return {}

@@ -183,7 +183,7 @@ def poisson_tail(count: int, mean: float) -> float:
 def agreement(expected: str, found: SceneOutcome) -> Agreement:
     """Return how a measurement compares with an expected outcome; an empty string means no expectation.
 
-    Raises `ValueError` if the expected outcome is unknown.
+    The function raises `ValueError` if the expected outcome is unknown.
     """
     if not expected:
         return Agreement.NOT_EXPECTED

@@ -123,7 +123,7 @@ def read_threats() -> tuple[Threat, ...]:
 def scene_attacks(threat: Threat, scene: Scene, seed: int) -> tuple[dict[str, Any], ...]:
     """Return the `[[attack]]` tables of a scene with the values that a seed draws.
 
-    Raises `VestigeError` if a draw names a key that does not exist.
+    The function raises `VestigeError` if a draw names a key that does not exist.
     """
     raw = overridden({"attack": [dict(one) for one in scene.attack]}, _drawn(threat, scene, seed))
     return tuple(raw["attack"])

@@ -111,7 +111,7 @@ def write_table(folder: Path, cells: Sequence[SceneCell]) -> None:
 def read_threat_dataset(folder: Path) -> xarray.Dataset:
     """Return the threat table from a folder that `vestige threats` wrote.
 
-    Raises `InputFileError` if the folder has no threat table, or a damaged threat table.
+    The function raises `InputFileError` if the folder has no threat table, or a damaged threat table.
     """
     from vestige.campaign.store.results import load_small  # noqa: PLC0415  (zarr loads slowly, and no worker needs it)
 

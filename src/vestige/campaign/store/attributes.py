@@ -59,7 +59,7 @@ class CheckColumns(NamedTuple):
 def scenario_of(results: xarray.Dataset) -> StoredScenario:
     """Return the scenario that the results of a campaign contain.
 
-    Raises `VestigeError` if the results have no scenario, or the scenario does not agree with its digest.
+    The function raises `VestigeError` if the results have no scenario, or the scenario does not agree with its digest.
     """
     return stored_scenario(scenario_text(results))
 
@@ -67,7 +67,7 @@ def scenario_of(results: xarray.Dataset) -> StoredScenario:
 def scenario_text(results: xarray.Dataset) -> str:
     """Return the JSON text of the scenario that the results of a campaign contain.
 
-    Raises `VestigeError` if the results have no scenario, or the scenario does not agree with its digest.
+    The function raises `VestigeError` if the results have no scenario, or the scenario does not agree with its digest.
     """
     text = results.attrs.get("scenario")
     if not isinstance(text, str) or hashlib.sha256(text.encode()).hexdigest() != results.attrs.get("scenario_digest"):
@@ -78,7 +78,7 @@ def scenario_text(results: xarray.Dataset) -> str:
 def attributes_of(results: xarray.Dataset) -> RunAttributes:
     """Return the attributes of the run that made the results.
 
-    Raises `VestigeError` if an attribute is missing or out of its range.
+    The function raises `VestigeError` if an attribute is missing or out of its range.
     """
     try:
         return RunAttributes.model_validate(results.attrs)
@@ -101,7 +101,7 @@ def values(results: xarray.Dataset, name: str, *dims: str) -> Float[np.ndarray, 
 def check_columns(results: xarray.Dataset, name: str) -> CheckColumns:
     """Return the stored result, statistic and threshold of a check for every epoch and satellite.
 
-    Raises `VestigeError` if the results have no check with this name.
+    The function raises `VestigeError` if the results have no check with this name.
     """
     names = [str(one) for one in results["check"].values] if "check" in results.variables else []
     if name not in names:

@@ -178,7 +178,7 @@ def open_results(
 def open_dataset(path: Path) -> xarray.Dataset:
     """Return the content of a zarr store; values are read when they are used.
 
-    Raises `InputFileError` if the folder is no store, or its metadata are damaged.
+    The function raises `InputFileError` if the folder is no store, or its metadata are damaged.
     """
     check_files(path)
     try:  # dask is not needed, zarr v3 has no consolidated metadata, and values with the unit `s` must stay numbers
@@ -194,8 +194,8 @@ def load_small(path: Path, expected: str) -> xarray.Dataset:
 
     `expected` describes the expected store in the message of an error.
 
-    Raises `InputFileError` if the folder is no store, the store is damaged, or its metadata give a size above the
-    limit.
+    The function raises `InputFileError` if the folder is no store, the store is damaged, or its metadata give a size
+    above the limit.
     """
     check_files(path, expected)
     try:

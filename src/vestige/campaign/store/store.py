@@ -150,7 +150,8 @@ def open_store(path: Path | str, plan: Plan, *, chunk_epochs: int) -> Store:
 
     Missing parent folders are made. An existing store keeps its own `chunk_epochs`.
 
-    Raises `InputFileError` if `path` is no store, or is the store of another scenario, seed or source code of vestige.
+    The function raises `InputFileError` if `path` is no store, or is the store of another scenario, seed or source code
+    of vestige.
     """
     path = Path(path)
     make_store(path, plan, chunk_epochs=chunk_epochs)
@@ -180,7 +181,8 @@ def kept_chunk_epochs(path: Path | str, wanted: int) -> int | None:
 def open_existing(path: Path, *, mode: Literal["r", "r+"]) -> Store:
     """Return the existing store in a folder; the store may belong to any plan.
 
-    Raises `InputFileError` if the folder is no store, or if metadata or coordinates of the store are damaged.
+    The function raises `InputFileError` if the folder is no store, or if metadata or coordinates of the store are
+    damaged.
     """
     check_files(path)
     try:

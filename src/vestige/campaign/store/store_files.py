@@ -35,7 +35,7 @@ def check_files(folder: Path, expected: str = EXPECTED_RESULTS) -> None:
 
     A pipe would block the program without end when the pipe is opened. A link may lead to any other file.
 
-    Raises `InputFileError` with the path of the first wrong file.
+    The function raises `InputFileError` with the path of the first wrong file.
     """
     if not folder.is_dir():
         raise InputFileError(folder, "store", "a file" if folder.exists() else "nothing", expected)
@@ -61,7 +61,7 @@ def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
     one array is damaged, Python therefore prints warnings about all other arrays when Python exits. `group[name]` takes
     three times as long as this function.
 
-    Raises `ValueError` with the name of the array if its metadata are damaged.
+    The function raises `ValueError` with the name of the array if its metadata are damaged.
     """
     names = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
     arrays = {}
@@ -80,7 +80,7 @@ def arrays_of(folder: Path, group: zarr.Group) -> dict[str, zarr.Array[Any]]:
 def check_array(name: str, array: zarr.Array[Any], *, at_most: int = MAX_CHUNK_BYTES) -> None:
     """Check that an array has only codecs that vestige writes, and that a chunk has at most `at_most` bytes.
 
-    Raises `ValueError` if the array has another codec or larger chunks.
+    The function raises `ValueError` if the array has another codec or larger chunks.
     """
     codecs = {str(codec.to_dict()["name"]) for codec in array.metadata.codecs}  # type: ignore[union-attr]
     if not codecs <= _CODECS:
@@ -101,7 +101,7 @@ def check_small_array(folder: Path, name: str, array: zarr.Array[Any]) -> None:
 def check_chunk(folder: Path, name: str, array: zarr.Array[Any], index: tuple[int, ...]) -> None:
     """Check that the file of a chunk is missing, or that its unpacked size is the size of the chunk's values.
 
-    Raises `ValueError` if the file has another unpacked size, or does not state its unpacked size.
+    The function raises `ValueError` if the file has another unpacked size, or does not state its unpacked size.
     """
     path = folder.joinpath(name, "c", *map(str, index))
     try:

@@ -69,7 +69,7 @@ def write_skeleton(path: Path, plan: Plan, chunk_epochs: int) -> None:
 
     zarr makes the files in memory, because zarr takes three times as long to write so many small files to the disk.
 
-    Raises `VestigeError` if a chunk would be too large to be read again (`MAX_CHUNK_BYTES`).
+    The function raises `VestigeError` if a chunk would be too large to be read again (`MAX_CHUNK_BYTES`).
     """
     row_bytes = {
         name: int(np.prod(shape_of(plan, column, 1))) * np.dtype(column.dtype).itemsize

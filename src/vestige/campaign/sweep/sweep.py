@@ -107,8 +107,8 @@ def run_sweep(
     again. A campaign stops when its confidence interval is as narrow as `width`. Without `width`, all epochs are
     measured. `progress` is called with the name of a campaign's store and the progress of the campaign.
 
-    Raises `InputFileError` if `folder` is the store of one campaign, or if the table in `folder` belongs to a sweep of
-    other keys. The new sweep would overwrite this table.
+    The function raises `InputFileError` if `folder` is the store of one campaign, or if the table in `folder` belongs
+    to a sweep of other keys. The new sweep would overwrite this table.
     """
     _check_folder(folder, {key for settings, _ in campaigns for key in settings})
     rows: list[Row] = []

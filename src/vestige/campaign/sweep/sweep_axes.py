@@ -33,7 +33,7 @@ class Axis:
 def parse_axis(text: str) -> Axis:
     """Return the axis that `key=start:stop:step` (ends included) or `key=a,b,c` (TOML values) describes.
 
-    Raises `VestigeError` if the text has another form, or contains a value twice.
+    The function raises `VestigeError` if the text has another form, or contains a value twice.
     """
     key, equals, listed = (part.strip() for part in text.partition("="))
     if not key or not equals:
@@ -50,7 +50,7 @@ def parse_axis(text: str) -> Axis:
 def grid(axes: Sequence[Axis]) -> tuple[dict[str, Value], ...]:
     """Return the settings of every campaign, for all combinations of values; the last axis changes fastest.
 
-    Raises `VestigeError` if two axes have the same key, or there are more than `MAX_CAMPAIGNS` campaigns.
+    The function raises `VestigeError` if two axes have the same key, or there are more than `MAX_CAMPAIGNS` campaigns.
     """
     keys = [axis.key for axis in axes]
     if len(set(keys)) < len(keys):
@@ -65,7 +65,7 @@ def store_name(settings: Mapping[str, Value]) -> str:
 
     Characters that a file name cannot have are written as `%XX`.
 
-    Raises `VestigeError` if the name is too long for a file.
+    The function raises `VestigeError` if the name is too long for a file.
     """
     name = quote(",".join(as_settings(settings)), safe="=,+", errors="surrogateescape") + ".zarr"
     if len(name) > _MAX_NAME:

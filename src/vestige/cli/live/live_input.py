@@ -45,7 +45,7 @@ def opened_live(
     `options` has the values of the command's options by parameter name. `around_s` is the parameter `uncertainty_s` of
     `LiveRecording`. The other parameters are parameters of `LiveRecording` with the same names.
 
-    Raises `VestigeError` if the buffer of a pipe is too small, or a pipe cannot be opened.
+    The function raises `VestigeError` if the buffer of a pipe is too small, or a pipe cannot be opened.
     """
     from vestige.recording.live.live_recording import LiveRecording
 
@@ -66,7 +66,7 @@ def live_tracking(
 ) -> LiveTracking | None:
     """Return the tracking of E1, or None if the options or the recording make tracking unnecessary.
 
-    Raises `InputFileError` if `--track` is given, and the recording has no E1 samples.
+    The function raises `InputFileError` if `--track` is given, and the recording has no E1 samples.
     """
     from vestige.recording.live.live_tracking import LiveTracking
     from vestige.recording.live.received_message import ReceivedMessage
@@ -86,7 +86,7 @@ def live_tracking(
 def _streams(description: RecordingDescription, options: dict[str, Any], around_s: float) -> dict[Band, SampleStream]:
     """Return the stream of each band that comes from standard input or from a named pipe.
 
-    Raises `VestigeError` if `--buffer-mb` is too small for a clock that may be wrong by `around_s`.
+    The function raises `VestigeError` if `--buffer-mb` is too small for a clock that may be wrong by `around_s`.
     """
     from vestige.recording.live.live_recording import buffer_s
 

@@ -53,7 +53,7 @@ OUTPUT_NAMES = ("positions", "mavlink")
 def check_outputs(options: dict[str, Any], inputs: Iterable[Path | None]) -> None:
     """Refuse files of `--positions` and `--mavlink` that would destroy an input; see `check_output`.
 
-    Raises `click.UsageError` if positions and JSON are both to be written to standard output.
+    The function raises `click.UsageError` if positions and JSON are both to be written to standard output.
     """
     positions, target = options["positions"], options["mavlink"]
     read = tuple(inputs)

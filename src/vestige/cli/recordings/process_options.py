@@ -253,7 +253,7 @@ def inputs(recording: Path, options: dict[str, Any]) -> tuple[Path | None, ...]:
 def check_named_inputs(options: dict[str, Any], *folders: Path | None) -> None:
     """Read the named keys, tree and certificates, and list the folders, to find errors before E1 is tracked.
 
-    Raises `InputFileError` or `AuthenticationError`, as `read_assistance` does.
+    The function raises `InputFileError` or `AuthenticationError`, as `read_assistance` does.
     """
     from vestige.crypto.file_bytes import list_folder
     from vestige.crypto.recs.file_signature import load_public_key

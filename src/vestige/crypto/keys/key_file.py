@@ -107,10 +107,10 @@ def load_key_file(path: Path, public_keys: Sequence[PublicKey], tree: MerkleTree
 
     Public keys that were broadcast are verified against the root of `tree`.
 
-    Raises `AuthenticationError` if a root key's signature, a key or its chain does not verify, or a signed root key
-    withdraws a key. Raises `VestigeError` if a root key is signed with a public key that was not given. Raises
-    `InputFileError` if the file is not a key file, is cut off, or contradicts itself. Raises `UnsupportedError` if a
-    root key uses a part of the standard that vestige does not support.
+    The function raises `AuthenticationError` if a root key's signature, a key or its chain does not verify, or a signed
+    root key withdraws a key. The function raises `VestigeError` if a root key is signed with a public key that was not
+    given. The function raises `InputFileError` if the file is not a key file, is cut off, or contradicts itself. The
+    function raises `UnsupportedError` if a root key uses a part of the standard that vestige does not support.
     """
     lines = _lines(path)
     roots: list[tuple[int, RootKey]] = []

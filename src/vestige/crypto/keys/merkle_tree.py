@@ -44,7 +44,7 @@ class MerkleTree:
 def leaf_hash(pkid: int, point: bytes) -> bytes:
     """Return the leaf of a public key in the Merkle tree, which is a hash of 32 bytes.
 
-    Raises `AuthenticationError` if `point` does not have the length of a compressed point.
+    The function raises `AuthenticationError` if `point` does not have the length of a compressed point.
     """
     return hashlib.sha256(bytes([scheme_of_point(point).key_type << 4 | pkid]) + point).digest()
 
@@ -96,8 +96,8 @@ def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
     If the claim has no leaf, the leaf comes from the tree's entry with the number of the claim. If the claim has no
     number, number and leaf come from the tree's entry with the point of the claim.
 
-    Raises `AuthenticationError` if the tree lacks the key, or a sibling on the way from its leaf to the root, or if the
-    key leads to another root.
+    The function raises `AuthenticationError` if the tree lacks the key, or a sibling on the way from its leaf to the
+    root, or if the key leads to another root.
     """
     pkid, leaf = _placed(claim, tree)
     siblings = []
@@ -114,7 +114,7 @@ def verify_public_key(claim: ClaimedPublicKey, tree: MerkleTree) -> PublicKey:
 def verify_tree(tree: MerkleTree) -> tuple[PublicKey, ...]:
     """Verify all public keys of a published tree against the root of the tree, and return the keys.
 
-    Raises `AuthenticationError` if a public key, or a published node above it, does not lead to the root.
+    The function raises `AuthenticationError` if a public key, or a published node above it, does not lead to the root.
     """
     return tuple(verify_public_key(claim, tree) for claim in tree.public_keys)
 
@@ -154,8 +154,9 @@ def verify_broadcast_key(message: bytes, tree: MerkleTree, known: Sequence[Publi
     the numbers of all known keys. An older public key may have been revoked, and an attacker who has its private key
     can send the old DSM-PKR again [OSNMA-RG, 4.2].
 
-    Raises `AuthenticationError` if the message is malformed or leads to another root, or if the key is older than a
-    known key. Raises `UnsupportedError` if the message contains no key (an alert message or a reserved type).
+    The function raises `AuthenticationError` if the message is malformed or leads to another root, or if the key is
+    older than a known key. The function raises `UnsupportedError` if the message contains no key (an alert message or a
+    reserved type).
 
     Parameters
     ----------

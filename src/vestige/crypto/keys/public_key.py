@@ -47,7 +47,7 @@ class PublicKey:
     def verify(self, message: bytes, signature: bytes) -> None:
         """Verify the signature of a message with this key; the signature consists of r and s.
 
-        Raises `AuthenticationError` if `signature` is not a signature of `message` with this key.
+        The function raises `AuthenticationError` if `signature` is not a signature of `message` with this key.
         """
         scheme = scheme_of_point(self.point)
         if len(signature) != scheme.signature_bytes:
@@ -69,7 +69,7 @@ class PublicKey:
 def load_point(point: bytes) -> ec.EllipticCurvePublicKey:
     """Return the key of a compressed point, whose length determines the curve.
 
-    Raises `AuthenticationError` if the bytes are not a point on P-256 or P-521.
+    The function raises `AuthenticationError` if the bytes are not a point on P-256 or P-521.
     """
     scheme = scheme_of_point(point)
     try:
@@ -90,7 +90,7 @@ def compressed_point(key: ec.EllipticCurvePublicKey) -> bytes:
 def trusted_by_user(claim: ClaimedPublicKey) -> PublicKey:
     """Accept a claimed public key without a Merkle tree, because the user trusts the key, and return the accepted key.
 
-    Raises `AuthenticationError` if the key is not a point on the curve.
+    The function raises `AuthenticationError` if the key is not a point on the curve.
     """
     load_point(claim.point)
     return PublicKey(pkid=claim.pkid, point=claim.point, trust=Trust.USER)

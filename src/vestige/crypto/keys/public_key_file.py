@@ -30,8 +30,8 @@ _ELEMENT = re.compile(r"<(PKID|PKType|i|point|lengthInBits)>([^<]*)</\1>")
 def read_public_key(path: Path) -> ClaimedPublicKey:
     """Return the untrusted public key of an XML file (elements PKID, PKType, i, point) or of a PEM file.
 
-    Raises `InputFileError` if the file has neither form. Raises `UnsupportedError` if the key is not ECDSA P-256 or
-    P-521.
+    The function raises `InputFileError` if the file has neither form. The function raises `UnsupportedError` if the key
+    is not ECDSA P-256 or P-521.
     """
     text = _read_text(path)
     if "-----BEGIN" in text:
@@ -50,8 +50,8 @@ def read_public_key(path: Path) -> ClaimedPublicKey:
 def read_merkle_tree(path: Path) -> MerkleTree:
     """Return the unverified Merkle tree of an XML file.
 
-    Raises `InputFileError` if the file is not a complete Merkle tree publication. Raises `UnsupportedError` if the tree
-    has another shape, hash function or kind of key than the Merkle tree of OSNMA.
+    The function raises `InputFileError` if the file is not a complete Merkle tree publication. The function raises
+    `UnsupportedError` if the tree has another shape, hash function or kind of key than the Merkle tree of OSNMA.
     """
     text = _read_text(path)
     try:
@@ -83,8 +83,9 @@ def load_public_keys(public_key: Path | None, merkle_tree: Path | None) -> tuple
     With a Merkle tree every key is verified against the root of the tree, including the keys in the tree's own file.
     Without a Merkle tree the public key is used because the user trusts it.
 
-    Raises `AuthenticationError` if a key does not lead to the root of the tree. Raises `InputFileError` or
-    `UnsupportedError` if a file cannot be read. Raises `ValueError` if neither file is given.
+    The function raises `AuthenticationError` if a key does not lead to the root of the tree. The function raises
+    `InputFileError` or `UnsupportedError` if a file cannot be read. The function raises `ValueError` if neither file is
+    given.
     """
     if public_key is None and merkle_tree is None:
         raise ValueError("needs a public key or a Merkle tree")

@@ -24,7 +24,8 @@ _NO_TIME = GalileoTime(0, 0)
 def write_public_key_pem(path: Path, claim: ClaimedPublicKey) -> None:
     """Write a public key as PEM. Number and leaf are lost, because PEM has no field for them.
 
-    Raises `AuthenticationError` if the point is not on a curve, and `OSError` if the file cannot be written.
+    The function raises `AuthenticationError` if the point is not on a curve, and `OSError` if the file cannot be
+    written.
     """
     data = load_point(claim.point).public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
     _write(path, data.decode())

@@ -52,7 +52,7 @@ _ALERT_TYPE = 4  # NPKT of an OSNMA alert message [OSNMA-ICD, DSM-PKR]
 def scheme_of_type(key_type: int) -> SignatureScheme:
     """Return the signature scheme that belongs to a type of public key (NPKT).
 
-    Raises `UnsupportedError` if the type is reserved, or is the type of an alert message.
+    The function raises `UnsupportedError` if the type is reserved, or is the type of an alert message.
     """
     for scheme in SCHEMES:
         if scheme.key_type == key_type:
@@ -65,7 +65,7 @@ def scheme_of_type(key_type: int) -> SignatureScheme:
 def scheme_of_point(point: bytes) -> SignatureScheme:
     """Return the signature scheme to which a compressed point belongs; the length of the point determines the scheme.
 
-    Raises `AuthenticationError` if no curve has compressed points of this length.
+    The function raises `AuthenticationError` if no curve has compressed points of this length.
     """
     for scheme in SCHEMES:
         if len(point) == scheme.point_bytes:

@@ -96,7 +96,7 @@ class ChainRegister:
 
         Root keys are added in the order of reception. A root key may be added again with another time of reception.
 
-        Raises `RevokedKeyError` if an earlier root key revoked the public key that signed this root key.
+        The function raises `RevokedKeyError` if an earlier root key revoked the public key that signed this root key.
         """
         for revoker in self._revoked_by:
             if _comes_before(root.public_key, revoker):

@@ -30,7 +30,7 @@ def provably_before_disclosure(
 ) -> bool | Bool[np.ndarray, "*n"]:
     """Return whether samples were provably received before the key of their RECS was on air.
 
-    Raises `VestigeError` if `time_uncertainty_s` is negative or NaN.
+    The function raises `VestigeError` if `time_uncertainty_s` is negative or NaN.
 
     Parameters
     ----------

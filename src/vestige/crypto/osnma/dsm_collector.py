@@ -86,7 +86,7 @@ class DsmCollector:
     def add(self, subframe: SatelliteSubframe) -> list[DsmMessage]:
         """Return the messages that this subframe of one satellite completes.
 
-        Raises `UnsupportedError` if the message has a reserved length.
+        The function raises `UnsupportedError` if the message has a reserved length.
         """
         hkroot = subframe.hkroot
         if hkroot is None and subframe.hkroot_if_sent is not None:

@@ -201,7 +201,7 @@ class OsnmaReport:
     def raise_if_failed(self) -> None:
         """Check that the root key and the chain verify.
 
-        Raises `AuthenticationError` with the first reason if the root key or the chain does not verify.
+        The function raises `AuthenticationError` with the first reason if the root key or the chain does not verify.
         """
         failures = self.failures
         if failures:

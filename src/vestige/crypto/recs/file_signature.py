@@ -55,7 +55,7 @@ class SignatureStatus(Enum):
 def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
     """Return the signature files in `folder` by the name of the signed file, each group sorted by name.
 
-    Raises `InputFileError` if the folder cannot be listed.
+    The function raises `InputFileError` if the folder cannot be listed.
     """
     found: dict[str, tuple[Path, ...]] = {}
     for path in list_folder(folder):
@@ -67,7 +67,7 @@ def signatures_in(folder: Path) -> Mapping[str, tuple[Path, ...]]:
 def load_public_key(path: Path) -> ec.EllipticCurvePublicKey:
     """Return the public key in a PEM public key file or an X.509 certificate (PEM or DER).
 
-    Raises `InputFileError` if the file has another form, or its key is not on P-256, P-384 or P-521.
+    The function raises `InputFileError` if the file has another form, or its key is not on P-256, P-384 or P-521.
     """
     data = read_bytes(path, at_most=_LONGEST_CERTIFICATE)
     try:
@@ -96,8 +96,8 @@ def verify_data(
 
     A single signature that verifies with any key that the user trusts is enough. Error messages name `path`.
 
-    Raises `AuthenticationError` if a key for the curve of a signature is given, but no signature verifies. Raises
-    `InputFileError` if a signature cannot be read.
+    The function raises `AuthenticationError` if a key for the curve of a signature is given, but no signature verifies.
+    The function raises `InputFileError` if a signature cannot be read.
     """
     if not signatures:
         return SignatureStatus.NOT_SIGNED

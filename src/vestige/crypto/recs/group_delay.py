@@ -123,8 +123,8 @@ def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | 
     `reference` is a time within ± 2048 weeks (39 years) of the header's time, and resolves the 12-bit week. Without
     `reference` the week is 0 to 4095.
 
-    Raises `InputFileError` if the file does not have the layout of this module, or a value is beyond the range ± 119 ns
-    of the field. Raises `UnsupportedError` if the interface version is unknown.
+    The function raises `InputFileError` if the file does not have the layout of this module, or a value is beyond the
+    range ± 119 ns of the field. The function raises `UnsupportedError` if the interface version is unknown.
     """
     if len(data) < _SHORTEST_BYTES:
         raise InputFileError(path, "length", f"{len(data)} bytes", f"at least {_SHORTEST_BYTES} bytes")
@@ -155,7 +155,7 @@ def parse_group_delay_file(data: bytes, path: Path, *, reference: GalileoTime | 
 def serialize_group_delay_file(file: GroupDelayFile) -> bytes:
     """Return the bytes of a BGD file with values rounded to 2⁻³² s.
 
-    Raises `ValueError` if a field does not fit the format.
+    The function raises `ValueError` if a field does not fit the format.
     """
     slots, mask = np.zeros(MAX_SVID, "<i2"), np.zeros(160, np.uint8)
     for delay in file.delays:

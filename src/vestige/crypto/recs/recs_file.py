@@ -146,8 +146,8 @@ class RecsFile:
 def read_recs_file(path: Path, *, reference: GalileoTime | None = None) -> RecsFile:
     """Return the RECS file at `path`, of either kind.
 
-    Raises `InputFileError` if the file is not a RECS file, is truncated, or contradicts itself or its name. Raises
-    `UnsupportedError` if the interface version of the file is unknown.
+    The function raises `InputFileError` if the file is not a RECS file, is truncated, or contradicts itself or its
+    name. The function raises `UnsupportedError` if the interface version of the file is unknown.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def has_recs_header(head: bytes) -> bool:
 def serialize_recs_file(file: RecsFile) -> bytes:
     """Return the bytes of a RECS file.
 
-    Raises `ValueError` if a field does not fit the format or contradicts another field.
+    The function raises `ValueError` if a field does not fit the format or contradicts another field.
     """
     if fault := _fault(file):
         raise ValueError("{}: found {}, expected {}".format(*fault))
@@ -219,8 +219,8 @@ def write_recs_file(file: RecsFile, folder: Path) -> Path:
 def from_segments(segments: Sequence[EncryptedSegment], *, provider: str = "GSCX") -> RecsFile:
     """Return the file with `segments`: unitary for a single RECS, aggregated for several RECS at equal intervals.
 
-    Raises `ValueError` if the segments differ in satellite, length, KDI or RAND, or are not at equal intervals of whole
-    deciseconds.
+    The function raises `ValueError` if the segments differ in satellite, length, KDI or RAND, or are not at equal
+    intervals of whole deciseconds.
     """
     first = segments[0]
     epochs = [s.transmit_time.week * DECISECONDS_PER_WEEK + deciseconds_of_week(s.transmit_time) for s in segments]

@@ -67,7 +67,7 @@ class RecsName:
 def parse_name(name: str) -> RecsName | None:
     """Return the fields of the file name; None if the name does not have the form of a RECS name (a renamed file).
 
-    Raises `InputFileError` if the name has the form of a RECS name, but its date does not exist.
+    The function raises `InputFileError` if the name has the form of a RECS name, but its date does not exist.
     """
     match = _UNITARY.fullmatch(name) or _AGGREGATED.fullmatch(name)
     if match is None:
@@ -95,7 +95,7 @@ def format_time_code(time: GalileoTime) -> str:
 def parse_time_code(text: str) -> GalileoTime:
     """Return the time of `YYDDDHHMMSSS`; year 99 is 1999, and years 00 to 98 are 2000 to 2098.
 
-    Raises `ValueError` if the date or the time does not exist.
+    The function raises `ValueError` if the date or the time does not exist.
     """
     match = _TIME_CODE.fullmatch(text)
     if match is None:
@@ -114,7 +114,7 @@ def deciseconds_of_week(time: GalileoTime) -> int:
 
     A time less than 1 ns before the end of a week gives 6,048,000.
 
-    Raises `ValueError` if the time is not a whole number of deciseconds (to 1 ns).
+    The function raises `ValueError` if the time is not a whole number of deciseconds (to 1 ns).
     """
     tenths = round(10 * time.fraction)
     if abs(time.fraction - tenths / 10) > 1e-9:

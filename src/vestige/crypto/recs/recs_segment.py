@@ -163,8 +163,8 @@ def decrypt(segment: EncryptedSegment, key: ValidatedKey, *, mode: CipherMode = 
 
     `key` is the validated key of `segment.key_time`.
 
-    Raises `TypeError` if the key is not a `ValidatedKey`. Raises `ValueError` if the key belongs to another subframe,
-    or if fields of the segment contradict each other.
+    The function raises `TypeError` if the key is not a `ValidatedKey`. The function raises `ValueError` if the key
+    belongs to another subframe, or if fields of the segment contradict each other.
     """
     if not is_validated(key):
         raise TypeError(f"a RECS is decrypted with a ValidatedKey, not with a {type(key).__name__}")

@@ -40,7 +40,7 @@ def attack_comparison(results: xarray.Dataset, *, svid: int | None = None) -> Ax
     gap while the signal is off. A dashed line marks the edge of the bank of correlators if measured offsets come near
     this edge.
 
-    Raises `VestigeError` if the campaign has no attack, or lacks the satellite.
+    The function raises `VestigeError` if the campaign has no attack, or lacks the satellite.
     """
     if not is_attacked(results):
         raise VestigeError("results of a campaign: found no attack, expected a scenario with [[attack]]")

@@ -67,7 +67,7 @@ def waterfall_map(results: xarray.Dataset, *, svid: int | None = None, ax: Axes 
     long campaign only every k-th epoch with RECS is drawn, without averaging. An epoch with RECS but without a
     correlation is white.
 
-    Raises `VestigeError` if the results lack the satellite.
+    The function raises `VestigeError` if the results lack the satellite.
     """
     shown = _thin(select(results, svid=svid), MAP_COLUMNS)
     ax = new_axes() if ax is None else ax

@@ -27,8 +27,8 @@ def sweep_of(
 
     The campaigns differ in C/N0, which is their attribute `cn0_dbhz`.
 
-    Raises `VestigeError` if a campaign has no C/N0 or no correlation, or the campaigns differ in integration time or
-    P_fa.
+    The function raises `VestigeError` if a campaign has no C/N0 or no correlation, or the campaigns differ in
+    integration time or P_fa.
     """
     rows = []
     for results in campaigns:
@@ -56,7 +56,8 @@ def read_sweep(path: Path | str, *, detector: str = "early") -> xarray.Dataset:
     as `detections_early`. Columns before `cn0_dbhz` contain the scenario's keys that the sweep varies. The values of
     the keys are kept as text in the variables `key NAME`. Other columns are ignored.
 
-    Raises `InputFileError` if the file is no CSV table, or lacks these columns, or has values of another kind.
+    The function raises `InputFileError` if the file is no CSV table, or lacks these columns, or has values of another
+    kind.
     """
     path = Path(path)
     text = read_text(path, at_most=_MAX_FILE_BYTES, expected="a CSV file")

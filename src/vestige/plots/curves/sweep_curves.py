@@ -45,7 +45,7 @@ def abscissa(sweep: xarray.Dataset) -> tuple[str, Float[np.ndarray, " n"]]:
 def curves(sweep: xarray.Dataset) -> tuple[SweepCurve, ...]:
     """Return the curves of a sweep, a curve for each combination of values of the keys that are not the abscissa.
 
-    Raises `VestigeError` if there are more curves than colours.
+    The function raises `VestigeError` if there are more curves than colours.
     """
     label, values = abscissa(sweep)
     order = np.argsort(values, kind="stable")

@@ -71,7 +71,7 @@ class CorrelatorModel:
     def noise_factor(self) -> Float[np.ndarray, "n_taps n_taps"]:
         """Return L, a matrix root of the covariance of the noise in the taps, for σ = 1.
 
-        Raises `ValueError` if two taps coincide.
+        The function raises `ValueError` if two taps coincide.
         """
         chips = np.asarray(self.offsets_m) * CHIPS_A_METRE
         lags = np.subtract.outer(chips, chips)

@@ -84,7 +84,7 @@ class ClockProcess:
     def advance(self, times_s: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return the clock error in m, positive if ahead, and its rate in m/s at later times; both are 0 at the start.
 
-        Raises `ValueError` if a time is earlier than the time before.
+        The function raises `ValueError` if a time is earlier than the time before.
         """
         if times_s.size == 0:
             return np.zeros(0), np.zeros(0)

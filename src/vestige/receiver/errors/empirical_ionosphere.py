@@ -60,7 +60,8 @@ class EmpiricalIonosphere:
 def read_residuals(path: Path) -> Float[np.ndarray, " n"]:
     """Read residuals in m from a CSV file with the header `e6_minus_e1_m` and one number on each line.
 
-    Raises `InputFileError` if the file cannot be read, has another header, has no sample, or has an implausible number.
+    The function raises `InputFileError` if the file cannot be read, has another header, has no sample, or has an
+    implausible number.
     """
     lines = _text(path).split("\n")
     if lines[0].strip() != IONOSPHERE_COLUMN:

@@ -139,7 +139,7 @@ def named_streams(seed: int, *labels: str | int) -> Streams:
 def steps_s(last_s: float | None, times_s: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return the time in s since the previous epoch, for each epoch; 0 for the first epoch if `last_s` is None.
 
-    Raises `ValueError` if a time is earlier than the time before.
+    The function raises `ValueError` if a time is earlier than the time before.
     """
     steps = np.diff(times_s, prepend=times_s[0] if last_s is None else last_s)
     if not np.all(steps >= 0):

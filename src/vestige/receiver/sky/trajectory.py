@@ -114,7 +114,7 @@ class WaypointTrajectory:
     def motion(self, elapsed_s: Float[np.ndarray, " n"]) -> ReceiverMotion:
         """Return ECEF position, velocity and acceleration at times in s after the scenario's start.
 
-        Raises `ValueError` if a time is before the first or after the last waypoint.
+        The function raises `ValueError` if a time is before the first or after the last waypoint.
         """
         if np.any(elapsed_s < self.time_s[0]) or np.any(elapsed_s > self.time_s[-1]):
             raise ValueError(

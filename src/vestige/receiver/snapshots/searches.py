@@ -69,7 +69,7 @@ class KnownSearches:
     def e1(self, request: SearchRequest) -> SearchBlock:
         """Return the result of the search of E1 with hand-over to E6.
 
-        Raises `VestigeError` if the request has another false-alarm probability than the known results.
+        The function raises `VestigeError` if the request has another false-alarm probability than the known results.
         """
         self._require_p_fa(request)
         rows = request.epoch
@@ -86,7 +86,7 @@ class KnownSearches:
     def exhaustive(self, request: SearchRequest) -> SearchBlock:
         """Return the result of the exhaustive search of E6.
 
-        Raises `VestigeError` if the request has another false-alarm probability than the known results.
+        The function raises `VestigeError` if the request has another false-alarm probability than the known results.
         """
         self._require_p_fa(request)
         rows = request.epoch

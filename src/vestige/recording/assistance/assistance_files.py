@@ -134,7 +134,8 @@ class Contents:
 def assistance_kind(path: Path) -> FileKind | None:
     """Return the kind of a file by its name, suffix or first bytes, or None if the file is not an assistance file.
 
-    Raises `InputFileError` if the file cannot be read, or has the name of a RECS file with a date that does not exist.
+    The function raises `InputFileError` if the file cannot be read, or has the name of a RECS file with a date that
+    does not exist.
     """
     suffix = path.suffix.lower()
     named = _BY_NAME.get(path.name.lower()) or _BY_SUFFIX.get(suffix)

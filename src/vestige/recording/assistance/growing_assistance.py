@@ -83,7 +83,7 @@ class GrowingAssistance:
         If a file changes soon after the last reading, the change is read in a later call. With `at_once` the change is
         read in this call.
 
-        Raises `VestigeError` for the same reasons as `read_assistance`.
+        The function raises `VestigeError` for the same reasons as `read_assistance`.
         """
         now_s = time.monotonic()
         stamp = self._files()

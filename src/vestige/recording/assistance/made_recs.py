@@ -129,8 +129,9 @@ def make_assistance(
 ) -> MadeAssistance:
     """Make the assistance folder of a recording with open E6-C: RECS, zero group delays, keys, trust anchor and a note.
 
-    Raises `InputFileError` if the folder exists, or a file is not usable. Raises `VestigeError` if no satellite is
-    found, no segment fits into the recording, or no key belongs to the time of the recording.
+    The function raises `InputFileError` if the folder exists, or a file is not usable. The function raises
+    `VestigeError` if no satellite is found, no segment fits into the recording, or no key belongs to the time of the
+    recording.
 
     `keys_path` is the path of a key file, or of a file of navigation pages with OSNMA. The key file and the trust
     anchors are copied into the folder. Without `svids` RECS are made for the satellites that are found on E1.

@@ -34,8 +34,8 @@ _UNIT_S = {"hardware_bias_e1_e6_s": 1.0, "hardware_bias_e1_e6_m": 1 / SPEED_OF_L
 def read_hardware_bias(path: Path) -> float:
     """Return the hardware bias in `receiver.toml`: delay of the E6 front end minus delay of the E1 front end, in s.
 
-    Raises `InputFileError` if the file is not TOML, or does not contain exactly one of the two keys with a number of at
-    most ± 1 ms.
+    The function raises `InputFileError` if the file is not TOML, or does not contain exactly one of the two keys with a
+    number of at most ± 1 ms.
     """
     table = read_toml_file(path, at_most=1 << 20)
     if len(table) != 1 or not table.keys() <= _UNIT_S.keys():
@@ -50,8 +50,8 @@ def read_hardware_bias(path: Path) -> float:
 def read_ionosphere(path: Path) -> Mapping[int, float]:
     """Return the predicted slant ionospheric delays on E1 in `ionosphere.csv`, in m by SVID.
 
-    Raises `InputFileError` if the header is not `svid,slant_delay_e1_m`, a satellite is named twice, or a delay lies
-    outside 0 to 1000 m.
+    The function raises `InputFileError` if the header is not `svid,slant_delay_e1_m`, a satellite is named twice, or a
+    delay lies outside 0 to 1000 m.
     """
     delays: dict[int, float] = {}
     lines = numbered_lines(path)

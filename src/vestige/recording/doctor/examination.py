@@ -67,7 +67,7 @@ def examine(
 ) -> Examination:
     """Return the result of an examination of the signals in a recording.
 
-    Raises `InputFileError` if a sample file cannot be opened.
+    The function raises `InputFileError` if a sample file cannot be opened.
 
     Parameters
     ----------

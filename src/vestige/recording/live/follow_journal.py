@@ -71,7 +71,8 @@ class FollowJournal:
     `settings` has the name and the text of each setting on which the verdicts depend. A folder with other settings is
     refused.
 
-    Raises `InputFileError` if the folder contains other files, was made with other settings, is damaged, or is in use.
+    The constructor raises `InputFileError` if the folder contains other files, was made with other settings, is
+    damaged, or is in use.
     """
 
     def __init__(self, folder: Path, settings: Mapping[str, str]) -> None:

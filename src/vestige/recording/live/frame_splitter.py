@@ -64,7 +64,7 @@ class FrameSplitter:
     def read(self, channel: int, at_most: int) -> bytes:
         """Return the next bytes of a channel as soon as bytes are available, or no bytes at the end of the pipe.
 
-        Raises `OSError` if the pipe could not be read.
+        The function raises `OSError` if the pipe could not be read.
         """
         part = self._parts[channel]
         while True:

@@ -41,7 +41,7 @@ ROOM = 1.5  # smallest size of a buffer, as a multiple of the window of a RECS
 class LiveRecording:
     """A recording that grows while it is processed.
 
-    Raises `InputFileError` if the recording has no E6 samples, or no time tag.
+    The constructor raises `InputFileError` if the recording has no E6 samples, or no time tag.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class LiveRecording:
     def observed(self) -> ObservationTrack | None:
         """Return the observations for a snapshot that no longer waits, or None to measure E1 in the samples.
 
-        Raises `InputFileError` if the recording has ended without any observation.
+        The function raises `InputFileError` if the recording has ended without any observation.
         """
         file = self._observations
         if self.tracking is not None:

@@ -71,7 +71,7 @@ class ReceivedMessage:
     def contents(self, settings: Settings) -> Contents | None:
         """Return the keys, root keys and demodulated keys so far, or None before the first page.
 
-        Raises `AuthenticationError` if there is no trust anchor for the keys.
+        The function raises `AuthenticationError` if there is no trust anchor for the keys.
         """
         if not self._begun:
             return None

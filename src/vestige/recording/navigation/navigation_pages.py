@@ -24,7 +24,7 @@ def read_pages(
     start is read from the navigation words. An SBF file contains the times of its pages. `counts` receives the numbers
     of blocks of an SBF file.
 
-    Raises `InputFileError` if the file has another format, or is so damaged that nothing can be read.
+    The function raises `InputFileError` if the file has another format, or is so damaged that nothing can be read.
     """
     with open_file(path) as file:
         head = file.read(_HEAD_BYTES)

@@ -73,8 +73,8 @@ def is_rinex_navigation(first_line: str) -> bool:
 def read_rinex_navigation(path: Path) -> tuple[Ephemeris, ...]:
     """Return the Galileo I/NAV ephemerides in the order of the file, without repeated issues of a satellite.
 
-    Raises `InputFileError` if the file has another format, is cut off, has an impossible number, or no Galileo I/NAV
-    ephemeris. Raises `UnsupportedError` for RINEX 2.
+    The function raises `InputFileError` if the file has another format, is cut off, has an impossible number, or no
+    Galileo I/NAV ephemeris. The function raises `UnsupportedError` for RINEX 2.
     """
     return parse_rinex_navigation(path, numbered_lines(path))
 
@@ -215,7 +215,7 @@ def write_rinex_navigation(
 
     Numbers keep 13 digits, so the rounding moves an orbit by about 0.1 mm at most.
 
-    Raises `ValueError` if there is no ephemeris, or toe or toc is not a whole second.
+    The function raises `ValueError` if there is no ephemeris, or toe or toc is not a whole second.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def write_rinex_navigation(
 def rinex_navigation_text(ephemerides: Iterable[Ephemeris], *, ionosphere: BroadcastIonosphere | None = None) -> str:
     """Return the text that `write_rinex_navigation` writes.
 
-    Raises `ValueError` for the same reasons as `write_rinex_navigation`.
+    The function raises `ValueError` for the same reasons as `write_rinex_navigation`.
     """
     records = [line for ephemeris in ephemerides for line in _written(ephemeris)]
     if not records:

@@ -44,8 +44,8 @@ _TOLD = 4  # number of values of a row that are kept: elapsed time and three acc
 def read_accelerations(path: Path) -> Accelerations:
     """Return the accelerations of a file.
 
-    Raises `InputFileError` if the columns differ, a value is not a number within its limits, time does not advance,
-    there are fewer than two rows, or gravity was not removed.
+    The function raises `InputFileError` if the columns differ, a value is not a number within its limits, time does not
+    advance, there are fewer than two rows, or gravity was not removed.
     """
     table = _Table(path)
     for number, line in numbered_lines(path):
@@ -69,7 +69,7 @@ class GrowingAccelerations:
     def look(self) -> bool:
         """Read new rows, and return whether the file had new rows.
 
-        Raises `InputFileError` if the columns differ, or the file became shorter.
+        The function raises `InputFileError` if the columns differ, or the file became shorter.
         """
         changed = False
         while (line := self._lines.take()) is not None:
@@ -90,7 +90,7 @@ class GrowingAccelerations:
     def found(self) -> Accelerations:
         """Accelerations that are known so far.
 
-        Raises `InputFileError` if the accelerations include gravity.
+        The function raises `InputFileError` if the accelerations include gravity.
         """
         return self._table.accelerations()
 

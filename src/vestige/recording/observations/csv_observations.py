@@ -47,8 +47,8 @@ class CsvParser:
 
     An epoch is complete when a line of the next epoch comes.
 
-    Raises `InputFileError` if a line does not agree with the header, a value is impossible, a satellite appears twice
-    in an epoch, or time does not advance.
+    The constructor raises `InputFileError` if a line does not agree with the header, a value is impossible, a satellite
+    appears twice in an epoch, or time does not advance.
     """
 
     def __init__(self, path: Path) -> None:

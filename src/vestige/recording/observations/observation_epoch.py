@@ -47,7 +47,7 @@ class EpochParser(Protocol):
     def finish(self) -> ObservationEpoch | None:
         """Return the epoch that the end of the file completes, or None.
 
-        Raises `InputFileError` if the file was cut off.
+        The function raises `InputFileError` if the file was cut off.
         """
         ...
 
@@ -55,7 +55,7 @@ class EpochParser(Protocol):
 def read_epochs(path: Path, parser: EpochParser) -> Iterator[ObservationEpoch]:
     """Yield the epochs of a whole file.
 
-    Raises the errors of the parser and of `numbered_lines`.
+    The function raises the errors of the parser and of `numbered_lines`.
     """
     for number, line in numbered_lines(path):
         epoch = parser.take(number, line)
@@ -69,7 +69,7 @@ def read_epochs(path: Path, parser: EpochParser) -> Iterator[ObservationEpoch]:
 def checked(path: Path, line: int, name: str, value: float) -> float:
     """Return the value of an observation field if a receiver can measure such a value.
 
-    Raises `InputFileError` if the value lies outside `LIMITS`.
+    The function raises `InputFileError` if the value lies outside `LIMITS`.
     """
     low, high = LIMITS[name]
     if not low <= value <= high:
@@ -80,7 +80,7 @@ def checked(path: Path, line: int, name: str, value: float) -> float:
 def checked_svid(path: Path, line: int, text: str) -> int:
     """Return a Galileo space vehicle identifier.
 
-    Raises `InputFileError` if `text` is not an integer from 1 to 36.
+    The function raises `InputFileError` if `text` is not an integer from 1 to 36.
     """
     text = text.strip()
     if not (text.isascii() and text.isdigit() and len(text) <= 3 and 1 <= int(text) <= MAX_SVID):
@@ -91,7 +91,7 @@ def checked_svid(path: Path, line: int, text: str) -> int:
 def check_order(path: Path, line: int, before: GalileoTime | None, time: GalileoTime) -> None:
     """Check that an epoch is later than the previous epoch.
 
-    Raises `InputFileError` if the epoch is not later.
+    The function raises `InputFileError` if the epoch is not later.
     """
     if before is not None and time <= before:
         raise InputFileError(path, f"line {line}: time", str(time), f"a time after {before}")

@@ -44,7 +44,7 @@ class ObservationFile:
     def __iter__(self) -> Iterator[ObservationEpoch]:
         """Yield the epochs in time order.
 
-        Raises the errors of the parser of the file's format.
+        The function raises the errors of the parser of the file's format.
         """
         return read_epochs(self.path, OBSERVATION_READERS[self.kind][1](self.path))
 
@@ -66,8 +66,8 @@ def kind_of_line(line: str) -> str | None:
 def open_observations(path: Path) -> ObservationFile:
     """Return the observation file at `path`.
 
-    Raises `InputFileError` if the first line of the file is neither a RINEX observation header nor the header of a CSV
-    table of observations.
+    The function raises `InputFileError` if the first line of the file is neither a RINEX observation header nor the
+    header of a CSV table of observations.
     """
     kind = observation_kind(path)
     if kind is None:
@@ -114,7 +114,7 @@ class ObservationTrack:
 
         The module `interpolation` describes the method.
 
-        Raises `InputFileError` if the part of the file that has to be read is damaged.
+        The function raises `InputFileError` if the part of the file that has to be read is damaged.
         """
         max_gap_s = self.max_gap_s
         self._read_around(time, 2 * max_gap_s)
@@ -123,7 +123,7 @@ class ObservationTrack:
     def settled(self, time: GalileoTime) -> bool:
         """Return whether the result of `at` for a time is final, even if the file grows.
 
-        Raises the errors of `at`.
+        The function raises the errors of `at`.
         """
         max_gap_s = self.max_gap_s
         self._read_around(time, 2 * max_gap_s)

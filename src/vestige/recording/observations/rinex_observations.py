@@ -119,8 +119,8 @@ class RinexParser:
     loss-of-lock indicator is set. A satellite also has a cycle slip if its observations come from another signal than
     in the previous epoch.
 
-    Raises `InputFileError` if the file has another format, is cut off, or time does not advance. Raises
-    `UnsupportedError` for RINEX 2, compact RINEX, GLONASS time and scaled observations.
+    The constructor raises `InputFileError` if the file has another format, is cut off, or time does not advance. The
+    constructor raises `UnsupportedError` for RINEX 2, compact RINEX, GLONASS time and scaled observations.
     """
 
     def __init__(self, path: Path) -> None:
@@ -156,7 +156,7 @@ class RinexParser:
     def finish(self) -> ObservationEpoch | None:
         """Return None, because `take` has returned all epochs.
 
-        Raises `InputFileError` if the file was cut off.
+        The function raises `InputFileError` if the file was cut off.
         """
         if self._header is None:
             _first_line(self._path, "")

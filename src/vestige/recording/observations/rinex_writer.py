@@ -30,7 +30,8 @@ def write_rinex_observations(
 ) -> None:
     """Write epochs, which must be in time order, as a RINEX file with times in Galileo System Time.
 
-    Raises `ValueError` if there is no epoch, an epoch is not a multiple of 0.1 µs, or a value does not fit its field.
+    The function raises `ValueError` if there is no epoch, an epoch is not a multiple of 0.1 µs, or a value does not fit
+    its field.
 
     Parameters
     ----------

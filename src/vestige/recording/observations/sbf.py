@@ -58,7 +58,7 @@ def read_sbf(path: Path, counts: SbfCounts | None = None) -> Iterator[InavPage]:
     Pages that failed the receiver's checksum test are also yielded, because the caller tests the checksum again.
     `counts` is filled while the file is read.
 
-    Raises `InputFileError` if the file cannot be read, or contains no GALRawINAV block of E1-B.
+    The function raises `InputFileError` if the file cannot be read, or contains no GALRawINAV block of E1-B.
     """
     counts = SbfCounts() if counts is None else counts
     with open_file(path) as file:

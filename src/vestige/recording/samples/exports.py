@@ -198,7 +198,8 @@ def export_gnss_sdr(recording: Recording, folder: Path, sky: ExportedSky) -> tup
 
     Run gnss-sdr in `folder`. The corrections of troposphere and ionosphere are on if the signals have these delays.
 
-    Raises `UnsupportedError` if gnss-sdr has no item type for the samples, or the rate is not a whole number of Hz.
+    The function raises `UnsupportedError` if gnss-sdr has no item type for the samples, or the rate is not a whole
+    number of Hz.
     """
     paths = []
     for band, reader in _bands(recording):

@@ -62,14 +62,14 @@ class SampleReader:
     def start(self) -> GalileoTime:
         """Receiver-clock time of the first sample.
 
-        Raises `InputFileError` if the start is unknown.
+        The function raises `InputFileError` if the start is unknown.
         """
         return self.time_of(self.first_sample)
 
     def time_of(self, sample: int) -> GalileoTime:
         """Return the receiver-clock time of a sample number on the shared counter.
 
-        Raises `InputFileError` if the start is unknown.
+        The function raises `InputFileError` if the start is unknown.
         """
         if self.file.start is None:
             raise InputFileError(self.file.described_in, "start time", "nothing", "a time tag, or a start to be given")
@@ -78,8 +78,8 @@ class SampleReader:
     def samples(self, first: int, count: int) -> Complex64[np.ndarray, " n_samples"]:
         """Return `count` samples from number `first` on, as complex64.
 
-        Raises `ValueError` if the file does not have all these samples. Raises `InputFileError` if the samples cannot
-        be read, or are not finite numbers.
+        The function raises `ValueError` if the file does not have all these samples. The function raises
+        `InputFileError` if the samples cannot be read, or are not finite numbers.
         """
         if count < 0 or first < self.first_sample or first + count > self.end_sample:
             raise ValueError(
@@ -110,7 +110,7 @@ class SampleReader:
     def read(self, first: int, count: int) -> SampleBatch:
         """Return a batch of `count` samples from number `first` on.
 
-        Raises the errors of `samples` and `start`.
+        The function raises the errors of `samples` and `start`.
         """
         return SampleBatch(
             band=self.band,
@@ -142,7 +142,7 @@ def samples_so_far(file: BandFile) -> SampleReader:
 
     The reader may have no samples.
 
-    Raises `InputFileError` if the file cannot be read.
+    The function raises `InputFileError` if the file cannot be read.
     """
     _, count, _ = _size(file)
     return SampleReader(file=file, n_samples=max(count, 0))
@@ -151,7 +151,7 @@ def samples_so_far(file: BandFile) -> SampleReader:
 def open_samples(file: BandFile) -> SampleReader:
     """Return the reader of a sample file, after a check of the file's length.
 
-    Raises `InputFileError` if the file cannot be read or has no sample.
+    The function raises `InputFileError` if the file cannot be read or has no sample.
     """
     size, count, rest = _size(file)
     if count < 1:

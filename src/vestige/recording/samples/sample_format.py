@@ -132,7 +132,7 @@ def encode(
     Values are rounded to the nearest integer, and halves to the nearest even integer. float32 values are not rounded.
     With `scale` 1 and without `inverted`, the bits of float32 values do not change.
 
-    Raises `ValueError` if a sample is not finite, or if complex samples are given to a real format.
+    The function raises `ValueError` if a sample is not finite, or if complex samples are given to a real format.
 
     Parameters
     ----------

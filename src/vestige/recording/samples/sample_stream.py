@@ -75,7 +75,7 @@ class SampleStream:
     def look(self) -> StreamState:
         """Return the end of the samples that were read so far, and whether the stream has ended.
 
-        Raises `InputFileError` if reading failed.
+        The function raises `InputFileError` if reading failed.
         """
         with self._changed:
             if self._error is not None:
@@ -204,7 +204,7 @@ def reading(source: int | Path | Callable[[int], bytes]) -> Callable[[int], byte
 
     A named pipe is opened. A function is returned unchanged.
 
-    Raises `OSError` if the pipe cannot be opened.
+    The function raises `OSError` if the pipe cannot be opened.
     """
     if callable(source):
         return source

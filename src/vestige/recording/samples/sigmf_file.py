@@ -91,8 +91,8 @@ def read_sigmf(metas: Sequence[Path], *, described_in: Path) -> RecordingDescrip
     A file whose spectrum contains neither the E1 nor the E6 carrier is left out, with a note. `described_in` names the
     recording: the metadata file itself, a collection or a folder.
 
-    Raises `InputFileError` if a file is not SigMF metadata, lacks a required field, or contradicts itself or the other
-    band. Raises `UnsupportedError` if a file is valid SigMF that vestige does not read.
+    The function raises `InputFileError` if a file is not SigMF metadata, lacks a required field, or contradicts itself
+    or the other band. The function raises `UnsupportedError` if a file is valid SigMF that vestige does not read.
     """
     streams: dict[Band, _Stream] = {}
     notes = []
@@ -119,8 +119,8 @@ def read_sigmf(metas: Sequence[Path], *, described_in: Path) -> RecordingDescrip
 def read_collection(path: Path) -> RecordingDescription:
     """Return the recording that a `.sigmf-collection` file names.
 
-    Raises the errors of `read_sigmf`, and `InputFileError` if a metadata file has changed since the collection was
-    made.
+    The function raises the errors of `read_sigmf`, and `InputFileError` if a metadata file has changed since the
+    collection was made.
     """
     content = _json(path)
     collection = content.get("collection") if isinstance(content, dict) else None

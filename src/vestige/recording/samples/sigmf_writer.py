@@ -33,8 +33,8 @@ Counted = Callable[[Num[np.ndarray, " n_components"]], int]
 class SigmfWriter:
     """Writer of a SigMF recording of one band, for use in a `with` statement.
 
-    Raises `InputFileError` if the recording `base` exists already. Also raises `InputFileError` if the `.part` file has
-    fewer samples than `kept` states, or begins with other samples than the first batch in `kept`.
+    The constructor raises `InputFileError` if the recording `base` exists already. Also raises `InputFileError` if the
+    `.part` file has fewer samples than `kept` states, or begins with other samples than the first batch in `kept`.
 
     Parameters
     ----------
@@ -158,8 +158,8 @@ class SigmfWriter:
     def append(self, batch: SampleBatch) -> None:
         """Write the samples of the next batch.
 
-        Raises `ValueError` if band, rate or centre frequency of the batch differ from those of the first batch. Also
-        raises `ValueError` if the batch does not begin at the sample after the previous batch.
+        The function raises `ValueError` if band, rate or centre frequency of the batch differ from those of the first
+        batch. Also raises `ValueError` if the batch does not begin at the sample after the previous batch.
         """
         if self._first is None:
             self._first = batch
@@ -223,8 +223,8 @@ def write_sigmf(base: Path, batches: Iterable[SampleBatch], *, form: SampleForma
 def write_collection(base: Path, metas: Sequence[Path]) -> Path:
     """Write the file `base.sigmf-collection`, which lists recordings, and return the path of the file.
 
-    Raises `InputFileError` if the file exists already. Raises `ValueError` if a recording is not in the folder of
-    `base`.
+    The function raises `InputFileError` if the file exists already. The function raises `ValueError` if a recording is
+    not in the folder of `base`.
     """
     path = base.with_name(base.name + COLLECTION)
     _refuse_existing(path)

@@ -32,8 +32,8 @@ def read_test_vector(path: Path, start: GalileoTime | None = None) -> Iterator[I
     Pages with equal times come in the order of the satellites in the file. `start` is the time at which the first page
     begins. If `start` is None, words 0 and 5 of the pages give this time.
 
-    Raises `InputFileError` if the file is not a test-vector CSV, or if `start` is None and the words give no clear
-    time.
+    The function raises `InputFileError` if the file is not a test-vector CSV, or if `start` is None and the words give
+    no clear time.
     """
     satellites = _read_lines(path)
     if start is None:

@@ -148,7 +148,7 @@ def tracked_batches(reader: SampleReader) -> Iterator[SampleBatch]:
 def streamed_batches(stream: SampleStream) -> Iterator[SampleBatch]:
     """Yield samples from a pipe in pieces of `TRACKED_STRETCH_S`, and drop yielded samples from the buffer.
 
-    Raises `InputFileError` if reading fails.
+    The function raises `InputFileError` if reading fails.
 
     Parameters
     ----------

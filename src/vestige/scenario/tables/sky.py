@@ -202,8 +202,8 @@ class WaypointsTable(Section):
     def trajectory(self, first_s: float, last_s: float) -> Trajectory:
         """Return the trajectory through the waypoints.
 
-        Raises `InconsistentSettingsError` if the waypoints do not cover the time from `first_s` to `last_s`, or if the
-        speed or the acceleration is too high.
+        The function raises `InconsistentSettingsError` if the waypoints do not cover the time from `first_s` to
+        `last_s`, or if the speed or the acceleration is too high.
         """
         begin_s, end_s = float(self._points[0, 0]), float(self._points[-1, 0])
         if begin_s > first_s or end_s < last_s:

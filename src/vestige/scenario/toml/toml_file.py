@@ -43,7 +43,8 @@ class InconsistentSettingsError(SettingError):
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the tables of a TOML file as a dictionary.
 
-    Raises `InputFileError` if the file cannot be read, is not TOML, or has too many keys or tables (`parse_toml`).
+    The function raises `InputFileError` if the file cannot be read, is not TOML, or has too many keys or tables
+    (`parse_toml`).
     """
     try:
         return parse_toml(read_text(path, at_most=_MAX_FILE_BYTES, expected="a TOML file"))
@@ -59,7 +60,8 @@ def overridden(raw: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any
     TOML has no null value. So the bare word `none`, which is not a TOML value, removes a key or a whole table, for
     example `receiver.multipath=none`. A removed key gets its default, and a removed model is not simulated.
 
-    Raises `VestigeError` if a setting does not have the form `table.key=value`, or the key to remove does not exist.
+    The function raises `VestigeError` if a setting does not have the form `table.key=value`, or the key to remove does
+    not exist.
     """
     result: dict[str, Any] = {key: _copy(value) for key, value in raw.items()}
     for setting in settings:

@@ -55,7 +55,7 @@ _AES_KEY_BITS = (128, 192, 256)
 class ChainParameters:
     """Parameters of a TESLA chain, as codes of the DSM-KROOT.
 
-    Raises `UnsupportedError` if a code is reserved.
+    The constructor raises `UnsupportedError` if a code is reserved.
     """
 
     hash_function: int = 0  # HF, code of the hash function [OSNMA-ICD, DSM-KROOT]

@@ -125,7 +125,7 @@ class DsmKroot:
 def kroot_blocks(first_byte: int) -> int:
     """Return the number of blocks of the DSM-KROOT whose first byte is `first_byte`.
 
-    Raises `UnsupportedError` if the code is reserved.
+    The function raises `UnsupportedError` if the code is reserved.
     """
     return _blocks("DSM-KROOT", KROOT_BLOCKS, first_byte)
 
@@ -133,7 +133,7 @@ def kroot_blocks(first_byte: int) -> int:
 def pkr_blocks(first_byte: int) -> int:
     """Return the number of blocks of the DSM-PKR whose first byte is `first_byte`.
 
-    Raises `UnsupportedError` if the code is reserved.
+    The function raises `UnsupportedError` if the code is reserved.
     """
     return _blocks("DSM-PKR", PKR_BLOCKS, first_byte)
 
@@ -148,8 +148,8 @@ def _blocks(message: str, table: Mapping[int, int], first_byte: int) -> int:
 def parse_kroot(message: bytes) -> DsmKroot:
     """Check the format of a DSM-KROOT, and return its fields; the signature is not verified.
 
-    Raises `AuthenticationError` if the fields contradict each other. Raises `UnsupportedError` if a field has a
-    reserved value.
+    The function raises `AuthenticationError` if the fields contradict each other. The function raises
+    `UnsupportedError` if a field has a reserved value.
     """
     if not message:
         raise AuthenticationError("DSM-KROOT: empty")

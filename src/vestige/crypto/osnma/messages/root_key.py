@@ -18,8 +18,8 @@ class RootKey:
 
     The checks are repeated when a pickled root key is read.
 
-    Raises `AuthenticationError` if signature, padding or time are wrong. Raises `TypeError` if an attribute is not
-    exactly of its declared type, because a subclass could skip the verification.
+    The constructor raises `AuthenticationError` if signature, padding or time are wrong. The constructor raises
+    `TypeError` if an attribute is not exactly of its declared type, because a subclass could skip the verification.
     """
 
     kroot: DsmKroot
@@ -79,8 +79,8 @@ class RootKey:
 def verify_root_key(kroot: DsmKroot, header: NmaHeader, public_keys: Sequence[PublicKey], near: GalileoTime) -> RootKey:
     """Verify signature and padding of a DSM-KROOT, and return the verified root key [OSNMA-ICD, 6.3].
 
-    Raises `AuthenticationError` if signature or padding are wrong. Raises `VestigeError` if the signing public key is
-    not among the given keys.
+    The function raises `AuthenticationError` if signature or padding are wrong. The function raises `VestigeError` if
+    the signing public key is not among the given keys.
 
     Parameters
     ----------

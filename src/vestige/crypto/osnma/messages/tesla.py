@@ -67,8 +67,8 @@ def _hash_down(key: bytes, start: int, stop: int, parameters: ChainParameters) -
 class Chain:
     """A TESLA chain with a signed root key, and its keys that were validated so far.
 
-    Raises `TypeError` if `root` is not a `RootKey`, because only the construction of a `RootKey` verifies the
-    signature.
+    The constructor raises `TypeError` if `root` is not a `RootKey`, because only the construction of a `RootKey`
+    verifies the signature.
     """
 
     __slots__ = ("_known", "_root", "_times")  # no other attribute can be set, so `check` cannot be replaced
@@ -105,9 +105,9 @@ class Chain:
         A key after all known keys is hashed down to the newest known key. An earlier key, even from before the root
         key, must follow from the next known key.
 
-        Raises `AuthenticationError` if the key does not belong to the chain, or its time or length is wrong. Raises
-        `TypeError` if the time is not a `GalileoTime` of whole numbers, or the data is not `bytes`. Objects of other
-        types may change later.
+        The function raises `AuthenticationError` if the key does not belong to the chain, or its time or length is
+        wrong. The function raises `TypeError` if the time is not a `GalileoTime` of whole numbers, or the data is not
+        `bytes`. Objects of other types may change later.
         """
         _check_types(key)
         time = key.time.gst_seconds
@@ -151,7 +151,7 @@ class Chain:
     def derive(self, time: GalileoTime) -> Key:
         """Compute the key of a subframe from the next later validated key, and return the computed key.
 
-        Raises `AuthenticationError` if no later key was validated.
+        The function raises `AuthenticationError` if no later key was validated.
         """
         at = bisect_right(self._times, time.gst_seconds - 1)
         if at == len(self._times):
@@ -245,8 +245,8 @@ def validate(key: Key, chain: Chain) -> ValidatedKey:
 
     The chain stores the validated key.
 
-    Raises `AuthenticationError` if the key does not belong to the chain. Raises `TypeError` if key, chain, or the key's
-    time or data has a type that can change later.
+    The function raises `AuthenticationError` if the key does not belong to the chain. The function raises `TypeError`
+    if key, chain, or the key's time or data has a type that can change later.
     """
     return _KeyOfChain(key, chain)
 

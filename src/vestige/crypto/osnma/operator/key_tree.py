@@ -37,7 +37,7 @@ class KeyTree:
     def private_key(self, pkid: int) -> ec.EllipticCurvePrivateKey:
         """Return the private key with a PKID from 1 to 15.
 
-        Raises `VestigeError` if the tree has no private key with this PKID.
+        The function raises `VestigeError` if the tree has no private key with this PKID.
         """
         if pkid not in self.private_keys:
             known = ", ".join(map(str, sorted(self.private_keys)))

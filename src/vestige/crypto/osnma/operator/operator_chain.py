@@ -31,7 +31,7 @@ class OperatorChain:
     def key_at(self, time: GalileoTime) -> Key:
         """Return the key that is disclosed in the subframe of `time`.
 
-        Raises `VestigeError` if the chain has no key for this subframe.
+        The function raises `VestigeError` if the chain has no key for this subframe.
         """
         index, rest = divmod(time.gst_seconds - self.keys[0].time.gst_seconds, SUBFRAME_S)
         if rest or not 0 <= index < len(self.keys):

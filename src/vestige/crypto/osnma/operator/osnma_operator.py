@@ -92,7 +92,7 @@ class OsnmaOperator:
     def key_at(self, time: GalileoTime) -> bytes:
         """Return the TESLA key that is disclosed in the subframe that starts at `time`.
 
-        Raises `VestigeError` if the operator does not broadcast at this time.
+        The function raises `VestigeError` if the operator does not broadcast at this time.
         """
         return self.chains[phase_at(self._phases, time).chain].key_at(time).data
 
