@@ -191,8 +191,9 @@ def make_sky_message(
     Raises
     ------
     VestigeError
-        If an ephemeris does not fit into its words; the text of the error names the satellite. A page raises this error
-        when the page is made, if the operator does not broadcast at the time of the page.
+        If an ephemeris does not fit into its words; the text of the error names the satellite. The
+        returned message also raises this error when it makes a page for a time at which the operator does not
+        broadcast.
     """
     start = operator.configuration.start
     begin = start if first is None else max(first.subframe, start)

@@ -226,7 +226,8 @@ group_delay_option = click.option(
 def parse_svids(text: str) -> tuple[int, ...]:
     """Return the numbers of the satellites that a text such as `2,3,7-9` lists; () for an empty text.
 
-    The function raises a usage error for a text of another form, or for a satellite that does not exist.
+    The function raises `click.BadParameter` if the text is not a list such as `2,3,7-9`, or if a satellite is not
+    one of 1 to 36.
     """
     from vestige.constants import MAX_SVID
 

@@ -63,7 +63,7 @@ def write_companions(case: AcasTestCase, folder: Path) -> None:
     if observed:
         write_csv_observations(folder / "observations.csv", case.observations())
         # The RINEX observations are in a separate folder, because a recording has only one file of observations. The
-        # CSV file is this file of observations, because CSV loses no digit.
+        # recording names the CSV file, because the RINEX format rounds the values and CSV does not.
         receiver = next(case.receivers(), None)
         place_m = (0.0, 0.0, 0.0) if receiver is None else receiver.first_place_m
         write_rinex_observations(rinex / "observations.rnx", case.observations(), approximate_position_m=place_m)

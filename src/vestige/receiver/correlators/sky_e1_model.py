@@ -14,8 +14,8 @@ the receiver's own noise is the correlation of the two replicas.
     A(δ) = 1/f_s Σ_m [R_B(m/f_s) + R_C(m/f_s)] R(m/f_s − δ)
 
 R_B and R_C are the autocorrelations of the two components, and R is the autocorrelation of BOC(1,1). In continuous time
-A(0) is 0.59 µs. At a sampling rate of 6.2 MHz A(0) is 18 % larger, because sampling folds BOC(6,1) into the band. Seven
-other satellites of 45 dBHz raise the noise by 13 %.
+A(0) is 0.59 µs, so seven other satellites with a C/N0 of 45 dBHz raise the noise by 13 %. At a sampling rate of 6.2 MHz
+A(0) is 18 % larger, because sampling folds BOC(6,1) into the band.
 
 **The satellite's own E1-B** is aligned with the replica. In each code period of N = 4092 chips E1-B gives the output of
 E1-C times X/N, times the symbol ±1. X = Σ b_k c_k is the correlation of both codes at delay zero. Symbols are random.

@@ -102,8 +102,8 @@ class SpooferUnderSky(Spoofer):
     def tracked(self, times_s: Float[np.ndarray, " n"], loop: E1Tracking) -> E1Tracking:
         """Return the E1 tracking of the loop after the geometry of the replay has been added.
 
-        A signal that is late enough for a change of geometry is far from all other signals, so the loop follows a
-        single signal.
+        The geometry changes only for a delay above 10 µs (3 km). The true signal is then many chips away, so the loop
+        follows the late signal alone.
         """
         late_m = np.stack([loop.error_m, loop.worst_error_m], axis=1)
         late_mps = np.repeat(loop.rate_error_mps[:, None], 2, axis=1)

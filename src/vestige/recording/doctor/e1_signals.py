@@ -190,10 +190,10 @@ def _first_that_fits(
 
 
 def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Callable[[], str], Iterator[_Hit | None]]]:
-    """Yield for each kind of mistake its name, a function for the text of its tried values, and its readings.
+    """Yield the trials of each kind of mistake: name of the kind, a function for the text of the finding, and results.
 
-    Each reading is yielded with the signals that were found, or None is yielded for a reading without signals. The
-    function returns the right text only after all readings were tried.
+    Each result is a changed description of the samples with the signals that were found, or None without signals. The
+    function returns the right text only after all changed descriptions were tried.
     """
 
     def named(name: str, hits: Iterator[_Hit | None]) -> tuple[str, Callable[[], str], Iterator[_Hit | None]]:
@@ -202,7 +202,8 @@ def _groups(file: BandFile, other: BandFile | None) -> Iterator[tuple[str, Calla
     yield named("reversed spectrum", _tried(reversed_readings(file)))
     if other is not None:
         yield named("swapped bands", _tried(swapped_readings(file, other)))
-    # All formats are compared with each other, because the high bytes of larger numbers also give weak signals.
+    # All formats are tried, and the strongest result counts. If int16 samples are read as int8, their high bytes also
+    # give signals, but weaker signals.
     formats = chain(layout_readings(file), format_readings(file))
     yield named("real or complex and number formats", _tried(formats))
     rates_hz: list[float] = []

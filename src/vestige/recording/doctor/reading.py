@@ -212,7 +212,7 @@ def _components(file: BandFile) -> np.ndarray | None:
 
 
 def _implausibility(file: BandFile) -> float | None:
-    """Return the distance of the kurtosis from 3, the kurtosis of Gaussian noise.
+    """Return how far the kurtosis of the first samples of a file is from 3, the kurtosis of Gaussian noise.
 
     If the values cannot be samples, the result is None.
     """

@@ -66,7 +66,7 @@ class LiveRecording:
     Attributes
     ----------
     n_dropped
-        Number of snapshots so far whose samples came from a pipe and were dropped.
+        Number of snapshots so far whose E6 samples came from a pipe and were dropped.
     full
         Whether a pipe cannot be read further before a waiting RECS has its snapshot.
     """

@@ -95,7 +95,7 @@ class GrowingAccelerations:
         return self._table.accelerations()
 
     def release(self, time: GalileoTime) -> None:
-        """Drop the accelerations before a time."""
+        """Drop the accelerations before `time`, except the last acceleration that is not later than `time`."""
         self._table.release(time)
 
 
