@@ -276,7 +276,7 @@ def e1_error_m(truth: TruthBlock, multipath_m: Float[np.ndarray, " n"]) -> Float
     return truth.e1_noise_m + multipath_m + truth.e1.error_m
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=128)
 def _chips_sent(seed: int, svid: int, sent: GalileoTime, n_chips: int) -> ChipSequence:
     """Return `n_chips` encrypted chips that a satellite sends from the time `sent` on."""
     return encrypted_chips(encryption_key(seed), svid, sent, n_chips)

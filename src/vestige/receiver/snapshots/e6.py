@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -24,6 +25,7 @@ from vestige.sample_processor.correlator import correlate
 
 # number of iterations for the travel time, as in the hand-over; each iteration gains five decimals
 _LIGHT_TIME_STEPS = 4
+_MADE_TOGETHER = 32  # number of hand-overs that are made one after another; the chips of a hand-over take 10 KB
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,17 +119,28 @@ class SimulatedE6Samples:
         """Return the requested banks, with NaN in other banks and in banks of RECS that the samples do not cover."""
         of = self.of
         taps, noise_power, integration_s = _nothing(of.shape, offsets_m.size)
-        for epoch, column in zip(*(axis.tolist() for axis in np.nonzero(asked & self._made)), strict=True):
-            handover = handovers.at(epoch, column)
-            if handover is None:
-                continue
-            handover = self._without_growth(self._without_delay(handover, epoch, column), epoch, column)
+        for epoch, column, made in self._handed_over(asked, handovers):
+            handover = self._without_growth(self._without_delay(made, epoch, column), epoch, column)
             handover = self._with_ionosphere(handover, epoch, column)
             bank = correlate(self.samples(epoch, column), handover, offsets_m)
             if bank is not None:
                 taps[epoch, column], noise_power[epoch, column] = bank.taps, bank.noise_power
                 integration_s[epoch, column] = of.simulations[column].integration_s
         return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
+
+    def _handed_over(
+        self, asked: Bool[np.ndarray, "n m"], handovers: Handovers
+    ) -> Iterator[tuple[int, int, Handover]]:
+        """Yield epoch, column and hand-over of each requested RECS.
+
+        The hand-overs of `_MADE_TOGETHER` RECS are made one after another. The caches of the processor then hold the
+        code that makes a hand-over, which the samples of a RECS would displace.
+        """
+        places = zip(*(axis.tolist() for axis in np.nonzero(asked & self._made)), strict=True)
+        while part := tuple(islice(places, _MADE_TOGETHER)):
+            for (epoch, column), handover in zip(part, [handovers.at(*place) for place in part], strict=True):
+                if handover is not None:
+                    yield epoch, column, handover
 
     def samples(self, epoch: int, column: int) -> SampleBatch:
         """Return the samples around the RECS of one satellite and one epoch, with the time tags that follow from E1.
