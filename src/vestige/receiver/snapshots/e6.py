@@ -128,9 +128,7 @@ class SimulatedE6Samples:
                 integration_s[epoch, column] = of.simulations[column].integration_s
         return BankBlock(offsets_m=offsets_m, taps=taps, noise_power=noise_power, integration_s=integration_s)
 
-    def _handed_over(
-        self, asked: Bool[np.ndarray, "n m"], handovers: Handovers
-    ) -> Iterator[tuple[int, int, Handover]]:
+    def _handed_over(self, asked: Bool[np.ndarray, "n m"], handovers: Handovers) -> Iterator[tuple[int, int, Handover]]:
         """Yield epoch, column and hand-over of each requested RECS.
 
         The hand-overs of `_MADE_TOGETHER` RECS are made one after another. The caches of the processor then hold the
