@@ -26,9 +26,9 @@ def packed_bits(bits: bytes, n_chips: int, skip: int = 0) -> UInt32[np.ndarray, 
     """
     if not (n_chips >= 0 and skip + n_chips <= 8 * len(bits)):
         raise ValueError(f"{len(bits)} bytes do not hold {skip + n_chips} chips")
-    begin, shift = divmod(skip, 32)
+    begin, shift = divmod(skip, 8)
     n_words = n_chips // 32 + 1  # at least one bit follows the chips
-    stream = bits[4 * begin : 4 * (begin + n_words + 1)].ljust(4 * (n_words + 1), b"\0")
+    stream = bits[begin : begin + 4 * (n_words + 1)].ljust(4 * (n_words + 1), b"\0")
     words = np.zeros(n_words + 4, np.uint32)
     inside = words[1 : 1 + n_words]
     inside[:] = np.frombuffer(stream, ">u4", n_words)

@@ -28,25 +28,17 @@ from vestige.signals.chip_window_kernel import (
     FRACTION_BITS,
     WINDOW_REACH_CHIPS,
     chip_at,
+    chip_of,
     fill_fractions,
     fill_windows,
     interior,
     phase_apart,
     window_delay,
 )
-from vestige.signals.float_kernel import float_of
 from vestige.signals.rotator_kernel import BLOCK, MIDDLE, from_middle, rotator_table, turn_at
 
-_SIGN, _ONE = 0x80000000, 0x3F800000  # sign bit of a float32, and the bits of 1.0
 _IN_CHIP = (1 << FRACTION_BITS) - 1  # mask of the bits of a fixed-point code phase that give the phase in the chip
 REACH_CHIPS = WINDOW_REACH_CHIPS  # largest distance of a tap from the middle of the bank
-
-
-@njit(inline="always")
-def _chip(window, fraction, delay):
-    """Return the chip of a sample at a delay, as +1.0 or −1.0."""
-    shift = np.uint32(np.uint32(fraction + delay) >> np.uint32(FRACTION_BITS))
-    return float_of(np.int32(np.uint32(np.uint32(np.uint32(window << shift) & np.uint32(_SIGN)) | np.uint32(_ONE))))
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -56,7 +48,7 @@ def _two_tap_sums(window, fraction, y_re, y_im, delay_1, delay_2):
     re_2, im_2 = np.float32(0.0), np.float32(0.0)
     for i in range(y_re.size):
         re, im = y_re[i], y_im[i]
-        chip_1, chip_2 = _chip(window[i], fraction[i], delay_1), _chip(window[i], fraction[i], delay_2)
+        chip_1, chip_2 = chip_of(window[i], fraction[i], delay_1), chip_of(window[i], fraction[i], delay_2)
         re_1 += chip_1 * re
         im_1 += chip_1 * im
         re_2 += chip_2 * re
@@ -69,7 +61,7 @@ def _tap_sum(window, fraction, y_re, y_im, delay):
     """Return the real and the imaginary part of the sum Σ ±y of one block for one tap."""
     total_re, total_im = np.float32(0.0), np.float32(0.0)
     for i in range(y_re.size):
-        chip = _chip(window[i], fraction[i], delay)
+        chip = chip_of(window[i], fraction[i], delay)
         total_re += chip * y_re[i]
         total_im += chip * y_im[i]
     return total_re, total_im

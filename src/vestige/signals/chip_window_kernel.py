@@ -32,6 +32,7 @@ from numba.extending import intrinsic
 
 from vestige.kernel_cache import njit
 from vestige.records.packed_chips import PAD
+from vestige.signals.float_kernel import float_of
 from vestige.signals.rotator_kernel import BLOCK
 
 GROUP = 32  # largest number of samples with the same window; the length of `window` is a multiple of this number
@@ -41,6 +42,7 @@ _GROUP_SPAN = 14
 # largest distance in chips of a delay from the middle of the delays; a group needs at most 8 + 15 + 8 chips of a window
 WINDOW_REACH_CHIPS = 8.0
 FRACTION_BITS = 27  # number of fraction bits of a delay; the five bits above the fraction count 32 chips
+_SIGN, _ONE = 0x80000000, 0x3F800000  # sign bit of a float32, and the bits of 1.0
 _LEAD = 8  # number of chips in a window before the chip of the group's first sample
 _PHASE_BITS = 40  # number of fraction bits of the code phase
 _CUT_BITS = _PHASE_BITS - FRACTION_BITS
@@ -54,6 +56,13 @@ def chip_at(packed, j):
     """Return chip number j, ±1 as int8, of packed chips."""
     word = np.int64(packed[np.int64(j + PAD) >> 5])
     return np.int8(1 - 2 * ((word >> (31 - (j & 31))) & 1))
+
+
+@njit(inline="always")
+def chip_of(window, fraction, delay):
+    """Return the chip of a sample at a delay, as +1.0 or −1.0; `delay` is a result of `window_delay`."""
+    shift = np.uint32(np.uint32(fraction + delay) >> np.uint32(FRACTION_BITS))
+    return float_of(np.int32(np.uint32(np.uint32(np.uint32(window << shift) & np.uint32(_SIGN)) | np.uint32(_ONE))))
 
 
 @njit(cache=True, nogil=True)
